@@ -1,37 +1,41 @@
-//! `abvh chart`: the speed of every way to trace a scene, against its rate of wrong answers.
+//! `abvh chart`: the speed of every backend, intersector and policy, against its rate of wrong answers.
 //!
 //! Times are those of `bench`: the device's time and, with `rebuild`, the wait for the frame's own tree. They cover all
 //! frames but the first, which warms up. Answers are compared with those of the exact oracle, which shares no code with
 //! any backend. Shadow rays start at the reported hit, so they are compared with `exact` on the host over fresh trees.
 //!
-//! Layout and policy change no hit. So each way first traces a few rays. All ways of one intersector and backend with
-//! the same hits, bit for bit, are judged together ([`accuracy`]). A way whose hits differ is judged by itself.
+//! Layout and policy change no hit. So each contender first traces a few rays. All contenders of one intersector and
+//! backend with the same hits, bit for bit, are judged together ([`accuracy`]). A contender whose hits differ is judged
+//! by itself.
 //!
-//! All ways are timed before any is judged, so that the judge's memory is not measured. Host memory is the resident
-//! memory of the process, including memory that earlier runs left allocated.
+//! All contenders are timed before any is judged, so that the judge's memory is not measured. Host memory is the
+//! resident memory of the process, including memory that earlier runs left allocated.
 
 mod accuracy;
 mod hard;
 mod plan;
 
-use crate::args::{BackendName, ChartArgs, RaysName};
-use crate::bench::{self, Combination, Row};
-use crate::open::{self, Opening};
-use crate::rival::Running;
-use crate::session;
+use crate::command::{Requirement, RunCommand};
+use crate::console::{self, Progress};
+use crate::devices::{BackendName, DeviceRequest, Opening};
+use crate::machine::{self, VERSION};
+use crate::measure::rival::RivalDevice;
+use crate::measure::{
+    self, Contender, Contenders, LoadedScene, MeasureSettings, MeasuredRow, MeasuredScene,
+    Measuring, RayKind,
+};
+use crate::parsers;
+use crate::scene_source::is_demo;
 use crate::stop::{self, Stop};
 use crate::table::table;
-use crate::talk::Progress;
-use crate::{frames, info, talk};
-use accuracy::{STAGES, Sampler, Tally, Tracing};
-use backend::{Backend, DeviceKind, Hits};
-use geom::Animation;
+use accuracy::{RaySampler, STAGES, Tally};
+use backend::{Backend, DeviceKind, Hits, Intersector};
+use clap::Args;
 use output::plot::{self, Adapter, Chart, Machine, Point, Spread};
 use output::{FrameStats, Summary};
-use pipeline::Frame;
-use plan::{Method, Way};
+use plan::HitMethod;
 use scene::Scene;
-use std::sync::Arc;
+use std::path::PathBuf;
 
 const LEGEND: &str = "wrong: closest hits of so many that differ from exact arithmetic; aimed: rays at edges and vertices; \
     mixed range: scenes of far or large parts\n\
@@ -42,213 +46,253 @@ const LEGEND: &str = "wrong: closest hits of so many that differ from exact arit
 /// loaded and a first tree was built. As always, the warm-up continues until frame times are steady.
 const LATER_WARM_UP: f64 = 0.2;
 
-/// One way with its point, and its hits for a few rays.
-struct Measured {
-    way: Way,
+#[derive(Args, Debug)]
+#[command(mut_arg("scenes", |arg| arg.default_value("demo:collide")))]
+#[command(mut_arg("backend", |arg| arg.help("Backends; auto is the host's cores and every backend that finds a GPU")))]
+#[command(mut_arg("frames", |arg| arg.required(false).default_value("12")))]
+#[command(mut_arg("size", |arg| arg.default_value("640x400")))]
+#[command(mut_arg("intersector", |arg| arg.default_values(Intersector::ALL.map(Intersector::name))))]
+pub(crate) struct ChartSettings {
+    #[command(flatten)]
+    measure: MeasureSettings,
+    /// Directory for chart.svg, chart.html, points.csv and points.json
+    #[arg(long, value_name = "DIR", default_value = "abvh-chart", value_parser = parsers::file())]
+    out: PathBuf,
+    /// Maximum number of rays per scene that are compared with exact arithmetic: half from a camera, half random. A
+    /// quarter as many again are aimed at edges and vertices. Fewer are traced if the intersectors' rates differ clearly
+    #[arg(long, value_name = "N", default_value = "2000000", value_parser = parsers::rays())]
+    rays: usize,
+}
+
+impl RunCommand for ChartSettings {
+    fn run(&self) -> Result<(), Stop> {
+        let Contenders { all, skipped } = plan::contenders(self)?;
+        let scenes = plan::unique(&self.measure.scenes);
+        if !self.measure.quiet {
+            skipped.iter().for_each(|s| console::say(s));
+        }
+        let methods = plan::methods(&all);
+        let ours = methods.iter().filter(|m| matches!(m, HitMethod::Ours(..)));
+        let judged = STAGES.len() * (1 + methods.len());
+        let steps = scenes.len() * (all.len() + judged) + ours.count();
+        let mut run = ChartRun {
+            settings: self,
+            progress: Progress::new(steps as u64, self.measure.quiet),
+            chart: Chart {
+                machine: Machine {
+                    cpu: machine::cpu_model(),
+                    version: VERSION.to_owned(),
+                    date: time::OffsetDateTime::now_utc().date().to_string(),
+                    adapters: Vec::new(),
+                },
+                ..Chart::default()
+            },
+            stops: Vec::new(),
+            idle: None,
+        };
+        let mut entries = Vec::new();
+        for name in &scenes {
+            entries.push(run.time_scene(name, &all)?);
+        }
+        run.count_hard_rays(&mut entries);
+        for (name, entries) in scenes.iter().zip(&mut entries) {
+            if let Err(stop) = run.judge_scene(name, entries) {
+                run.fail_all(entries, &stop, |_| true);
+            }
+        }
+        let points = entries.into_iter().flatten().map(|entry| entry.point);
+        run.chart.points = points.collect();
+        if run.chart.points.is_empty() {
+            return Err(stop::all_failed(run.stops));
+        }
+        drop(run.progress);
+        self.write(&run.chart)?;
+        match run.chart.failures.len() {
+            0 => Ok(()),
+            n => Err(Stop::failed(format!(
+                "{n} of {} points could not be measured; chart.html and points.csv give the reasons",
+                n + run.chart.points.len()
+            ))),
+        }
+    }
+
+    fn requirements(&self) -> Vec<Requirement> {
+        self.measure.requirements()
+    }
+}
+
+impl ChartSettings {
+    /// Writes the four files, up to the first that cannot be written. Links at their paths are replaced.
+    fn write(&self, chart: &Chart) -> Result<(), Stop> {
+        let mut text = table(chart.points.iter().map(plot::row), 5) + LEGEND;
+        text.extend(chart.failures.iter().map(|failure| format!("{failure}\n")));
+        for (name, content) in [
+            ("chart.svg", plot::svg(chart)),
+            ("chart.html", plot::html(chart)),
+            ("points.csv", plot::csv(chart)),
+            ("points.json", plot::json(chart)),
+        ] {
+            let path = self.out.join(name);
+            let content = content.map_err(Stop::failed)?;
+            output::remove_special_file(&path)?;
+            output::write_whole(&path, content.as_bytes())?;
+            text += &format!("{}\n", path.display());
+        }
+        console::print(&text)
+    }
+}
+
+/// One contender with its point, and its hits for a few rays.
+struct ChartEntry {
+    contender: Contender,
     point: Point,
     probe: Vec<Hits>,
     /// Index of the tally that counts its wrong answers.
     group: usize,
 }
 
-impl Measured {
-    /// Returns whether two ways give the same answers.
+impl ChartEntry {
+    fn method(&self) -> HitMethod {
+        HitMethod::of(&self.contender)
+    }
+
+    /// Returns whether two contenders give the same answers.
     fn is_like(&self, other: &Self) -> bool {
-        self.way.method() == other.way.method() && self.probe == other.probe
+        self.method() == other.method() && self.probe == other.probe
     }
 }
 
-pub(crate) fn run(args: &ChartArgs) -> Result<(), Stop> {
-    let (ways, skipped) = plan::ways(args)?;
-    let scenes = plan::unique(&args.measure.scenes);
-    if !args.measure.quiet {
-        skipped.iter().for_each(|s| talk::say(s));
-    }
-    let machine = Machine {
-        cpu: info::cpu_model(),
-        version: env!("CARGO_PKG_VERSION").to_owned(),
-        date: time::OffsetDateTime::now_utc().date().to_string(),
-        adapters: Vec::new(),
-    };
-    let methods = plan::methods(ways.iter().copied());
-    let ours = methods.iter().filter(|m| matches!(m, Method::Ours(..)));
-    let judged = STAGES.len() * (1 + methods.len());
-    let steps = scenes.len() * (ways.len() + judged) + ours.count();
-    let mut work = Work {
-        args,
-        progress: Progress::new(steps as u64, args.measure.quiet),
-        chart: Chart {
-            machine,
-            ..Chart::default()
-        },
-        stops: Vec::new(),
-        spare: None,
-    };
-    let mut measured = Vec::new();
-    for spec in &scenes {
-        measured.push(work.time_scene(spec, &ways)?);
-    }
-    work.ask_hard_rays(&mut measured);
-    for (spec, points) in scenes.iter().zip(&mut measured) {
-        if let Err(stop) = work.judge_scene(spec, points) {
-            work.fail_all(points, &stop, |_| true);
-        }
-    }
-    let points = measured.into_iter().flatten().map(|m| m.point);
-    work.chart.points = points.collect();
-    if work.chart.points.is_empty() {
-        return Err(stop::all_failed(work.stops));
-    }
-    drop(work.progress);
-    finish(args, &work.chart)?;
-    match work.chart.failures.len() {
-        0 => Ok(()),
-        n => Err(Stop::failed(format!(
-            "{n} of {} points could not be measured; chart.html and points.csv give the reasons",
-            n + work.chart.points.len()
-        ))),
-    }
-}
-
-/// Writes the four files, up to the first that cannot be written. Links at their paths are replaced.
-fn finish(args: &ChartArgs, chart: &Chart) -> Result<(), Stop> {
-    let mut text = table(chart.points.iter().map(plot::row), 5) + LEGEND;
-    text.extend(chart.failures.iter().map(|failure| format!("{failure}\n")));
-    for (name, content) in [
-        ("chart.svg", plot::svg(chart)),
-        ("chart.html", plot::html(chart)),
-        ("points.csv", plot::csv(chart)),
-        ("points.json", plot::json(chart)),
-    ] {
-        let path = args.out.join(name);
-        let content = content.map_err(Stop::failed)?;
-        output::remove_special_file(&path)?;
-        output::write_whole(&path, content.as_bytes())?;
-        text += &format!("{}\n", path.display());
-    }
-    talk::print(&text)
-}
-
-struct Work<'a> {
-    args: &'a ChartArgs,
+/// The measurement of a chart.
+struct ChartRun<'a> {
+    settings: &'a ChartSettings,
     progress: Progress,
     chart: Chart,
     /// Reasons of all failures.
     stops: Vec<Stop>,
     /// Backend of the latest run, which is ready for another scene.
-    spare: Option<(BackendName, Box<dyn Backend>)>,
+    idle: Option<IdleBackend>,
 }
 
-impl Work<'_> {
-    /// Times every way over one scene.
-    fn time_scene(&mut self, spec: &str, ways: &[Way]) -> Result<Vec<Measured>, Stop> {
-        let (scene, frames) = match self.open(spec) {
-            Ok(opened) => opened,
+struct IdleBackend {
+    name: BackendName,
+    backend: Box<dyn Backend>,
+}
+
+impl ChartRun<'_> {
+    /// Times every contender over one scene.
+    fn time_scene(
+        &mut self,
+        name: &str,
+        contenders: &[Contender],
+    ) -> Result<Vec<ChartEntry>, Stop> {
+        let scene = match self.settings.measure.open(name, None) {
+            Ok(scene) => scene,
             Err(stop) => {
-                for way in ways {
-                    self.fail(spec, way, stop.clone());
+                for contender in contenders {
+                    self.fail(name, contender, stop.clone());
                 }
-                self.progress.skip(ways.len() as u64);
+                self.progress.skip(contenders.len() as u64);
                 return Ok(Vec::new());
             }
         };
         if self.chart.scenes.is_empty() {
-            output::prepare_dir(&self.args.out).map_err(Stop::bad)?;
+            output::prepare_dir(&self.settings.out).map_err(Stop::bad)?;
         }
-        // The scene's own name, or its name on the command line for demos and repeated names.
-        let is_taken = self.chart.scenes.iter().any(|s| s.name == scene.name);
-        let name = if frames::is_demo(spec) || is_taken {
-            spec.to_owned()
-        } else {
-            scene.name.clone()
-        };
-        self.chart.scenes.push(plot::Scene {
-            name: name.clone(),
-            triangles: scene.animation.triangle_count() as u64,
-            size: self.args.measure.size,
-            frames: frames.len() as u64,
-        });
-        let mut measured = Vec::new();
-        for &way in ways {
-            match self.time((spec, &scene), &frames, way) {
+        let title = self.add_scene(&scene);
+        let mut entries = Vec::new();
+        for contender in contenders {
+            match self.time(&scene, contender) {
                 Ok((row, probe)) => {
-                    self.progress.step(&format!("{name} timed {way}"));
+                    self.progress.step(&format!("{title} timed {contender}"));
                     self.add_adapter(&row);
-                    let command = plan::command(self.args, (spec, &way), &row);
-                    let point = timed(&name, &row, command);
-                    measured.push(Measured {
-                        way,
-                        point,
+                    let command = plan::command(self.settings, name, contender, &row);
+                    entries.push(ChartEntry {
+                        contender: contender.clone(),
+                        point: timed_point(&title, &row, command),
                         probe,
                         group: 0,
                     });
                 }
                 Err(stop) => {
-                    self.progress.step(&format!("{name} {way} failed: {stop}"));
-                    self.fail(&name, &way, stop);
+                    self.progress
+                        .step(&format!("{title} {contender} failed: {stop}"));
+                    self.fail(&title, contender, stop);
                 }
             }
         }
-        Ok(measured)
+        Ok(entries)
     }
 
-    /// Opens a scene, and lists the frames to measure.
-    fn open(&self, spec: &str) -> Result<(Scene, Vec<Frame>), Stop> {
-        let measure = &self.args.measure;
-        let scene = bench::open_scene(measure, spec)?;
-        let keys = scene.animation.whole_times();
-        let frames = frames::list(Some(&measure.frames), None, keys, false)?;
-        Ok((scene, frames))
-    }
-
-    /// Times one way, then traces a few rays.
-    fn time(
-        &mut self,
-        (spec, scene): (&str, &Scene),
-        frames: &[Frame],
-        way: Way,
-    ) -> Result<(Row, Vec<Hits>), Stop> {
-        let mut combination = Combination {
-            spec,
+    /// Adds a scene to the chart. Returns its own name, or its name on the command line for demos and repeated names.
+    fn add_scene(&mut self, measured: &MeasuredScene) -> String {
+        let MeasuredScene {
+            name,
             scene,
             frames,
-            rays: RaysName::Camera,
-            size: self.args.measure.size,
-            warm_up: self.args.measure.warm_up,
+            ..
+        } = measured;
+        let is_taken = self.chart.scenes.iter().any(|s| s.name == scene.name);
+        let title = if is_demo(name) || is_taken {
+            name.clone()
+        } else {
+            scene.name.clone()
         };
-        let sampler = Sampler::new(&scene.animation, self.args);
-        let (row, mut tracing) = match way {
-            Way::Ours(ask) => {
-                let (opening, is_warm) = self.opening(ask.backend);
-                let later = is_warm.then_some(LATER_WARM_UP);
-                combination.warm_up = combination.warm_up.or(later);
-                let (row, driver) = bench::measure(&combination, &ask, opening)?;
-                (row, Tracing::Ours(Box::new(driver)))
-            }
-            Way::Rival(contest) => {
-                self.spare = None;
-                let (row, running) = bench::measure_rival(&combination, contest, (None, None))?;
-                (row, Tracing::Rival(running))
-            }
+        self.chart.scenes.push(plot::Scene {
+            name: title.clone(),
+            triangles: scene.animation.triangle_count() as u64,
+            size: self.settings.measure.camera.size,
+            frames: frames.len() as u64,
+        });
+        title
+    }
+
+    /// Times one contender, then traces a few rays.
+    fn time(
+        &mut self,
+        scene: &MeasuredScene,
+        contender: &Contender,
+    ) -> Result<(MeasuredRow, Vec<Hits>), Stop> {
+        let (opening, is_warm) = self.opening(contender);
+        let later = is_warm.then_some(LATER_WARM_UP);
+        let measuring = Measuring {
+            scene,
+            rays: RayKind::Camera,
+            warm_up: self.settings.measure.warm_up.or(later),
+            rival_device: RivalDevice::default(),
         };
-        let probe = sampler.probe(&mut tracing)?;
-        self.keep(way, tracing);
+        let measure::Measurement { row, mut loaded } = measuring.measure(contender, opening)?;
+        let probe = self.sampler(&scene.scene)?.probe(&mut loaded)?;
+        self.keep(contender, loaded);
         Ok((row, probe))
     }
 
+    fn sampler<'s>(&self, scene: &'s Scene) -> Result<RaySampler<'s>, Stop> {
+        Ok(RaySampler {
+            animation: &scene.animation,
+            view: self.settings.measure.camera.view(scene)?,
+            rays: self.settings.rays,
+        })
+    }
+
     /// Keeps the device of a backend for the next run.
-    fn keep(&mut self, way: Way, tracing: Tracing) {
-        self.spare = match (way, tracing) {
-            (Way::Ours(ask), Tracing::Ours(driver)) => Some((ask.backend, driver.into_backend())),
+    fn keep(&mut self, contender: &Contender, loaded: LoadedScene) {
+        self.idle = match (contender, loaded) {
+            (Contender::Ours(tracer), LoadedScene::Ours(driver)) => Some(IdleBackend {
+                name: tracer.device.backend,
+                backend: driver.into_backend(),
+            }),
             _ => None,
         };
     }
 
     /// Returns the backend of the latest run if it has that name, and whether it is a warm GPU.
-    fn opening(&mut self, name: BackendName) -> (Opening, bool) {
-        let spare = self.spare.take();
-        match spare.filter(|(spare, _)| *spare == name) {
-            Some((_, backend)) => {
+    fn opening(&mut self, contender: &Contender) -> (Opening, bool) {
+        let Contender::Ours(tracer) = contender else {
+            self.idle = None;
+            return (Opening::default(), false);
+        };
+        match self.take_idle(tracer.device.backend) {
+            Some(backend) => {
                 let is_warm = backend.device().kind == DeviceKind::Gpu;
                 (Opening::of(backend), is_warm)
             }
@@ -256,29 +300,35 @@ impl Work<'_> {
         }
     }
 
-    fn fail(&mut self, scene: &str, way: &Way, stop: Stop) {
-        self.chart.failures.push(plan::failure(scene, way, &stop));
+    fn take_idle(&mut self, name: BackendName) -> Option<Box<dyn Backend>> {
+        let idle = self.idle.take().filter(|idle| idle.name == name);
+        idle.map(|idle| idle.backend)
+    }
+
+    fn fail(&mut self, scene: &str, contender: &Contender, stop: Stop) {
+        let failure = plan::failure(scene, contender, &stop);
+        self.chart.failures.push(failure);
         self.stops.push(stop);
     }
 
-    /// Turns the selected points into failures.
+    /// Turns the selected entries into failures.
     fn fail_all(
         &mut self,
-        points: &mut Vec<Measured>,
+        entries: &mut Vec<ChartEntry>,
         stop: &Stop,
-        is_failed: impl Fn(&Measured) -> bool,
+        is_failed: impl Fn(&ChartEntry) -> bool,
     ) {
-        for failed in points.extract_if(.., |m| is_failed(m)) {
-            self.fail(&failed.point.scene, &failed.way, stop.clone());
+        for failed in entries.extract_if(.., |entry| is_failed(entry)) {
+            self.fail(&failed.point.scene, &failed.contender, stop.clone());
         }
     }
 
-    fn add_adapter(&mut self, row: &Row) {
-        let how = &row.setup;
+    fn add_adapter(&mut self, row: &MeasuredRow) {
+        let setup = &row.setup;
         let adapter = Adapter {
-            backend: how.backend.to_owned(),
-            adapter: how.adapter.clone(),
-            driver: how.driver.clone().unwrap_or_default(),
+            backend: setup.backend.to_owned(),
+            adapter: setup.adapter.clone(),
+            driver: setup.driver.clone().unwrap_or_default(),
         };
         let adapters = &mut self.chart.machine.adapters;
         if !adapters.contains(&adapter) {
@@ -287,64 +337,46 @@ impl Work<'_> {
     }
 
     /// Traces closed meshes and scenes of mixed range, once for each backend and intersector. Rivals trace none.
-    fn ask_hard_rays(&mut self, measured: &mut [Vec<Measured>]) {
-        let rays = self.args.rays;
+    fn count_hard_rays(&mut self, entries: &mut [Vec<ChartEntry>]) {
+        let rays = self.settings.rays;
         let families = hard::families(rays);
-        for method in plan::methods(measured.iter().flatten().map(|m| m.way)) {
-            let Method::Ours(name, intersector) = method else {
+        for method in plan::methods(entries.iter().flatten().map(|entry| &entry.contender)) {
+            let HitMethod::Ours(name, intersector) = method else {
                 continue;
             };
-            let is_of = |m: &Measured| m.way.method() == method;
-            let spare = self.spare.take().filter(|(spare, _)| *spare == name);
-            let opened = spare.map_or_else(
-                || open::bare(name, None, host::cores()),
-                |(_, backend)| Ok(backend),
-            );
-            let found = opened.and_then(|mut backend| {
-                let found = hard::ask(backend.as_mut(), intersector, (&families, rays))?;
-                self.spare = Some((name, backend));
-                Ok(found)
+            let is_of = |entry: &ChartEntry| entry.method() == method;
+            let idle = self.take_idle(name);
+            let opened = idle.map_or_else(|| DeviceRequest::of(name).open(), Ok);
+            let counted = opened.and_then(|mut backend| {
+                let counts = hard::count(backend.as_mut(), intersector, &families, rays)?;
+                self.idle = Some(IdleBackend { name, backend });
+                Ok(counts)
             });
             self.progress.step(&format!("hard rays {method}"));
-            match found {
-                Ok((mixed_range, leaks)) => {
-                    for m in measured.iter_mut().flatten().filter(|m| is_of(m)) {
-                        m.point.mixed_range.clone_from(&mixed_range);
-                        m.point.leaks.clone_from(&leaks);
+            match counted {
+                Ok(counts) => {
+                    for entry in entries.iter_mut().flatten().filter(|entry| is_of(entry)) {
+                        entry.point.mixed_range.clone_from(&counts.mixed_range);
+                        entry.point.leaks.clone_from(&counts.leaks);
                     }
                 }
                 Err(stop) => {
-                    for points in measured.iter_mut() {
-                        self.fail_all(points, &stop, is_of);
+                    for entries in entries.iter_mut() {
+                        self.fail_all(entries, &stop, is_of);
                     }
                 }
-            }
-        }
-    }
-
-    /// Loads a scene for a way that traces lists of rays.
-    fn start(&mut self, way: Way, animation: &Arc<Animation>) -> Result<Tracing, Stop> {
-        match way {
-            Way::Ours(ask) => {
-                let (opening, _) = self.opening(ask.backend);
-                let (driver, _) = session::start_driver_on(opening, animation, &ask)?;
-                Ok(Tracing::Ours(Box::new(driver)))
-            }
-            Way::Rival(contest) => {
-                let running = Running::start(contest, (None, None), animation)?;
-                Ok(Tracing::Rival(running))
             }
         }
     }
 
     /// Compares every method's answers over one scene with exact answers, until the methods' rates differ clearly.
-    fn judge_scene(&mut self, spec: &str, points: &mut Vec<Measured>) -> Result<(), Stop> {
-        let Some(name) = points.first().map(|m| m.point.scene.clone()) else {
+    fn judge_scene(&mut self, name: &str, entries: &mut Vec<ChartEntry>) -> Result<(), Stop> {
+        let Some(title) = entries.first().map(|entry| entry.point.scene.clone()) else {
             return Ok(());
         };
-        let animation = bench::open_scene(&self.args.measure, spec)?.animation;
-        let sampler = Sampler::new(&animation, self.args);
-        let mut tallies = tallies(points);
+        let scene = self.settings.measure.open(name, None)?.scene;
+        let sampler = self.sampler(&scene)?;
+        let mut tallies = tallies(entries);
         for (number, stage) in STAGES.iter().enumerate() {
             if number > 0 {
                 accuracy::decide(&mut tallies);
@@ -353,64 +385,69 @@ impl Work<'_> {
                 self.progress.skip(1 + tallies.len() as u64);
                 continue;
             }
-            let answered = sampler.stage(stage, &tallies)?;
-            let part = format!("{name} {}/{}", number + 1, STAGES.len());
+            let answered = sampler.answer(stage, &tallies)?;
+            let part = format!("{title} {}/{}", number + 1, STAGES.len());
             self.progress.step(&format!("{part} exact answers"));
             for mut tally in std::mem::take(&mut tallies) {
-                let way = tally.way;
                 if !tally.is_going() {
                     self.progress.skip(1);
                     tallies.push(tally);
                     continue;
                 }
-                let traced = self.start(way, &animation).and_then(|mut tracing| {
-                    sampler.judge(&mut tracing, &answered, &mut tally)?;
-                    Ok(tracing)
+                let contender = tally.contender.clone();
+                let (opening, _) = self.opening(&contender);
+                let loaded = LoadedScene::load(&contender, &scene.animation, opening);
+                let judged = loaded.and_then(|mut loaded| {
+                    sampler.judge(&mut loaded, &answered, &mut tally)?;
+                    Ok(loaded)
                 });
-                match traced {
-                    Ok(tracing) => {
-                        self.keep(way, tracing);
-                        self.progress.step(&format!("{part} judged {way}"));
+                match judged {
+                    Ok(loaded) => {
+                        self.keep(&contender, loaded);
+                        self.progress.step(&format!("{part} judged {contender}"));
                         tallies.push(tally);
                     }
                     Err(stop) => {
-                        self.progress.step(&format!("{part} {way} failed: {stop}"));
-                        self.fail_all(points, &stop, |m| m.group == tally.group);
+                        self.progress
+                            .step(&format!("{part} {contender} failed: {stop}"));
+                        self.fail_all(entries, &stop, |entry| entry.group == tally.group);
                     }
                 }
             }
         }
         for tally in &mut tallies {
             let spread = tally.take_errors();
-            let members = points.iter_mut().filter(|m| m.group == tally.group);
-            members.for_each(|m| tally.write(spread, &mut m.point));
+            let members = entries
+                .iter_mut()
+                .filter(|entry| entry.group == tally.group);
+            members.for_each(|entry| tally.write(spread, &mut entry.point));
         }
         Ok(())
     }
 }
 
-/// Groups ways that give the same answers. The fastest way of each group traces the rays.
-fn tallies(points: &mut [Measured]) -> Vec<Tally> {
+/// Groups entries that give the same answers. The fastest contender of each group traces the rays.
+fn tallies(entries: &mut [ChartEntry]) -> Vec<Tally> {
     let mut firsts: Vec<usize> = Vec::new();
-    for i in 0..points.len() {
-        let group = firsts.iter().position(|&f| points[f].is_like(&points[i]));
-        points[i].group = group.unwrap_or_else(|| {
+    for i in 0..entries.len() {
+        let group = firsts.iter().position(|&f| entries[f].is_like(&entries[i]));
+        entries[i].group = group.unwrap_or_else(|| {
             firsts.push(i);
             firsts.len() - 1
         });
     }
-    let ms = |m: &&Measured| m.point.ms_per_frame.median.unwrap_or(f64::INFINITY);
+    let ms = |e: &&ChartEntry| e.point.ms_per_frame.median.unwrap_or(f64::INFINITY);
     let tally = |group| {
-        let members = points.iter().filter(|m| m.group == group);
+        let members = entries.iter().filter(|entry| entry.group == group);
         let fastest = members.min_by(|a, b| ms(a).total_cmp(&ms(b)))?;
-        Some(Tally::new(fastest.way, group))
+        Some(Tally::new(fastest.contender.clone(), group))
     };
     (0..firsts.len()).filter_map(tally).collect()
 }
 
-fn timed(scene: &str, row: &Row, command: String) -> Point {
+fn timed_point(scene: &str, row: &MeasuredRow, command: String) -> Point {
     let frames = row.later_frames();
-    let spread = || frames.iter().filter_map(bench::frame_ms);
+    let spread = || frames.iter().filter_map(measure::frame_ms);
     let summary = Summary::of(spread());
     let most = |bytes: fn(&FrameStats) -> Option<u64>| frames.iter().filter_map(bytes).max();
     let on_host = (row.setup.backend == "cpu").then(|| most(|f| f.host_bytes));

@@ -2,13 +2,17 @@
 
 mod oracle;
 
-use crate::args::{BackendName, ConformArgs};
-use crate::conflicts::Files;
-use crate::open::{self, Subject, Tested};
+use crate::command::{Requirement, RunCommand};
+use crate::console::{self, Progress};
+use crate::devices::{BackendName, DeviceRequest};
+use crate::file_checks::CommandFiles;
+use crate::parsers;
 use crate::stop::Stop;
 use crate::table::{Cells, counted, grouped, table};
-use crate::talk::{self, Progress};
-use backend::Intersector;
+use crate::tested_backends::{OpenedBackends, TestSettings, TestedBackends};
+use backend::{Backend, Intersector};
+use clap::Args;
+use clap::builder::PossibleValuesParser;
 use conformance::leaks::{self, LeakPlan, OFFSETS};
 use conformance::{Cases, PROPERTIES, Property, Reference, hold};
 use oracle::OracleRow;
@@ -20,127 +24,201 @@ use std::time::Instant;
 /// Number of progress steps for all aimed rays.
 const STEPS: u64 = 20;
 
-pub(crate) fn run(args: &ConformArgs) -> Result<(), Stop> {
-    Files::written(&[("--json", &args.test.json)]).check(&args.scene)?;
-    let given = oracle::open(args)?;
-    let (mut subjects, tested) = open::open_all(&args.test)?;
-    let mut report = Report {
-        tested,
-        seed: args.seed,
-        cases: args.cases,
-        leak_rays: args.leak_rays,
-        rows: properties(args, &mut subjects)?,
-        oracle_rays: args.oracle_rays,
-        ..Report::default()
-    };
-    for subject in &mut subjects {
-        fire(args, subject, &mut report)?;
-    }
-    oracle::hold(args, given, &mut subjects, &mut report)?;
-    if let Some(file) = &args.test.json {
-        output::write_json(file, &report)?;
-    }
-    talk::print(&report.text())?;
-    match report.failures() {
-        0 => Ok(()),
-        n => Err(Stop::failed(counted(n, ["disagreement", "disagreements"]))),
-    }
+#[derive(Args, Debug)]
+pub(crate) struct ConformSettings {
+    /// Scenes for --oracle-rays, in addition to the meshes generated from the seed
+    #[arg(value_name = "SCENE", value_parser = parsers::scene())]
+    scene: Vec<String>,
+    /// Let a scene's files refer to files outside its folder (mtllib of OBJ, URIs of glTF)
+    #[arg(long)]
+    allow_outside: bool,
+    #[command(flatten)]
+    test: TestSettings,
+    /// Seed of the generated scenes and rays
+    #[arg(long, value_name = "S", default_value = "1")]
+    seed: u64,
+    /// Random cases per property; 0 tests no property and runs only the other requested checks
+    #[arg(long, value_name = "N", default_value = "36", conflicts_with = "case")]
+    cases: u32,
+    /// Test only these properties, by name. An unknown name prints the valid ones
+    #[arg(long, value_name = "LIST", value_delimiter = ',', hide_possible_values = true,
+        value_parser = PossibleValuesParser::new(property_names()))]
+    property: Vec<String>,
+    /// Test only the case of this number
+    #[arg(long, value_name = "N")]
+    case: Option<u32>,
+    /// Also aim N rays in total at edges and vertices of closed meshes, where no ray may leak through
+    #[arg(long, value_name = "N", default_value = "0")]
+    leak_rays: u64,
+    /// Also compare N rays in total with exact answers, on meshes of many kinds, near and far, huge and tiny. Rays are
+    /// aimed at interiors, edges and vertices, within planes, along axes, from surfaces and from far away. A wrong
+    /// answer of exact is a disagreement; wrong answers of watertight are counted
+    #[arg(long, value_name = "N", default_value = "0")]
+    oracle_rays: u64,
+    /// With --oracle-rays: only the batch of this number
+    #[arg(long, value_name = "B")]
+    oracle_batch: Option<u64>,
+    /// Intersector of aimed rays [default: exact for --oracle-rays, watertight for --leak-rays]
+    #[arg(long, value_name = "INTERSECTOR",
+        value_parser = parsers::intersector(Intersector::is_equal_across_backends))]
+    intersector: Option<Intersector>,
 }
 
-/// Tests every property on every backend, against the host on one thread.
-fn properties(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<PropertyRow>, Stop> {
-    let named =
-        |p: &&Property| args.property.is_empty() || args.property.iter().any(|n| n == p.name);
-    let properties = || PROPERTIES.iter().filter(named);
-    let total = subjects.len() * properties().count();
-    let numbers = match (args.case, args.cases) {
-        (Some(case), _) => case..=case,
-        (None, 0) => return Ok(Vec::new()),
-        (None, cases) => 0..=cases - 1,
-    };
-    let cases = Cases::new(args.seed, numbers);
-    let mut reference = Reference::new(open::bare(BackendName::Cpu, None, 1)?);
-    let mut progress = Progress::new(total as u64, args.test.quiet);
-    let mut rows = Vec::new();
-    for subject in &mut *subjects {
-        let name = subject.device().backend;
-        for property in properties() {
-            let begun = Instant::now();
-            let backend = subject.as_mut();
-            let held = hold(property, backend, &mut reference, &cases);
-            let seconds = begun.elapsed().as_secs_f64();
-            let row = PropertyRow {
-                property: property.name,
-                backend: name,
-                held: *held.as_ref().unwrap_or_else(|e| &e.held),
-                seconds,
-                reproduce: held.as_ref().err().map(|e| {
-                    let rest = format!("--property {} --case {}", e.property, e.case);
-                    command(args, "", name, &rest)
-                }),
-                disagreement: held.err().map(|e| e.to_string()),
-            };
-            let so = match row.disagreement {
-                None => "held in",
-                Some(_) => "failed after",
-            };
-            let cases = counted(row.held as usize, ["case", "cases"]);
-            let line = format!("{name} {}: {so} {cases}", property.name);
-            progress.step(&format!("{line}, {seconds:.1} s"));
-            if let Some(what) = &row.disagreement {
-                progress.say(what);
+fn property_names() -> BTreeSet<&'static str> {
+    PROPERTIES.iter().map(|property| property.name).collect()
+}
+
+impl RunCommand for ConformSettings {
+    fn run(&self) -> Result<(), Stop> {
+        CommandFiles::written(&[("--json", &self.test.json)]).check(&self.scene)?;
+        let scenes = oracle::open_scenes(self)?;
+        let OpenedBackends {
+            mut backends,
+            tested,
+        } = self.test.open()?;
+        let mut report = ConformReport {
+            tested,
+            seed: self.seed,
+            cases: self.cases,
+            leak_rays: self.leak_rays,
+            rows: self.test_properties(&mut backends)?,
+            oracle_rays: self.oracle_rays,
+            ..ConformReport::default()
+        };
+        if self.leak_rays > 0 {
+            for backend in &mut backends {
+                self.count_leaks(backend.as_mut(), &mut report)?;
             }
-            rows.push(row);
+        }
+        if self.oracle_rays > 0 {
+            oracle::compare(self, scenes, &mut backends, &mut report)?;
+        }
+        if let Some(file) = &self.test.json {
+            output::write_json(file, &report)?;
+        }
+        console::print(&report.text())?;
+        match report.failures() {
+            0 => Ok(()),
+            n => Err(Stop::failed(counted(n, ["disagreement", "disagreements"]))),
         }
     }
-    Ok(rows)
-}
 
-/// Returns the command that reproduces a result.
-fn command(args: &ConformArgs, scenes: &str, backend: &str, rest: &str) -> String {
-    let adapter = args.test.adapter.as_deref();
-    let adapter = adapter.map_or(String::new(), |a| format!(" --adapter '{a}'"));
-    let seed = args.seed;
-    format!("abvh conform{scenes} --backend {backend}{adapter} --seed {seed} {rest}")
-}
-
-/// Aims rays at closed meshes, if requested.
-fn fire(args: &ConformArgs, subject: &mut Subject, report: &mut Report) -> Result<(), Stop> {
-    if args.leak_rays == 0 {
-        return Ok(());
+    fn requirements(&self) -> Vec<Requirement> {
+        let oracle = self.oracle_rays > 0;
+        let needs_oracle =
+            |option| Requirement::new(option, oracle, "goes only with --oracle-rays");
+        vec![
+            Requirement::new(
+                "intersector",
+                oracle || self.leak_rays > 0,
+                "goes only with --leak-rays or --oracle-rays",
+            ),
+            needs_oracle("oracle_batch"),
+            needs_oracle("scene"),
+        ]
     }
-    let intersector = args.intersector.unwrap_or(Intersector::Watertight);
-    let plan = LeakPlan {
-        seed: args.seed,
-        rays: args.leak_rays,
-        offsets: OFFSETS.to_vec(),
-        method: intersector.into(),
-    };
-    let mut progress = Progress::new(STEPS, args.test.quiet);
-    let mut told = 0;
-    let (name, rays) = (subject.device().backend, args.leak_rays);
-    let line = format!("{name} rays at closed bodies");
-    let found = leaks::run(subject.as_mut(), &plan, &mut |done| {
-        let steps = (u128::from(done) * u128::from(STEPS) / u128::from(plan.rays)) as u64;
-        (told..steps).for_each(|_| progress.step(&line));
-        told = steps;
-    })?;
-    drop(progress);
-    let rows = found.rows.iter().map(|row| leak_row(name, row));
-    report.leaks.extend(rows);
-    let rest = format!("--cases 0 --leak-rays {rays} --intersector {intersector}");
-    let command = command(args, "", name, &rest);
-    let examples = found.first.iter();
-    let examples = examples.map(|leak| format!("{name}: {leak}; {command}"));
-    report.leak_examples.extend(examples);
-    Ok(())
+}
+
+impl ConformSettings {
+    /// Tests every property on every backend, against the host on one thread.
+    fn test_properties(&self, backends: &mut [Box<dyn Backend>]) -> Result<Vec<PropertyRow>, Stop> {
+        let named =
+            |p: &&Property| self.property.is_empty() || self.property.iter().any(|n| n == p.name);
+        let properties = || PROPERTIES.iter().filter(named);
+        let total = backends.len() * properties().count();
+        let numbers = match (self.case, self.cases) {
+            (Some(case), _) => case..=case,
+            (None, 0) => return Ok(Vec::new()),
+            (None, cases) => 0..=cases - 1,
+        };
+        let cases = Cases::new(self.seed, numbers);
+        let host = DeviceRequest {
+            threads: 1,
+            ..DeviceRequest::of(BackendName::Cpu)
+        };
+        let mut reference = Reference::new(host.open()?);
+        let mut progress = Progress::new(total as u64, self.test.quiet);
+        let mut rows = Vec::new();
+        for backend in &mut *backends {
+            let name = backend.device().backend;
+            for property in properties() {
+                let begun = Instant::now();
+                let held = hold(property, backend.as_mut(), &mut reference, &cases);
+                let seconds = begun.elapsed().as_secs_f64();
+                let row = PropertyRow {
+                    property: property.name,
+                    backend: name,
+                    held: *held.as_ref().unwrap_or_else(|e| &e.held),
+                    seconds,
+                    reproduce: held.as_ref().err().map(|e| {
+                        let rest = format!("--property {} --case {}", e.property, e.case);
+                        self.command("", name, &rest)
+                    }),
+                    disagreement: held.err().map(|e| e.to_string()),
+                };
+                let result = match row.disagreement {
+                    None => "held in",
+                    Some(_) => "failed after",
+                };
+                let cases = counted(row.held as usize, ["case", "cases"]);
+                let line = format!("{name} {}: {result} {cases}", property.name);
+                progress.step(&format!("{line}, {seconds:.1} s"));
+                if let Some(what) = &row.disagreement {
+                    progress.say(what);
+                }
+                rows.push(row);
+            }
+        }
+        Ok(rows)
+    }
+
+    /// Returns the command that reproduces a result.
+    fn command(&self, scenes: &str, backend: &str, rest: &str) -> String {
+        let adapter = self.test.adapter.as_deref();
+        let adapter = adapter.map_or(String::new(), |a| format!(" --adapter '{a}'"));
+        let seed = self.seed;
+        format!("abvh conform{scenes} --backend {backend}{adapter} --seed {seed} {rest}")
+    }
+
+    /// Aims rays at closed meshes.
+    fn count_leaks(
+        &self,
+        backend: &mut dyn Backend,
+        report: &mut ConformReport,
+    ) -> Result<(), Stop> {
+        let intersector = self.intersector.unwrap_or(Intersector::Watertight);
+        let plan = LeakPlan {
+            seed: self.seed,
+            rays: self.leak_rays,
+            offsets: OFFSETS.to_vec(),
+            method: intersector.into(),
+        };
+        let mut progress = Progress::new(STEPS, self.test.quiet);
+        let mut told = 0;
+        let (name, rays) = (backend.device().backend, self.leak_rays);
+        let line = format!("{name} rays at closed bodies");
+        let found = leaks::run(backend, &plan, &mut |done| {
+            let steps = (u128::from(done) * u128::from(STEPS) / u128::from(plan.rays)) as u64;
+            (told..steps).for_each(|_| progress.step(&line));
+            told = steps;
+        })?;
+        drop(progress);
+        let rows = found.rows.iter().map(|row| leak_row(name, row));
+        report.leaks.extend(rows);
+        let rest = format!("--cases 0 --leak-rays {rays} --intersector {intersector}");
+        let command = self.command("", name, &rest);
+        let examples = found.first.iter();
+        let examples = examples.map(|leak| format!("{name}: {leak}; {command}"));
+        report.leak_examples.extend(examples);
+        Ok(())
+    }
 }
 
 /// All results, for JSON and for text.
 #[derive(Default, Serialize)]
-struct Report {
+struct ConformReport {
     #[serde(flatten)]
-    tested: Tested,
+    tested: TestedBackends,
     seed: u64,
     /// Cases per property.
     cases: u32,
@@ -191,7 +269,7 @@ fn leak_row(backend: &str, row: &leaks::LeakRow) -> Value {
     })
 }
 
-impl Report {
+impl ConformReport {
     /// Returns the number of failed properties, leaking sorts of rays, and kinds of meshes with wrong answers.
     fn failures(&self) -> usize {
         let broken = self.rows.iter().filter(|r| r.disagreement.is_some());
@@ -262,7 +340,7 @@ impl Report {
 mod tests {
     use super::*;
 
-    fn report(disagreement: Option<&str>) -> Report {
+    fn report(disagreement: Option<&str>) -> ConformReport {
         let row = |backend, property, disagreement: Option<&str>| PropertyRow {
             property,
             backend,
@@ -271,9 +349,9 @@ mod tests {
             reproduce: disagreement.map(|_| "abvh conform --case 3".to_owned()),
             seconds: 0.5,
         };
-        let mut tested = Tested::default();
+        let mut tested = TestedBackends::default();
         tested.names.extend(["x", "y"]);
-        Report {
+        ConformReport {
             tested,
             // In the order of the tests.
             rows: vec![
@@ -281,7 +359,7 @@ mod tests {
                 row("x", "c_d", None),
                 row("y", "a_b", disagreement),
             ],
-            ..Report::default()
+            ..ConformReport::default()
         }
     }
 

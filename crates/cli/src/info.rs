@@ -1,76 +1,94 @@
-//! `abvh info`: describes this build and this machine.
+//! `abvh info` describes this build and this machine. `abvh doctor` reports whether a GPU can be used.
 
-use crate::args::BackendName;
-use crate::open::{self, Presence};
+use crate::auto;
+use crate::command::RunCommand;
+use crate::console;
+use crate::devices::{BackendName, BackendPresence, DeviceRequest, presences};
+use crate::machine::{VERSION, cpu_model};
 use crate::stop::Stop;
 use crate::table::counted;
-use crate::{choose, talk};
-use backend::Backend;
+use clap::Args;
 use comfy_table::{ContentArrangement, Table, presets};
 use output::{SCHEMA, Taken};
 use serde::Serialize;
 
-const VERSION: &str = env!("CARGO_PKG_VERSION");
 const WIDTH: usize = 100;
 
+#[derive(Args, Debug)]
+pub(crate) struct InfoSettings {
+    /// Print JSON to standard output
+    #[arg(long)]
+    json: bool,
+}
+
 #[derive(Serialize)]
-struct Info {
+struct MachineReport {
     schema: u32,
     version: &'static str,
     cpu: Option<String>,
     threads: usize,
     auto: Option<Taken>,
-    backends: Vec<Presence>,
+    backends: Vec<BackendPresence>,
 }
 
-pub(crate) fn run(json: bool) -> Result<(), Stop> {
-    let info = Info {
-        schema: SCHEMA,
-        version: VERSION,
-        cpu: cpu_model(),
-        threads: host::cores(),
-        auto: what_auto_takes()?,
-        backends: open::presences().collect(),
-    };
-    match json {
-        true => talk::print_json(&info),
-        false => talk::print(&text(&info)),
+impl RunCommand for InfoSettings {
+    fn run(&self) -> Result<(), Stop> {
+        let report = MachineReport {
+            schema: SCHEMA,
+            version: VERSION,
+            cpu: cpu_model(),
+            threads: host::cores(),
+            auto: choice_of_auto()?,
+            backends: presences().collect(),
+        };
+        if self.json {
+            console::print_json(&report)
+        } else {
+            console::print(&text(&report))
+        }
     }
 }
 
-/// `abvh doctor`: fails with exit code 1 if no GPU can be used.
-pub(crate) fn doctor() -> Result<(), Stop> {
-    let found = abvh::doctor();
-    if !found.gpus.is_empty() {
-        return talk::print(&format!("can be used: {}\n", found.gpus.join(", ")));
+#[derive(Args, Debug)]
+pub(crate) struct DoctorSettings {}
+
+impl RunCommand for DoctorSettings {
+    /// Fails with exit code 1 if no GPU can be used.
+    fn run(&self) -> Result<(), Stop> {
+        let found = abvh::doctor();
+        if !found.gpus.is_empty() {
+            return console::print(&format!("can be used: {}\n", found.gpus.join(", ")));
+        }
+        let each = found.problems.iter();
+        let lines = each.map(|p| format!("missing: {}\n  mend: {}\n", p.what, p.mend));
+        console::print(&lines.collect::<String>())?;
+        let why = "no GPU can be used here; the host's cores can";
+        Err(Stop::failed(why))
     }
-    let each = found.problems.iter();
-    let lines = each.map(|p| format!("missing: {}\n  mend: {}\n", p.what, p.mend));
-    talk::print(&lines.collect::<String>())?;
-    Err(Stop::failed(
-        "no GPU can be used here; the host's cores can",
-    ))
 }
 
 /// Returns the backend that `auto` chooses. Opens it, since a GPU that fails its test at opening is not chosen.
-fn what_auto_takes() -> Result<Option<Taken>, Stop> {
-    let name = |backend: Box<dyn Backend>| Ok(backend.device().backend);
-    let (name, why) = open::open(BackendName::Auto, (None, 1), name)?;
-    Ok(choose::taken("backend", name, why))
+fn choice_of_auto() -> Result<Option<Taken>, Stop> {
+    let request = DeviceRequest {
+        threads: 1,
+        ..DeviceRequest::of(BackendName::Auto)
+    };
+    let selected = request.open_and(|backend| Ok(backend.device().backend))?;
+    Ok(auto::choice("backend", selected.value, selected.why))
 }
 
-fn text(info: &Info) -> String {
+fn text(report: &MachineReport) -> String {
     let row = |name: &str, value: &str| [name.to_owned(), value.to_owned()];
-    let cpu = info.cpu.as_deref().unwrap_or("unknown");
-    let threads = counted(info.threads, ["thread", "threads"]);
+    let cpu = report.cpu.as_deref().unwrap_or("unknown");
+    let threads = counted(report.threads, ["thread", "threads"]);
     let mut rows = vec![
         row("abvh", VERSION),
         row("cpu", &format!("{cpu}, {threads}")),
     ];
-    if let Some(Taken { takes, why, .. }) = &info.auto {
+    if let Some(Taken { takes, why, .. }) = &report.auto {
         rows.push(row("auto takes", &format!("{takes}: {why}")));
     }
-    for backend in &info.backends {
+    for backend in &report.backends {
         rows.push(row("", ""));
         let state = match &backend.absent {
             None => "present".to_owned(),
@@ -89,7 +107,7 @@ fn text(info: &Info) -> String {
             rows.extend(limits.map(|(name, value)| row(&format!("    {name}"), value)));
         }
     }
-    let columns = talk::columns().unwrap_or(WIDTH).min(WIDTH);
+    let columns = console::columns().unwrap_or(WIDTH).min(WIDTH);
     table(&rows, columns as u16)
 }
 
@@ -103,20 +121,6 @@ fn table(rows: &[[String; 2]], columns: u16) -> String {
         column.set_padding((0, 2));
     }
     table.trim_fmt() + "\n"
-}
-
-/// Returns the processor's name, if the system reports it.
-pub(crate) fn cpu_model() -> Option<String> {
-    let text = std::fs::read_to_string("/proc/cpuinfo").ok()?;
-    let line = text.lines().find(|l| l.starts_with("model name"))?;
-    let (_, name) = line.split_once(':')?;
-    Some(name.trim().to_owned())
-}
-
-pub(crate) fn command_line() -> Vec<String> {
-    std::env::args_os()
-        .map(|a| a.to_string_lossy().into_owned())
-        .collect()
 }
 
 #[cfg(test)]

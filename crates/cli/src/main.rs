@@ -1,66 +1,65 @@
 //! `abvh`: a ray tracer for moving, deforming triangle scenes.
 //!
-//! One file per command. `args` parses the command line, and `stop` turns errors into one line and an exit code.
+//! [`command_line`] parses the arguments into the settings of one command. Each command is a module of the same name: its
+//! settings, their requirements, and `run`.
+//!
+//! | module | responsibility |
+//! |---|---|
+//! | `command`, `command_line`, `parsers` | the interface of commands; their list; values of options |
+//! | `scene_source`, `camera`, `frame_list`, `devices`, `tracer_settings` | one group of options each, and how it is resolved |
+//! | `auto`, `setup` | the choices that are left to the program; a device with the scene loaded |
+//! | `tested_backends` | the backends that `conform` and `stability` test |
+//! | `measure`, `rival` | times of frames, by a backend or by a rival |
+//! | `file_checks` | refuses outputs that overwrite inputs or each other |
+//! | `console`, `table`, `machine` | output to the terminal; text of results; facts about the machine |
+//! | `stop`, `signals`, `threads` | errors with exit codes; SIGINT and SIGTERM; threads outside the backend |
+//!
+//! A module imports only modules that do not import it.
 
-mod args;
+mod auto;
 mod bench;
+mod camera;
 mod chart;
-mod choose;
-mod conflicts;
+mod command;
+mod command_line;
 mod conform;
-mod frames;
+mod console;
+mod devices;
+mod file_checks;
+mod frame_list;
 mod info;
 mod inspect;
+mod machine;
+mod measure;
 mod merge;
-mod open;
+mod parsers;
 mod render;
-mod resume;
-mod rival;
-mod session;
+mod scene_source;
+mod setup;
+mod signals;
 mod stability;
 mod stop;
 mod stress;
 mod table;
-mod talk;
+mod tested_backends;
 mod threads;
 mod trace;
-mod values;
-mod writer;
+mod tracer_settings;
 
-use args::Command;
 use std::process::ExitCode;
 use stop::Stop;
 
 fn main() -> ExitCode {
-    stop::heed_signals();
-    match args::parse(std::env::args_os()).and_then(run) {
+    signals::handle();
+    match run() {
         Ok(()) => ExitCode::SUCCESS,
-        Err(stop) => talk::complain(&stop),
+        Err(stop) => console::complain(&stop),
     }
 }
 
-fn run(command: Command) -> Result<(), Stop> {
-    let (threads, no_cache) = match &command {
-        Command::Render(args) => (args.device.threads, args.device.no_cache),
-        Command::Trace(args) => (args.device.threads, args.device.no_cache),
-        Command::Bench(args) => (args.threads, false),
-        _ => (None, false),
-    };
-    threads::start(threads);
-    if no_cache {
-        backends::keep_no_kernels();
-    }
-    match command {
-        Command::Render(args) => render::run(&args),
-        Command::Merge(args) => merge::run(&args),
-        Command::Trace(args) => trace::run(&args),
-        Command::Bench(args) => bench::run(&args),
-        Command::Chart(args) => chart::run(&args),
-        Command::Conform(args) => conform::run(&args),
-        Command::Stability(args) => stability::run(&args),
-        Command::Stress(args) => stress::run(&args),
-        Command::Inspect(args) => inspect::run(&args),
-        Command::Info { json } => info::run(json),
-        Command::Doctor => info::doctor(),
-    }
+fn run() -> Result<(), Stop> {
+    let settings = command_line::parse(std::env::args_os())?;
+    let command = settings.command();
+    threads::start(command.threads());
+    command.run()
 }

@@ -1,117 +1,147 @@
 //! `abvh merge`: checks that all shards of a run are complete, and merges their statistics.
 
-use crate::args::MergeArgs;
-use crate::conflicts::Files;
+use crate::command::RunCommand;
+use crate::console;
+use crate::file_checks::CommandFiles;
+use crate::render::statistics::{self, RunPlan};
 use crate::stop::Stop;
-use crate::{resume, talk};
+use clap::Args;
 use output::{Finished, Manifest};
-use serde::Deserialize;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
+/// Maximum number of missing frames that are named.
 const NAMED: usize = 12;
 
-pub(crate) fn run(args: &MergeArgs) -> Result<(), Stop> {
-    let runs = args.runs.iter().cloned();
-    let (alone, folders): (Vec<_>, Vec<_>) = runs.partition(|run| run.is_file());
-    let files = Files {
-        read: alone.into_iter().map(|file| ("FILE", file)).collect(),
-        folders: folders.into_iter().map(|dir| ("DIR", dir)).collect(),
-        ..Files::written(&[("--stats", &args.stats)])
-    };
-    files.check_apart()?;
-    let folders = read(&args.runs)?;
-    let lists = folders.iter().flat_map(|(_, done)| &done.list);
-    let list: BTreeSet<u64> = lists.copied().collect();
-    if list.is_empty() {
-        return Err(Stop::failed("no run has begun there: no frame is named"));
-    }
-    let (mut rows, mut missing) = (Vec::new(), Vec::new());
-    for &frame in &list {
-        let mut all = folders.iter();
-        match all.find_map(|(folder, done)| done.all_whole(frame, folder)) {
-            Some(row) => rows.push(row.clone()),
-            None => missing.push(frame),
-        }
-    }
-    if !missing.is_empty() {
-        return Err(Stop::failed(absent(&missing, list.len())));
-    }
-    let heads = folders.iter().filter_map(|(_, done)| done.stats.as_ref());
-    // The statistics of shards without frames name no device.
-    let stats = heads
-        .max_by_key(|stats| stats["backend"].is_string())
-        .cloned();
-    if let (Some(file), Some(stats)) = (&args.stats, stats) {
-        let mut stats: Value = resume::joined(stats, &rows);
-        if stats["run"].is_object() {
-            stats["run"]["list"] = json!(list);
-        }
-        resume::write_stats(file, &stats)?;
-        if file.as_os_str() == "-" {
-            return Ok(());
-        }
-    }
-    talk::print(&format!("all {} frames are there, whole\n", rows.len()))
+#[derive(Args, Debug)]
+pub(crate) struct MergeSettings {
+    /// Output folders of all shards of one run. For runs that wrote only --stats, the statistics files
+    #[arg(value_name = "DIR|FILE.json", required = true)]
+    runs: Vec<PathBuf>,
+    /// File for the statistics of all frames, - for standard output
+    #[arg(long, value_name = "FILE.json")]
+    stats: Option<PathBuf>,
 }
 
-/// Describes a run in the statistics of a run that wrote no other files.
-#[derive(Deserialize)]
-struct Run {
+impl RunCommand for MergeSettings {
+    fn run(&self) -> Result<(), Stop> {
+        self.check_files()?;
+        let parts = read(&self.runs)?;
+        let lists = parts.iter().flat_map(|part| &part.finished.list);
+        let list: BTreeSet<u64> = lists.copied().collect();
+        if list.is_empty() {
+            return Err(Stop::failed("no run has begun there: no frame is named"));
+        }
+        let (mut rows, mut missing) = (Vec::new(), Vec::new());
+        for &frame in &list {
+            let mut parts = parts.iter();
+            match parts.find_map(|part| part.finished.all_whole(frame, part.path)) {
+                Some(row) => rows.push(row.clone()),
+                None => missing.push(frame),
+            }
+        }
+        if !missing.is_empty() {
+            return Err(Stop::failed(absent(&missing, list.len())));
+        }
+        let stats = parts.iter().filter_map(|part| part.finished.stats.as_ref());
+        // The statistics of shards without frames name no device.
+        let stats = stats.max_by_key(|stats| stats["backend"].is_string());
+        if let (Some(file), Some(stats)) = (&self.stats, stats) {
+            let mut stats = statistics::with_rows(stats.clone(), &rows);
+            if stats["run"].is_object() {
+                stats["run"]["list"] = json!(list);
+            }
+            statistics::write(file, &stats)?;
+            if file.as_os_str() == "-" {
+                return Ok(());
+            }
+        }
+        console::print(&format!("all {} frames are there, whole\n", rows.len()))
+    }
+}
+
+impl MergeSettings {
+    /// Refuses to write a file that is read.
+    fn check_files(&self) -> Result<(), Stop> {
+        let runs = self.runs.iter().cloned();
+        let (files, folders): (Vec<_>, Vec<_>) = runs.partition(|run| run.is_file());
+        let files = CommandFiles {
+            read: files.into_iter().map(|file| ("FILE", file)).collect(),
+            folders: folders.into_iter().map(|dir| ("DIR", dir)).collect(),
+            ..CommandFiles::written(&[("--stats", &self.stats)])
+        };
+        files.check_apart()
+    }
+}
+
+/// The results of one or more shards.
+struct MergedPart<'a> {
+    path: &'a Path,
     manifest: Manifest,
-    list: Vec<u64>,
+    finished: Finished,
 }
 
-/// Reads a run that wrote only statistics.
-fn read_stats(file: &Path) -> Result<(Manifest, Finished), Stop> {
-    let name = file.display();
-    let bytes = host::read(file).map_err(|e| Stop::bad(format!("cannot read {name}: {e}")))?;
-    let no_stats = |e| Stop::bad(format!("{name} is no file of statistics: {e}"));
-    let mut stats: Map<String, Value> = serde_json::from_slice(&bytes).map_err(no_stats)?;
-    let frames = stats.remove("frames").unwrap_or_default();
-    let frames = serde_json::from_value(frames).map_err(no_stats)?;
-    let run = stats.get("run").cloned().unwrap_or_default();
-    let run: Option<Run> = serde_json::from_value(run).map_err(no_stats)?;
-    let Some(Run { manifest, list }) = run else {
-        return Err(Stop::bad(format!(
-            "{name} is of a run that wrote other files too: name their folders"
-        )));
-    };
-    Ok((manifest, Finished::of_stats(list, frames, stats.into())))
-}
+impl<'a> MergedPart<'a> {
+    /// Reads the statistics of a run that wrote no other files.
+    fn of_stats(path: &'a Path) -> Result<Self, Stop> {
+        let name = path.display();
+        let bytes = host::read(path).map_err(|e| Stop::bad(format!("cannot read {name}: {e}")))?;
+        let no_stats = |e| Stop::bad(format!("{name} is no file of statistics: {e}"));
+        let mut stats: Map<String, Value> = serde_json::from_slice(&bytes).map_err(no_stats)?;
+        let frames = stats.remove("frames").unwrap_or_default();
+        let frames = serde_json::from_value(frames).map_err(no_stats)?;
+        let plan = stats.get("run").cloned().unwrap_or_default();
+        let plan: Option<RunPlan> = serde_json::from_value(plan).map_err(no_stats)?;
+        let Some(RunPlan { manifest, list }) = plan else {
+            return Err(Stop::bad(format!(
+                "{name} is of a run that wrote other files too: name their folders"
+            )));
+        };
+        Ok(Self {
+            path,
+            manifest,
+            finished: Finished::of_stats(list, frames, stats.into()),
+        })
+    }
 
-fn read_folder(folder: &Path) -> Result<(Manifest, Finished), Stop> {
-    let no_manifest = || {
-        let folder = folder.display();
-        Stop::bad(format!("{folder} holds no run: it has no manifest"))
-    };
-    let manifest = Manifest::in_folder(folder).map_err(Stop::bad)?;
-    let manifest = manifest.ok_or_else(no_manifest)?;
-    Ok((manifest, Finished::in_folder(folder).map_err(Stop::bad)?))
+    fn of_folder(path: &'a Path) -> Result<Self, Stop> {
+        let no_manifest = || {
+            let folder = path.display();
+            Stop::bad(format!("{folder} holds no run: it has no manifest"))
+        };
+        let manifest = Manifest::in_folder(path).map_err(Stop::bad)?;
+        Ok(Self {
+            path,
+            manifest: manifest.ok_or_else(no_manifest)?,
+            finished: Finished::in_folder(path).map_err(Stop::bad)?,
+        })
+    }
 }
 
 /// Reads folders and files of statistics, which must belong to one run.
-fn read(runs: &[PathBuf]) -> Result<Vec<(PathBuf, Finished)>, Stop> {
-    let mut first: Option<(&PathBuf, Manifest)> = None;
-    let mut all = Vec::new();
+fn read(runs: &[PathBuf]) -> Result<Vec<MergedPart<'_>>, Stop> {
+    let mut all: Vec<MergedPart<'_>> = Vec::new();
     for run in runs {
-        let (manifest, finished) = match run.is_file() {
-            true => read_stats(run)?,
-            false => read_folder(run)?,
+        let part = if run.is_file() {
+            MergedPart::of_stats(run)?
+        } else {
+            MergedPart::of_folder(run)?
         };
-        let (other, expected) = first.get_or_insert_with(|| (run, manifest.clone()));
-        if let Some(difference) = manifest.difference(expected) {
-            let [run, other] = [run, *other].map(|f| f.display());
+        if let Some(first) = all.first()
+            && let Some(difference) = part.manifest.difference(&first.manifest)
+        {
+            let [run, first] = [run, first.path].map(Path::display);
             return Err(Stop::bad(format!(
-                "{run} and {other} are not of one run: of the first, {difference} in the second"
+                "{run} and {first} are not of one run: of the first, {difference} in the second"
             )));
         }
-        all.push((run.clone(), finished));
+        all.push(part);
     }
     Ok(all)
 }
 
+/// Returns the message about missing frames of a run with `of` frames.
 fn absent(missing: &[u64], of: usize) -> String {
     let mut names: Vec<String> = missing.iter().take(NAMED).map(u64::to_string).collect();
     if missing.len() > NAMED {

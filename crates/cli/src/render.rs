@@ -1,242 +1,329 @@
 //! `abvh render`: renders an animation to pictures, hits and statistics.
 
-use crate::args::RenderArgs;
-use crate::conflicts::Files;
-use crate::resume::{self, Earlier, manifest};
-use crate::session::{self, Ask, Setup};
-use crate::stop::{self, Stop};
-use crate::talk::Progress;
-use crate::writer::{Lent, Outputs, Writer};
-use crate::{frames, info, inspect, table, talk, values};
+mod files;
+mod frame_writer;
+mod resume;
+pub(crate) mod statistics;
+
+use crate::camera::{CameraSettings, LitCamera};
+use crate::command::{Requirement, RunCommand};
+use crate::console::{self, Progress};
+use crate::file_checks::CommandFiles;
+use crate::frame_list::{self, FrameChoice, Shard, TimeRange};
+use crate::machine::{self, VERSION};
+use crate::parsers;
+use crate::scene_source::{self, SceneSettings};
+use crate::setup::{self, Setup, Started};
+use crate::signals;
+use crate::stop::Stop;
+use crate::table;
+use crate::tracer_settings::{TracerSettings, Workload};
 use abvh::Tracer;
 use abvh::frames::{Frame, Wanted};
-use geom::{Camera, Point};
-use output::{FrameStats, Journal, RunTimeline, SCHEMA, Video};
+use clap::Args;
+use files::FrameFiles;
+use frame_writer::{FrameLog, FrameWriter, Rendered};
+use output::{Chroma, FrameStats, RunTimeline, SCHEMA, Video};
+use resume::{EarlierRun, Progressed};
 use scene::Scene;
 use serde_json::{Value, json};
-use shading::View;
-use std::path::Path;
+use statistics::RunPlan;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
-    check_files(args)?;
-    let outputs = Outputs::of(args);
+#[derive(Args, Debug)]
+pub(crate) struct RenderSettings {
+    /// Scene. Either a demo, demo:NAME or demo:NAME:TRIANGLES, with NAME grove, collide, shatter, twist or hall. Or a
+    /// directory or glob of .obj or .ply files, one per key frame. Or one .obj, .ply, .gltf or .glb file. '+' joins
+    /// inputs; '@x,y,z' or '@x,y,z*scale' places an input: hall.obj+figure.glb@2,0,-1*0.5. The name of an existing file
+    /// or folder is always one input. Moving inputs need equal numbers of key frames; an input with one key frame is
+    /// static
+    #[arg(default_value = "demo:grove", value_parser = parsers::scene())]
+    pub(crate) scene: String,
+    #[command(flatten)]
+    source: SceneSettings,
+    #[command(flatten)]
+    pub(crate) tracer: TracerSettings,
+    /// Frames: N spread evenly over the time range, both ends included. Or the key times A..B, without B. Or a list of
+    /// key times, such as 1,4,10-20x2 (10 to 20 in steps of 2). Files of key times are numbered by key time, others
+    /// from 0000 [default: 48 for a demo, else one per key frame up to 96]
+    #[arg(long, value_name = "N|A..B|LIST")]
+    frames: Option<FrameChoice>,
+    /// Render only block I of N of the frames, counted from 1; auto takes both from the variables of a Slurm array task
+    #[arg(long, value_name = "I/N|auto")]
+    shard: Option<Shard>,
+    /// Time range, in key frames [default: the whole motion]
+    #[arg(long, value_name = "T0..T1", allow_hyphen_values = true)]
+    time_range: Option<TimeRange>,
+    #[command(flatten)]
+    pub(crate) camera: CameraSettings,
+    /// Directory for pictures: frame_0000.png and so on
+    #[arg(long, value_name = "DIR", default_value = "abvh-out", value_parser = parsers::file())]
+    pub(crate) out: PathBuf,
+    /// Write no pictures
+    #[arg(long, conflicts_with = "out")]
+    no_images: bool,
+    /// Directory for hits: hits_0000.npz and so on
+    #[arg(long, value_name = "DIR", value_parser = parsers::file())]
+    hits: Option<PathBuf>,
+    /// File for a video, encoded by the `ffmpeg` on PATH: .mp4, .webm, .mkv or .mov. It plays --fps frames per second
+    #[arg(long, value_name = "FILE", value_parser = parsers::file())]
+    video: Option<PathBuf>,
+    /// File for an uncompressed video (YUV4MPEG2, 4:4:4), - for standard output
+    #[arg(long, value_name = "FILE.y4m")]
+    y4m: Option<PathBuf>,
+    /// File for statistics of every frame, - for standard output
+    #[arg(long, value_name = "FILE.json")]
+    stats: Option<PathBuf>,
+    /// File for a timeline of host and device, for Perfetto or chrome://tracing
+    #[arg(long, value_name = "FILE.json", value_parser = parsers::file())]
+    timeline: Option<PathBuf>,
+    /// File for the primary rays of a frame, as input for `abvh trace`
+    #[arg(long, value_name = "FILE.npy", value_parser = parsers::file())]
+    rays_out: Option<PathBuf>,
+    /// Resume the run in the output folders: skip frames whose files are complete, by length and digest. If the folders
+    /// hold another run, fail and name the difference
+    #[arg(long)]
+    resume: bool,
+    /// Replace another run in the output folders
+    #[arg(long, conflicts_with = "resume")]
+    overwrite: bool,
+    /// Print no progress and no remarks
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+impl RunCommand for RenderSettings {
+    fn run(&self) -> Result<(), Stop> {
+        run(self)
+    }
+
+    fn requirements(&self) -> Vec<Requirement> {
+        let writes_files = !self.no_images || self.hits.is_some();
+        let needs_files =
+            |option| Requirement::new(option, writes_files, "goes only with pictures or --hits");
+        let mut all = self.tracer.requirements();
+        all.extend(["resume", "overwrite"].map(needs_files));
+        all.extend(scene_source::requirements(&[&self.scene]));
+        if self.chroma().any() {
+            // Videos play --fps frames per second.
+            all.retain(|requirement| requirement.option != "fps");
+        }
+        all
+    }
+
+    fn threads(&self) -> Option<usize> {
+        self.tracer.device.threads
+    }
+}
+
+impl RenderSettings {
+    /// Returns the chroma resolutions that the videos need: halved for an encoder, full for Y4M.
+    fn chroma(&self) -> Chroma {
+        Chroma {
+            halved: self.video.is_some(),
+            full: self.y4m.is_some(),
+        }
+    }
+
+    /// Refuses to write files that would overwrite others or that cannot be written.
+    fn check_files(&self) -> Result<(), Stop> {
+        let pictures = (!self.no_images).then(|| ("--out", self.out.clone()));
+        let hits = self.hits.clone().map(|dir| ("--hits", dir));
+        let files = CommandFiles {
+            folders: pictures.into_iter().chain(hits).collect(),
+            ..CommandFiles::written(&[
+                ("--stats", &self.stats),
+                ("--timeline", &self.timeline),
+                ("--rays-out", &self.rays_out),
+                ("--video", &self.video),
+                ("--y4m", &self.y4m),
+            ])
+        };
+        files.check(std::slice::from_ref(&self.scene))
+    }
+
+    /// Prints results to standard output, or to standard error if statistics or a video use standard output.
+    fn print(&self, text: &str) -> Result<(), Stop> {
+        let files = [&self.stats, &self.y4m].map(Option::as_deref);
+        if !files.contains(&Some(Path::new("-"))) {
+            return console::print(text);
+        }
+        if !self.quiet {
+            console::say(text.trim_end());
+        }
+        Ok(())
+    }
+
+    /// Writes the primary rays, if requested.
+    fn write_rays(&self, scene: &Scene, shot: &LitCamera) -> Result<(), Stop> {
+        if let Some(file) = &self.rays_out {
+            let (camera, offset) = (&shot.camera, scene.facts.offset);
+            output::write_rays(file, camera.pixels(), camera.rays(), offset)?;
+        }
+        Ok(())
+    }
+
+    /// Prints remarks before the first of `todo` frames. `done` frames are complete.
+    fn begin_progress(&self, scene: &Scene, setup: &Setup, todo: usize, done: usize) -> Progress {
+        let progress = Progress::new(todo as u64, self.quiet);
+        let choices = setup.auto.iter().map(ToString::to_string);
+        for remark in choices.chain(scene.facts.notes.iter().cloned()) {
+            progress.say(&remark);
+        }
+        if done > 0 {
+            progress.say(&format!(
+                "{done} of {} frames are there already",
+                done + todo
+            ));
+        }
+        progress
+    }
+
+    fn write_stats(&self, stats: Value, rows: &[FrameStats]) -> Result<(), Stop> {
+        match &self.stats {
+            Some(file) => statistics::write(file, &statistics::with_rows(stats, rows)),
+            None => Ok(()),
+        }
+    }
+}
+
+fn run(settings: &RenderSettings) -> Result<(), Stop> {
+    settings.check_files()?;
     let mut start_up = vec![("begin", Instant::now())];
     let mut passed = |step| start_up.push((step, Instant::now()));
-    let earlier = Earlier::look(args, &outputs)?;
-    if let Some(rows) = earlier.finished(args, &outputs)? {
-        return nothing_left(args, &earlier, &rows);
+    let files = FrameFiles::of(settings);
+    let earlier = EarlierRun::find(settings, &files)?;
+    if let Some(rows) = earlier.finished(settings, &files)? {
+        return finish_complete(settings, &earlier, &rows);
     }
-    let asked = ask(args);
-    let mut opening = session::begin(&asked);
-    let rays = values::pixels(args.size);
+    let opening = setup::begin(&settings.tracer);
     passed("look at files");
-    let scene = scene::open(&args.scene, &args.source.options_of_run(rays))?;
+    let rays = settings.camera.pixels();
+    let scene = settings.source.open_to_trace(&settings.scene, rays)?;
     passed("read the scene");
     let keys = scene.animation.whole_times();
-    let all = resume::listed(args, keys)?;
-    let frames = frames::of_shard(&all, args.shard);
+    let all = resume::all_frames(settings, keys)?;
+    let frames = frame_list::of_shard(&all, settings.shard);
+    let plan = RunPlan {
+        manifest: resume::manifest(settings, keys)?,
+        list: all.iter().map(|frame| frame.index).collect(),
+    };
     if frames.is_empty() {
-        return no_frames(args, &scene, (earlier, &outputs), &all);
+        return finish_empty_shard(settings, earlier, &files, &scene, &plan);
     }
-    let view = view(args, &scene)?;
-    let camera = camera(&view, args.size)?;
-    let query = shading::query((&camera, view.light));
-    let ask = asked.over(&frames, query);
+    let shot = settings.camera.aim(&scene)?;
     // The encoder starts while the device is opened.
-    let videos = [&args.video, &args.y4m].map(Option::as_deref);
-    let video = Video::begin(videos, args.size, args.source.fps).map_err(Stop::bad)?;
-    let (mut tracer, setup) = session::start(&scene, &ask, &mut opening)?;
+    let videos = [&settings.video, &settings.y4m].map(Option::as_deref);
+    let video = Video::begin(videos, settings.camera.size, settings.source.fps);
+    let video = video.map_err(Stop::bad)?;
+    let workload = Workload {
+        frames: &frames,
+        rays,
+    };
+    let Started { mut tracer, setup } =
+        setup::start_tracer(&scene, &settings.tracer, workload, opening)?;
     passed("open the device, load the scene");
-    let mut wanted = outputs.wanted();
-    let shades = tracer.prepare_frames((&camera, view.light), wanted)?;
+    let mut wanted = Wanted {
+        hits: files.has_hits(),
+        pixels: files.has_pictures() || files.video.any(),
+    };
+    let shades = tracer.prepare_frames((&shot.camera, shot.light), wanted)?;
     if wanted.pixels && !shades {
         wanted = Wanted::HITS;
     }
-    let new = outputs.prepare()?;
-    if let Some(file) = &args.rays_out {
+    let new_folders = files.create_folders()?;
+    settings.write_rays(&scene, &shot).inspect_err(|_| {
         // A run that does not begin leaves no folders.
-        let tidy = |_: &_| new.iter().for_each(|dir| drop(std::fs::remove_dir(dir)));
-        let offset = scene.facts.offset;
-        output::write_rays(file, camera.pixels(), camera.rays(), offset).inspect_err(tidy)?;
-    }
-    // A video needs all frames, including those whose files are complete.
-    let (old, todo) = match outputs.video.any() {
-        true => (Vec::new(), frames),
-        false => earlier.divide(frames, &outputs),
-    };
-    let own = manifest(args, keys)?;
-    let head = resume::alone(head(args, &scene, &setup), &outputs, (&own, &all));
-    let mut journals = earlier.begin(args, &all, (&own, &head))?;
+        for folder in &new_folders {
+            let _ = std::fs::remove_dir(folder);
+        }
+    })?;
+    let Progressed { done, todo } = earlier.divide(frames, &files);
+    let stats = with_plan(statistics_of(settings, &scene, &setup), &files, &plan);
+    let mut journals = earlier.begin(settings, &plan, &stats)?;
     passed("begin files");
-    let mut notes = args.timeline.is_some().then(RunTimeline::default);
-    if let Some(notes) = &mut notes {
-        notes.start_up = start_up;
+    let mut timeline = settings.timeline.is_some().then(RunTimeline::default);
+    if let Some(timeline) = &mut timeline {
+        timeline.start_up = start_up;
     }
-    stop::let_signals_wait();
-    let rows = trace_all(
-        args,
-        (&scene, &camera, view.light),
-        (todo, old.len()),
-        (tracer, &setup),
-        (&outputs, video, wanted),
-        (&mut journals, notes.as_mut()),
-    )?;
-    if let Some(file) = &args.stats {
-        resume::write_stats(file, &resume::joined(head, &[&old[..], &rows].concat()))?;
-    }
-    if let (Some(file), Some(notes)) = (&args.timeline, &notes) {
-        let remarks = json!({ "caption": setup.caption, "command_line": info::command_line() });
-        notes.write(file, remarks)?;
-    }
-    tell(args, &results(args, &scene, &setup, &rows))
-}
-
-/// Handles a shard without frames, if there are more shards than frames. The folders still describe the run.
-fn no_frames(
-    args: &RenderArgs,
-    scene: &Scene,
-    (earlier, outputs): (Earlier, &Outputs),
-    all: &[Frame],
-) -> Result<(), Stop> {
-    outputs.prepare()?;
-    let own = manifest(args, scene.animation.whole_times())?;
-    earlier.begin(args, all, (&own, &Value::Null))?;
-    if let Some(file) = &args.stats {
-        let version = env!("CARGO_PKG_VERSION");
-        let scene = inspect::scene_facts(scene);
-        let head = json!({ "schema": SCHEMA, "version": version, "scene": scene });
-        let head = resume::alone(head, outputs, (&own, all));
-        resume::write_stats(file, &resume::joined(head, &[]))?;
-    }
-    let why = "this shard has no frames: there are more shards than frames\n";
-    tell(args, why)
-}
-
-/// Refuses to write files that would overwrite others or that cannot be written.
-fn check_files(args: &RenderArgs) -> Result<(), Stop> {
-    let images = (!args.no_images).then(|| ("--out", args.out.clone()));
-    let hits = args.hits.clone().map(|dir| ("--hits", dir));
-    let files = Files {
-        folders: images.into_iter().chain(hits).collect(),
-        ..Files::written(&[
-            ("--stats", &args.stats),
-            ("--timeline", &args.timeline),
-            ("--rays-out", &args.rays_out),
-            ("--video", &args.video),
-            ("--y4m", &args.y4m),
-        ])
+    signals::defer();
+    let rendered = Rendered {
+        scene: &scene,
+        shot: &shot,
+        files: &files,
+        wanted,
     };
-    files.check(std::slice::from_ref(&args.scene))
-}
-
-/// Returns the request for a backend, before the frames are known.
-fn ask(args: &RenderArgs) -> Ask<'_> {
-    Ask {
-        adapter: args.device.adapter.as_deref(),
-        threads: args.device.threads,
-        builder_threads: args.device.builder_threads,
-        lockstep: args.lockstep,
-        rays: values::pixels(args.size),
-        predict: args.predict,
-        ..Ask::of(args.device.backend, args.method, args.update)
+    let log = FrameLog {
+        journals: &mut journals,
+        timeline: timeline.as_mut(),
+        progress: settings.begin_progress(&scene, &setup, todo.len(), done.len()),
+        video,
+        rows: Vec::new(),
+        failed: None,
+    };
+    let rows = render_frames(tracer, &todo, rendered, log)?;
+    settings.write_stats(stats, &[&done[..], &rows].concat())?;
+    if let (Some(file), Some(timeline)) = (&settings.timeline, &timeline) {
+        let remarks = json!({ "caption": setup.caption, "command_line": machine::command_line() });
+        timeline.write(file, remarks)?;
     }
-}
-
-/// Prints results to standard output, or to standard error if statistics or a video use standard output.
-fn tell(args: &RenderArgs, text: &str) -> Result<(), Stop> {
-    let files = [&args.stats, &args.y4m].map(Option::as_deref);
-    if !files.contains(&Some(Path::new("-"))) {
-        return talk::print(text);
-    }
-    if !args.quiet {
-        talk::say(text.trim_end());
-    }
-    Ok(())
+    settings.print(&results(settings, &scene, &setup, &rows))
 }
 
 /// Writes only statistics, from the results of earlier runs. All other files are complete.
-fn nothing_left(args: &RenderArgs, earlier: &Earlier, rows: &[FrameStats]) -> Result<(), Stop> {
-    if let (Some(file), Some(stats)) = (&args.stats, earlier.stats(rows)) {
-        resume::write_stats(file, &stats)?;
+fn finish_complete(
+    settings: &RenderSettings,
+    earlier: &EarlierRun,
+    rows: &[FrameStats],
+) -> Result<(), Stop> {
+    if let Some(stats) = earlier.statistics() {
+        settings.write_stats(stats, rows)?;
     }
     let all = rows.len();
-    let text = format!("nothing is left to be done: all {all} frames are there\n");
-    tell(args, &text)
+    settings.print(&format!(
+        "nothing is left to be done: all {all} frames are there\n"
+    ))
 }
 
-/// Returns the view that frames the motion, with the requested points in place of its own.
-fn view(args: &RenderArgs, scene: &Scene) -> Result<View, Stop> {
-    let framed = shading::frame_scene(&scene.animation, args.fov, args.size);
-    let point = |option, requested: Option<[f64; 3]>, framed| match requested {
-        Some(point) => in_scene(option, point, scene),
-        None => Ok(framed),
-    };
-    Ok(View {
-        eye: point("--eye", args.eye, framed.eye)?,
-        look_at: point("--look-at", args.look_at, framed.look_at)?,
-        up: args.up.unwrap_or(framed.up),
-        light: point("--light", args.light, framed.light)?,
-        ..framed
-    })
-}
-
-/// Converts a point of the scene's files to the coordinates of its key frames.
-fn in_scene(option: &str, point: [f64; 3], scene: &Scene) -> Result<Point, Stop> {
-    let offset = scene.facts.offset.unwrap_or_default();
-    let moved: Point = std::array::from_fn(|i| (point[i] - offset[i]) as f32);
-    match moved.iter().all(|x| x.is_finite()) {
-        true => Ok(moved),
-        false => Err(Stop::bad(format!("{option} {point:?} is too far away"))),
-    }
-}
-
-fn camera(view: &View, size: [u32; 2]) -> Result<Camera, Stop> {
-    view.camera(size).ok_or_else(|| {
-        let View { eye, look_at, up, .. } = view;
-        Stop::bad(if eye == look_at {
-            format!("--eye and --look-at are the same point, {eye:?}: there is no direction to look in")
-        } else if *up == [0.0; 3] {
-            "--up has no direction".to_owned()
-        } else {
-            format!("no camera at {eye:?} looking at {look_at:?} has {up:?} for up: they lie in one line")
-        })
-    })
+/// Handles a shard without frames, if there are more shards than frames. The folders still describe the run.
+fn finish_empty_shard(
+    settings: &RenderSettings,
+    earlier: EarlierRun,
+    files: &FrameFiles,
+    scene: &Scene,
+    plan: &RunPlan,
+) -> Result<(), Stop> {
+    files.create_folders()?;
+    earlier.begin(settings, plan, &Value::Null)?;
+    let scene = scene_source::scene_facts(scene);
+    let stats = json!({ "schema": SCHEMA, "version": VERSION, "scene": scene });
+    settings.write_stats(with_plan(stats, files, plan), &[])?;
+    settings.print("this shard has no frames: there are more shards than frames\n")
 }
 
 /// Renders every frame and writes its files. Returns one row per frame.
-fn trace_all(
-    args: &RenderArgs,
-    shown @ (scene, camera, light): (&Scene, &Camera, Point),
-    (todo, done): (Vec<Frame>, usize),
-    (mut tracer, setup): (Tracer, &Setup),
-    (outputs, video, wanted): (&Outputs, Option<Video<Lent>>, Wanted),
-    (journals, notes): (&mut [Journal], Option<&mut RunTimeline>),
+fn render_frames(
+    mut tracer: Tracer,
+    frames: &[Frame],
+    rendered: Rendered<'_>,
+    log: FrameLog<'_>,
 ) -> Result<Vec<FrameStats>, Stop> {
-    let progress = Progress::new(todo.len() as u64, args.quiet);
-    let taken = setup.auto.iter().map(ToString::to_string);
-    for remark in taken.chain(scene.facts.notes.iter().cloned()) {
-        progress.say(&remark);
-    }
-    if done > 0 {
-        let all = done + todo.len();
-        progress.say(&format!("{done} of {all} frames are there already"));
-    }
-    let made = (outputs, video, wanted);
-    let writer = Writer::new(shown, made, (journals, notes), progress);
+    let (LitCamera { camera, light }, wanted) = (rendered.shot, rendered.wanted);
+    let writer = FrameWriter::new(rendered, log);
     let mut places = 0..;
     rayon::in_place_scope(|scope| {
-        tracer.render_frames::<Stop>(&todo, (camera, light), wanted, |frame, answers| {
-            writer.take(scope, places.next().unwrap_or_default(), frame, answers)
+        tracer.render_frames::<Stop>(frames, (camera, *light), wanted, |frame, answers| {
+            writer.write(scope, places.next().unwrap_or_default(), frame, answers)
         })
     })?;
     // The device is closed while an encoder finishes.
     drop(tracer);
-    writer.rows()
+    writer.finish()
 }
 
-fn results(args: &RenderArgs, scene: &Scene, setup: &Setup, rows: &[FrameStats]) -> String {
-    let [width, height] = args.size;
+fn results(settings: &RenderSettings, scene: &Scene, setup: &Setup, rows: &[FrameStats]) -> String {
+    let [width, height] = settings.camera.size;
     let mut text = format!(
         "{}: {} ({} moving), {}; {} of {width}x{height}\n{}\n",
         scene.name,
@@ -250,21 +337,29 @@ fn results(args: &RenderArgs, scene: &Scene, setup: &Setup, rows: &[FrameStats])
         text += &table::stages(rows);
         text += &output::trees(rows);
         text += &output::memory(rows);
-        text += &output::rates(rows, values::pixels(args.size));
+        text += &output::rates(rows, settings.camera.pixels());
     }
-    if !args.no_images {
-        text += &format!("pictures: {}\n", args.out.display());
+    if !settings.no_images {
+        text += &format!("pictures: {}\n", settings.out.display());
     }
     text
 }
 
-/// Returns the statistics without frames.
-fn head(args: &RenderArgs, scene: &Scene, setup: &Setup) -> Value {
-    let mut head = json!(setup);
-    head["schema"] = json!(SCHEMA);
-    head["version"] = json!(env!("CARGO_PKG_VERSION"));
-    head["scene"] = inspect::scene_facts(scene);
-    head["size"] = json!(args.size);
-    head["expected_memory"] = json!(setup.memory);
-    head
+/// Returns the statistics of a run without its frames.
+fn statistics_of(settings: &RenderSettings, scene: &Scene, setup: &Setup) -> Value {
+    let mut stats = json!(setup);
+    stats["schema"] = json!(SCHEMA);
+    stats["version"] = json!(VERSION);
+    stats["scene"] = scene_source::scene_facts(scene);
+    stats["size"] = json!(settings.camera.size);
+    stats["expected_memory"] = json!(setup.memory);
+    stats
+}
+
+/// Adds the plan to the statistics of a run that writes nothing else, for `merge`.
+fn with_plan(mut stats: Value, files: &FrameFiles, plan: &RunPlan) -> Value {
+    if !files.any() {
+        stats["run"] = json!(plan);
+    }
+    stats
 }

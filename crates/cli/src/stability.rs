@@ -1,110 +1,148 @@
 //! `abvh stability`: how often each intersector is wrong in numerically hard cases, compared with baselines.
 
-use crate::args::StabilityArgs;
-use crate::conflicts::Files;
-use crate::open::{self, Subject, Tested};
+use crate::command::RunCommand;
+use crate::console::{self, Progress};
+use crate::file_checks::CommandFiles;
+use crate::parsers;
 use crate::stop::Stop;
 use crate::table::{grouped, table};
-use crate::talk;
-use crate::talk::Progress;
-use backend::Intersector;
+use crate::tested_backends::{OpenedBackends, TestSettings, TestedBackends};
+use backend::{Backend, Intersector};
+use clap::Args;
+use clap::builder::RangedU64ValueParser;
 use conformance::stress::{Cell, Family, Measure, Measured, Plan, StressTest, baseline};
 use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-pub(crate) fn run(args: &StabilityArgs) -> Result<(), Stop> {
-    Files::written(&[("--json", &args.test.json), ("--record", &args.record)]).check(&[])?;
-    let (mut subjects, tested) = open::open_all(&args.test)?;
-    if let Some(file) = &args.record {
-        return record_rates(args, &mut subjects, file);
-    }
-    let mut report = Report {
-        tested,
-        seed: args.seed,
-        rays: args.rays,
-        ..Report::default()
-    };
-    let known = Intersector::ALL.into_iter();
-    let asked: Vec<_> = known.filter(|i| args.intersector.contains(i)).collect();
-    ask(args, &asked, &mut subjects, &mut report)?;
-    if let Some(file) = &args.test.json {
-        output::write_json(file, &report)?;
-    }
-    talk::print(&report.text(&asked))?;
-    match report.failures() {
-        0 => Ok(()),
-        1 => Err(Stop::failed("1 cell is out of its bound")),
-        n => Err(Stop::failed(format!("{n} cells are out of their bounds"))),
-    }
+#[derive(Args, Debug)]
+pub(crate) struct StabilitySettings {
+    #[command(flatten)]
+    test: TestSettings,
+    /// Intersectors
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = parsers::intersector(|_| true))]
+    #[arg(default_values = Intersector::ALL.map(Intersector::name))]
+    intersector: Vec<Intersector>,
+    /// Seed of the generated scenes and rays
+    #[arg(long, value_name = "S", default_value_t = Plan::default().seed)]
+    seed: u64,
+    /// Rays of each family
+    #[arg(long, value_name = "N", default_value_t = Plan::default().rays,
+        value_parser = RangedU64ValueParser::<u32>::new().range(1..=1_000_000))]
+    rays: u32,
+    /// Instead of checking, measure the error rates of one backend's arithmetic and write them to this file. Later
+    /// checks of devices with this arithmetic use the rates as baseline
+    #[arg(long, value_name = "FILE", value_parser = parsers::file(), conflicts_with_all = ["json", "intersector", "seed", "rays"])]
+    record: Option<PathBuf>,
+    /// With --record: measure the seeds from 1 to N
+    #[arg(long, value_name = "N", default_value = "32", requires = "record",
+        value_parser = clap::value_parser!(u64).range(1..=1000))]
+    seeds: u64,
 }
 
-/// Measures the baseline of the one backend.
-fn record_rates(args: &StabilityArgs, subjects: &mut [Subject], file: &Path) -> Result<(), Stop> {
-    let [subject] = subjects else {
-        let names: Vec<_> = subjects.iter().map(|s| s.device().backend).collect();
-        let there = format!("there are {}; name one with --backend", names.join(", "));
-        return Err(Stop::bad(format!(
-            "--record measures one backend, but {there}"
-        )));
-    };
-    let mut progress = Progress::new(Family::ALL.len() as u64, args.test.quiet);
-    let (name, extent) = (subject.device().backend, (args.seeds, args.rays));
-    let found = baseline::record(subject.as_mut(), extent, &mut |family| {
-        progress.step(&format!("{name} {family}"));
-    })?;
-    output::write_json(file, &found)?;
-    let rates = found.entries.len();
-    talk::print(&format!("{rates} rates of {}\n", found.ground))
-}
-
-fn ask(
-    args: &StabilityArgs,
-    asked: &[Intersector],
-    subjects: &mut [Subject],
-    report: &mut Report,
-) -> Result<(), Stop> {
-    let (seed, rays) = (args.seed, args.rays);
-    let plan = Plan { seed, rays };
-    let mut progress = Progress::new((Family::ALL.len() * subjects.len()) as u64, args.test.quiet);
-    for family in Family::ALL {
-        let test = StressTest::new(family, &plan);
-        for subject in &mut *subjects {
-            let backend = subject.device().backend;
-            for &by in asked {
-                let begun = Instant::now();
-                let cell = test.ask(subject.as_mut(), by)?;
-                report.rows.push(Row {
-                    backend,
-                    cell,
-                    seconds: begun.elapsed().as_secs_f64(),
-                });
-            }
-            progress.step(&format!("{backend} {family}"));
+impl RunCommand for StabilitySettings {
+    fn run(&self) -> Result<(), Stop> {
+        let written = [("--json", &self.test.json), ("--record", &self.record)];
+        CommandFiles::written(&written).check(&[])?;
+        let OpenedBackends {
+            mut backends,
+            tested,
+        } = self.test.open()?;
+        if let Some(file) = &self.record {
+            return self.record_rates(&mut backends, file);
+        }
+        let mut intersectors = Intersector::ALL.to_vec();
+        intersectors.retain(|by| self.intersector.contains(by));
+        let report = StabilityReport {
+            tested,
+            seed: self.seed,
+            rays: self.rays,
+            rows: self.measure(&intersectors, &mut backends)?,
+        };
+        if let Some(file) = &self.test.json {
+            output::write_json(file, &report)?;
+        }
+        console::print(&report.text(&intersectors))?;
+        match report.failures() {
+            0 => Ok(()),
+            1 => Err(Stop::failed("1 cell is out of its bound")),
+            n => Err(Stop::failed(format!("{n} cells are out of their bounds"))),
         }
     }
-    Ok(())
+}
+
+impl StabilitySettings {
+    /// Measures the baseline of the only backend.
+    fn record_rates(&self, backends: &mut [Box<dyn Backend>], file: &Path) -> Result<(), Stop> {
+        let [backend] = backends else {
+            let names: Vec<_> = backends.iter().map(|b| b.device().backend).collect();
+            let there = format!("there are {}; name one with --backend", names.join(", "));
+            return Err(Stop::bad(format!(
+                "--record measures one backend, but {there}"
+            )));
+        };
+        let mut progress = Progress::new(Family::ALL.len() as u64, self.test.quiet);
+        let (name, extent) = (backend.device().backend, (self.seeds, self.rays));
+        let found = baseline::record(backend.as_mut(), extent, &mut |family| {
+            progress.step(&format!("{name} {family}"));
+        })?;
+        output::write_json(file, &found)?;
+        let rates = found.entries.len();
+        console::print(&format!("{rates} rates of {}\n", found.ground))
+    }
+
+    /// Measures every family on every backend.
+    fn measure(
+        &self,
+        intersectors: &[Intersector],
+        backends: &mut [Box<dyn Backend>],
+    ) -> Result<Vec<StabilityRow>, Stop> {
+        let plan = Plan {
+            seed: self.seed,
+            rays: self.rays,
+        };
+        let steps = Family::ALL.len() * backends.len();
+        let mut progress = Progress::new(steps as u64, self.test.quiet);
+        let mut rows = Vec::new();
+        for family in Family::ALL {
+            let test = StressTest::new(family, &plan);
+            for backend in &mut *backends {
+                let name = backend.device().backend;
+                for &by in intersectors {
+                    let begun = Instant::now();
+                    let cell = test.ask(backend.as_mut(), by)?;
+                    rows.push(StabilityRow {
+                        backend: name,
+                        cell,
+                        seconds: begun.elapsed().as_secs_f64(),
+                    });
+                }
+                progress.step(&format!("{name} {family}"));
+            }
+        }
+        Ok(rows)
+    }
 }
 
 #[derive(Default, Serialize)]
-struct Report {
+struct StabilityReport {
     #[serde(flatten)]
-    tested: Tested,
+    tested: TestedBackends,
     seed: u64,
     /// Number of rays of each family.
     rays: u32,
-    rows: Vec<Row>,
+    rows: Vec<StabilityRow>,
 }
 
 /// Result of one family with one intersector on one backend.
-struct Row {
+struct StabilityRow {
     backend: &'static str,
     cell: Cell,
     seconds: f64,
 }
 
-impl Serialize for Row {
+impl Serialize for StabilityRow {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let (cell, wrong) = (&self.cell, self.cell.wrong());
         let of = |measure| cell.get(measure).map(count);
@@ -132,16 +170,16 @@ fn count(m: &Measured) -> Value {
     json!({ "rays": m.of, "count": m.count, "rate": m.rate(), "bound": m.bound, "ok": m.is_ok() })
 }
 
-impl Report {
+impl StabilityReport {
     /// Returns the number of cells with a count outside its bound.
     fn failures(&self) -> usize {
         self.rows.iter().filter(|r| !r.cell.is_ok()).count()
     }
 
-    fn text(&self, asked: &[Intersector]) -> String {
+    fn text(&self, intersectors: &[Intersector]) -> String {
         let mut text = self.tested.text.clone();
         for backend in &self.tested.names {
-            text += &self.tables(backend, asked);
+            text += &self.tables(backend, intersectors);
         }
         for row in self.rows.iter().filter(|r| !r.cell.is_ok()) {
             text += &self.complaint(row);
@@ -150,10 +188,10 @@ impl Report {
     }
 
     /// Formats families as rows and intersectors as columns: first wrong answers, then leaks and double hits.
-    fn tables(&self, backend: &str, asked: &[Intersector]) -> String {
+    fn tables(&self, backend: &str, intersectors: &[Intersector]) -> String {
         let mut text = format!("\n{backend}, rays of each family: {}\n", self.rays);
-        text += &self.table(backend, "wrong", asked, &|r| share(r.cell.wrong()));
-        text + &self.table(backend, "leaks, double hits", asked, &|r| {
+        text += &self.table(backend, "wrong", intersectors, &|r| share(r.cell.wrong()));
+        text + &self.table(backend, "leaks, double hits", intersectors, &|r| {
             let all = [Measure::Leaks, Measure::DoubleHits].map(|m| r.cell.get(m).map(share));
             all.into_iter().flatten().collect::<Vec<_>>().join(", ")
         })
@@ -164,36 +202,38 @@ impl Report {
         &self,
         backend: &str,
         what: &str,
-        asked: &[Intersector],
-        cell: &dyn Fn(&Row) -> String,
+        intersectors: &[Intersector],
+        cell: &dyn Fn(&StabilityRow) -> String,
     ) -> String {
         let row = |family: Family| {
             let of = |by: &Intersector| {
                 let this = (backend, family, *by);
-                let is_this = |r: &&Row| (r.backend, r.cell.family, r.cell.intersector) == this;
+                let is_this =
+                    |r: &&StabilityRow| (r.backend, r.cell.family, r.cell.intersector) == this;
                 let found = self.rows.iter().find(is_this);
                 (by.name(), found.map_or("-".to_owned(), cell))
             };
-            let cells: Vec<_> = asked.iter().map(of).collect();
+            let cells: Vec<_> = intersectors.iter().map(of).collect();
             let says = cells.iter().any(|(_, c)| !c.is_empty() && c != "-");
             says.then(|| [vec![(what, family.name().to_owned())], cells].concat())
         };
         let rows: Vec<_> = Family::ALL.into_iter().filter_map(row).collect();
-        match rows.is_empty() {
-            true => String::new(),
-            false => table(rows, 1),
+        if rows.is_empty() {
+            String::new()
+        } else {
+            table(rows, 1)
         }
     }
 
     /// Returns the counts outside their bounds, and the command that reproduces them.
-    fn complaint(&self, row: &Row) -> String {
+    fn complaint(&self, row: &StabilityRow) -> String {
         let (backend, by) = (row.backend, row.cell.intersector);
         let out = row.cell.measured.iter().filter(|m| !m.is_ok());
         let out = out.map(|m| {
             let expected = match m.bound {
                 Some([_, 0.0]) => "none".to_owned(),
                 Some([low, high]) => format!("{} to {}", percent(low), percent(high)),
-                None => "nobody knows what; abvh stability --record measures it".to_owned(),
+                None => "an unknown rate; abvh stability --record measures it".to_owned(),
             };
             let [count, of] = [m.count, m.of].map(|n| grouped(n as usize));
             let (what, rate) = (m.measure.name().replace('_', " "), percent(m.rate()));
@@ -230,22 +270,22 @@ mod tests {
     use super::*;
     use backend::Arithmetic;
 
-    fn report(wrong: u64, leaks: u64, by: Intersector) -> Report {
+    fn report(wrong: u64, leaks: u64, by: Intersector) -> StabilityReport {
         let counts = [
             (Measure::Wrong, wrong, 2000),
             (Measure::Leaks, leaks, 1000),
             (Measure::DoubleHits, 0, 2000),
         ];
         let cell = Cell::new(Family::Edges, by, &counts, Arithmetic::IEEE);
-        Report {
+        StabilityReport {
             seed: 9,
             rays: 2000,
-            rows: vec![Row {
+            rows: vec![StabilityRow {
                 backend: "x",
                 cell,
                 seconds: 0.5,
             }],
-            ..Report::default()
+            ..StabilityReport::default()
         }
     }
 

@@ -1,5 +1,4 @@
-//! Why a command ends early, and its exit code. On SIGINT and SIGTERM the program exits with 130 or 143, and leaves
-//! only complete files.
+//! Why a command ends early, and its exit code.
 
 use backend::BackendError;
 use output::OutputError;
@@ -7,7 +6,6 @@ use pipeline::PipelineError;
 use scene::SceneError;
 use std::fmt::{self, Display};
 use std::process::ExitCode;
-use std::sync::atomic::{AtomicI32, Ordering};
 
 /// Reason why a command ended early.
 #[derive(Clone, Debug)]
@@ -123,74 +121,6 @@ impl From<PipelineError> for Stop {
             PipelineError::Threads(_) => Self::bad(e),
             e => Self::failed(e),
         }
-    }
-}
-
-/// The signal that arrived; [`WAITS`] before a signal, or [`ENDS`] while signals end the program at once.
-static CAME: AtomicI32 = AtomicI32::new(ENDS);
-const WAITS: i32 = 0;
-const ENDS: i32 = -1;
-
-/// Makes signals end the program with its exit code. If no thread can be started, the system's own handlers remain, and
-/// incomplete files remain until a later run finds them.
-pub(crate) fn heed_signals() {
-    #[cfg(unix)]
-    let _ = listen();
-}
-
-/// Starts a thread that waits for signals, since a signal handler may call few functions.
-#[cfg(unix)]
-fn listen() -> std::io::Result<()> {
-    use signal_hook::consts::{SIGINT, SIGTERM, SIGXFSZ};
-    // With SIGXFSZ handled, writing a file beyond the size limit returns an error.
-    signal_hook::flag::register(SIGXFSZ, std::sync::Arc::default())?;
-    let (sender, receiver) = std::sync::mpsc::channel();
-    // The thread starts first, since handlers without a thread would swallow signals.
-    std::thread::Builder::new().spawn(move || {
-        if let Ok(signals) = receiver.recv() {
-            answer(signals);
-        }
-    })?;
-    let signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM])?;
-    sender.send(signals).map_err(std::io::Error::other)
-}
-
-#[cfg(unix)]
-fn answer(mut signals: signal_hook::iterator::Signals) {
-    for signal in signals.forever() {
-        // A second signal ends the program at once.
-        if CAME.swap(signal, Ordering::Relaxed) != WAITS {
-            end_at_once(signal);
-        }
-        let wait_and_end = move || {
-            std::thread::sleep(PATIENCE);
-            end_at_once(signal);
-        };
-        // If this thread cannot start, only a second signal ends a blocked run.
-        let _ = std::thread::Builder::new().spawn(wait_and_end);
-    }
-}
-
-/// Time that a run has to notice a signal. A run that is blocked in a write never does.
-#[cfg(unix)]
-const PATIENCE: std::time::Duration = std::time::Duration::from_secs(1);
-
-#[cfg(unix)]
-fn end_at_once(signal: i32) -> ! {
-    let _held = output::remove_unfinished();
-    signal_hook::low_level::exit(128 + signal)
-}
-
-/// Makes the first signal wait for [`check_signals`], for a limited time.
-pub(crate) fn let_signals_wait() {
-    CAME.store(WAITS, Ordering::Relaxed);
-}
-
-/// Returns [`Stop::Signal`] if a signal arrived.
-pub(crate) fn check_signals() -> Result<(), Stop> {
-    match CAME.load(Ordering::Relaxed) {
-        WAITS | ENDS => Ok(()),
-        signal => Err(Stop::Signal(signal as u8)),
     }
 }
 

@@ -1,18 +1,25 @@
 //! `abvh stress`: streams a scene's vertices through the library step by step, times the steps and checks their hits.
 
-use crate::args::{BackendName, RaysName, StressArgs, UpdateName, update_name, word};
-use crate::bench::{FOV, random_rays};
-use crate::conflicts::Files;
+use crate::camera::{CameraSettings, LitCamera};
+use crate::command::{Requirement, RunCommand};
+use crate::console::{self, Progress};
+use crate::devices::BackendName;
+use crate::file_checks::CommandFiles;
+use crate::machine::{self, VERSION};
+use crate::measure::{RayKind, random_rays};
+use crate::parsers;
+use crate::scene_source::{self, SceneSettings};
 use crate::stop::Stop;
-use crate::table::{Cells, counted, table};
-use crate::talk::{self, Progress};
-use crate::{info, values};
+use crate::table::{Cells, TRIANGLES, counted, ms, table};
+use crate::tested_backends::TestSettings;
 use abvh::{
     Builder, Device, Intersector, Mesh, MeshId, Query, QueryId, Ray, SceneHit, Source, StepId,
     Tracer,
 };
 use backend::Policy;
-use geom::{Animation, Camera, Point};
+use clap::Args;
+use clap::builder::RangedU64ValueParser;
+use geom::{Animation, Point};
 use scene::Scene;
 use serde::Serialize;
 use serde_json::json;
@@ -24,48 +31,98 @@ const WARM_UP_STEPS: usize = 50;
 /// Number of poses whose hits are compared with the host's.
 const CHECKED_POSES: usize = 8;
 
-pub(crate) fn run(args: &StressArgs) -> Result<(), Stop> {
-    Files::written(&[("--json", &args.test.json)]).check(std::slice::from_ref(&args.scene))?;
-    let scene = scene::open(
-        &args.scene,
-        &args.source.options_of_run(values::pixels(args.size)),
-    )?;
-    let motion = Motion::new(&scene, args)?;
-    let runs = runs(args)?;
-    let expected = motion.expected_hits()?;
-    let mut progress = Progress::new(runs.len() as u64, args.test.quiet);
-    let mut rows = Vec::new();
-    for run in &runs {
-        rows.push(run.measure(&motion, &expected, args.steps)?);
-        progress.step(&[&run.backend, run.update.name(), run.source.name()].join(" "));
+#[derive(Args, Debug)]
+#[command(mut_arg("size", |arg| arg.default_value("640x480")))]
+pub(crate) struct StressSettings {
+    /// Scene whose motion is streamed; `abvh render --help` explains how scenes are named
+    #[arg(default_value = "demo:collide", value_parser = parsers::scene())]
+    scene: String,
+    #[command(flatten)]
+    source: SceneSettings,
+    #[command(flatten)]
+    test: TestSettings,
+    /// Update policies
+    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "async,refit", value_parser = parsers::policy(|p| !p.builds_on_device()))]
+    update: Vec<Policy>,
+    /// Timed steps of each run
+    #[arg(long, value_name = "N", default_value = "1000",
+        value_parser = RangedU64ValueParser::<usize>::new().range(1..=10_000_000))]
+    steps: usize,
+    /// Number of poses over the whole motion, played forwards and backwards; fewer poses give faster motion
+    #[arg(long, value_name = "N", default_value = "256",
+        value_parser = RangedU64ValueParser::<usize>::new().range(1..=100_000))]
+    poses: usize,
+    /// Rays of a step: a camera's, or as many random rays from points in the scene's bounds
+    #[arg(long, value_name = "NAME", default_value = "camera")]
+    rays: RayKind,
+    #[command(flatten)]
+    camera: CameraSettings,
+}
+
+impl RunCommand for StressSettings {
+    fn run(&self) -> Result<(), Stop> {
+        let scenes = std::slice::from_ref(&self.scene);
+        CommandFiles::written(&[("--json", &self.test.json)]).check(scenes)?;
+        let scene = (self.source).open_to_trace(&self.scene, self.camera.pixels())?;
+        let motion = StreamedMotion::new(&scene, self)?;
+        let runs = self.runs()?;
+        let expected = motion.expected_hits()?;
+        let mut progress = Progress::new(runs.len() as u64, self.test.quiet);
+        let mut rows = Vec::new();
+        for run in &runs {
+            rows.push(run.measure(&motion, &expected, self.steps)?);
+            progress.step(&[run.backend, run.update.name(), run.source.name()].join(" "));
+        }
+        drop(progress);
+        if let Some(file) = &self.test.json {
+            let report = json!({
+                "schema": output::SCHEMA,
+                "version": VERSION,
+                "command_line": machine::command_line(),
+                "scene": self.scene,
+                "triangles": scene.animation.triangle_count(),
+                "rays": motion.rays.count(),
+                "poses": motion.poses.len(),
+                "rows": rows,
+            });
+            output::write_json(file, &report)?;
+        }
+        let triangles = counted(scene.animation.triangle_count(), TRIANGLES);
+        let rays = counted(motion.rays.count(), ["ray", "rays"]);
+        let head = format!("{}: {triangles}, {rays} a step, times in ms\n", self.scene);
+        console::print(&(head + &table(rows.iter().map(StressRow::cells), 3)))?;
+        match rows.iter().map(|row| row.wrong).sum::<u64>() {
+            0 => Ok(()),
+            wrong => Err(Stop::failed(format!("{wrong} hits differ from the host's"))),
+        }
     }
-    drop(progress);
-    if let Some(file) = &args.test.json {
-        let report = json!({
-            "schema": output::SCHEMA,
-            "version": env!("CARGO_PKG_VERSION"),
-            "command_line": info::command_line(),
-            "scene": args.scene,
-            "triangles": scene.animation.triangle_count(),
-            "rays": motion.rays.count(),
-            "poses": motion.poses.len(),
-            "rows": rows,
-        });
-        output::write_json(file, &report)?;
+
+    fn requirements(&self) -> Vec<Requirement> {
+        scene_source::requirements(&[&self.scene])
     }
-    let triangles = counted(scene.animation.triangle_count(), ["triangle", "triangles"]);
-    let rays = counted(motion.rays.count(), ["ray", "rays"]);
-    let head = format!("{}: {triangles}, {rays} a step, times in ms\n", args.scene);
-    talk::print(&(head + &table(rows.iter().map(Row::cells), 3)))?;
-    let wrong: u64 = rows.iter().map(|row| row.wrong).sum();
-    if wrong > 0 {
-        return Err(Stop::failed(format!("{wrong} hits differ from the host's")));
+}
+
+impl StressSettings {
+    fn runs(&self) -> Result<Vec<StressRun>, Stop> {
+        let mut runs = Vec::new();
+        for &name in &self.test.backend {
+            let device = device(name, self.test.adapter.as_deref())?;
+            for &update in &self.update {
+                let sources = [VertexSource::Copied, VertexSource::InPlace];
+                runs.extend(sources.map(|source| StressRun {
+                    backend: name.name(),
+                    device: device.clone(),
+                    update,
+                    source,
+                }));
+            }
+        }
+        Ok(runs)
     }
-    Ok(())
 }
 
 /// Positions and rays that every run uses.
-struct Motion<'a> {
+struct StreamedMotion<'a> {
     animation: &'a Animation,
     /// Vertex positions, played forwards and backwards.
     poses: Vec<Vec<Point>>,
@@ -73,7 +130,7 @@ struct Motion<'a> {
 }
 
 /// A submitted step.
-struct Submitted {
+struct SubmittedStep {
     id: StepId,
     query: QueryId,
     /// Milliseconds of wall time from the start of the step, without the program's own writes.
@@ -82,41 +139,37 @@ struct Submitted {
 
 /// The rays of each step.
 enum StepRays {
-    Camera(Box<Camera>),
+    Camera(Box<LitCamera>),
     List(Vec<Ray>),
 }
 
 impl StepRays {
     fn count(&self) -> usize {
         match self {
-            Self::Camera(camera) => camera.pixels(),
+            Self::Camera(shot) => shot.camera.pixels(),
             Self::List(rays) => rays.len(),
         }
     }
 }
 
-impl<'a> Motion<'a> {
-    fn new(scene: &'a Scene, args: &StressArgs) -> Result<Self, Stop> {
+impl<'a> StreamedMotion<'a> {
+    fn new(scene: &'a Scene, settings: &StressSettings) -> Result<Self, Stop> {
         let animation = &*scene.animation;
-        let framed = shading::frame_scene(animation, FOV, args.size);
-        let rays = match args.rays {
-            RaysName::Random => {
-                StepRays::List(random_rays(&animation.bounds(), values::pixels(args.size)))
+        let rays = match settings.rays {
+            RayKind::Random => {
+                let count = settings.camera.pixels();
+                StepRays::List(random_rays(&animation.bounds(), count))
             }
-            RaysName::Camera => {
-                let camera = framed.camera(args.size);
-                let camera = camera.ok_or_else(|| Stop::bad("no camera frames this scene"))?;
-                StepRays::Camera(Box::new(camera))
-            }
+            RayKind::Camera => StepRays::Camera(Box::new(settings.camera.aim(scene)?)),
         };
-        let last = (args.poses - 1).max(1) as f64;
+        let last = (settings.poses - 1).max(1) as f64;
         let pose = |i: usize| -> Result<Vec<Point>, Stop> {
             let time = animation.end() * i as f64 / last;
             let moment = animation.at(time).map_err(Stop::failed)?;
             let vertices = 0..animation.vertex_count() as u32;
             Ok(vertices.map(|v| moment.vertex(v)).collect())
         };
-        let poses = (0..args.poses).map(pose).collect::<Result<_, _>>()?;
+        let poses = (0..settings.poses).map(pose).collect::<Result<_, _>>()?;
         Ok(Self {
             animation,
             poses,
@@ -151,15 +204,15 @@ impl<'a> Motion<'a> {
         tracer: &mut Tracer,
         mesh: MeshId,
         pose: usize,
-        source: Vertices,
-    ) -> Result<Submitted, Stop> {
+        source: VertexSource,
+    ) -> Result<SubmittedStep, Stop> {
         let vertices = &self.poses[pose];
         let begun = Instant::now();
         let mut writing = Duration::ZERO;
         let mut step = tracer.step(0.0);
         match source {
-            Vertices::Copied => step.vertices(mesh, Source::Host(vertices))?,
-            Vertices::InPlace => {
+            VertexSource::Copied => step.vertices(mesh, Source::Host(vertices))?,
+            VertexSource::InPlace => {
                 let to = step.vertices_mut(mesh)?;
                 let writes = Instant::now();
                 to.copy_from_slice(vertices);
@@ -167,12 +220,12 @@ impl<'a> Motion<'a> {
             }
         }
         let query = match &self.rays {
-            StepRays::Camera(camera) => step.trace(&**camera, Query::Closest)?,
+            StepRays::Camera(shot) => step.trace(&shot.camera, Query::Closest)?,
             StepRays::List(rays) => step.trace(rays, Query::Closest)?,
         };
         let id = step.submit()?;
         let ms = (begun.elapsed() - writing).as_secs_f64() * 1e3;
-        Ok(Submitted { id, query, ms })
+        Ok(SubmittedStep { id, query, ms })
     }
 
     /// Traces one step and returns its hits.
@@ -181,9 +234,9 @@ impl<'a> Motion<'a> {
         tracer: &mut Tracer,
         mesh: MeshId,
         pose: usize,
-        source: Vertices,
+        source: VertexSource,
     ) -> Result<Vec<SceneHit>, Stop> {
-        let Submitted { id, query, .. } = self.step(tracer, mesh, pose, source)?;
+        let SubmittedStep { id, query, .. } = self.step(tracer, mesh, pose, source)?;
         Ok(tracer.hits(id, query)?.in_scene().to_vec())
     }
 
@@ -192,21 +245,21 @@ impl<'a> Motion<'a> {
         let host = Tracer::builder().device(Device::Cpu);
         let (mut tracer, mesh) = self.tracer(host.update(Policy::Rebuild))?;
         self.checked()
-            .map(|pose| self.hits(&mut tracer, mesh, pose, Vertices::Copied))
+            .map(|pose| self.hits(&mut tracer, mesh, pose, VertexSource::Copied))
             .collect()
     }
 }
 
 /// How a step's vertices reach the tracer.
 #[derive(Clone, Copy)]
-enum Vertices {
+enum VertexSource {
     /// Copied from the program's memory.
     Copied,
     /// Written by the program to memory that the device reads.
     InPlace,
 }
 
-impl Vertices {
+impl VertexSource {
     fn name(self) -> &'static str {
         match self {
             Self::Copied => "copied",
@@ -215,40 +268,12 @@ impl Vertices {
     }
 }
 
-/// Returns the policy of a run, if `stress` measures it: one whose trees the host builds.
-fn policy(name: UpdateName) -> Result<Policy, Stop> {
-    let builds_on_host = |policy: &Policy| !policy.builds_on_device();
-    name.filter(builds_on_host).ok_or_else(|| {
-        let known: Vec<_> = Policy::ALL.into_iter().filter(builds_on_host).collect();
-        let known: Vec<_> = known.into_iter().map(Policy::name).collect();
-        let (name, known) = (update_name(name), known.join(", "));
-        Stop::bad(format!("--update {name}: stress takes {known}"))
-    })
-}
-
 /// One row of the table.
-struct Run {
-    backend: String,
+struct StressRun {
+    backend: &'static str,
     device: Device,
     update: Policy,
-    source: Vertices,
-}
-
-fn runs(args: &StressArgs) -> Result<Vec<Run>, Stop> {
-    let mut runs = Vec::new();
-    for &name in &args.test.backend {
-        let device = device(name, args.test.adapter.as_deref())?;
-        for &update in &args.update {
-            let update = policy(update)?;
-            runs.extend([Vertices::Copied, Vertices::InPlace].map(|source| Run {
-                backend: word(&name),
-                device: device.clone(),
-                update,
-                source,
-            }));
-        }
-    }
-    Ok(runs)
+    source: VertexSource,
 }
 
 /// Returns the library's device for a backend, or an error if this build or the library lacks the backend.
@@ -265,13 +290,13 @@ fn device(name: BackendName, adapter: Option<&str>) -> Result<Device, Stop> {
         #[cfg(feature = "wgpu")]
         BackendName::Wgpu => Ok(Device::Wgpu(adapter.map(str::to_owned))),
         #[cfg(not(all(feature = "vulkan", feature = "wgpu")))]
-        other => Err(Stop::bad(format!("{} is not in this build", word(&other)))),
+        other => Err(Stop::bad(format!("{} is not in this build", other.name()))),
     }
 }
 
 #[derive(Serialize)]
-struct Row {
-    backend: String,
+struct StressRow {
+    backend: &'static str,
     device: String,
     update: &'static str,
     vertices: &'static str,
@@ -286,11 +311,10 @@ struct Row {
     wrong: u64,
 }
 
-impl Row {
+impl StressRow {
     fn cells(&self) -> Cells<'_> {
-        let ms = |ms: f64| format!("{ms:.3}");
         vec![
-            ("backend", self.backend.clone()),
+            ("backend", self.backend.to_owned()),
             ("update", self.update.to_owned()),
             ("vertices", self.vertices.to_owned()),
             ("mean", ms(self.mean_ms)),
@@ -304,13 +328,13 @@ impl Row {
     }
 }
 
-impl Run {
+impl StressRun {
     fn measure(
         &self,
-        motion: &Motion<'_>,
+        motion: &StreamedMotion<'_>,
         expected: &[Vec<SceneHit>],
         steps: usize,
-    ) -> Result<Row, Stop> {
+    ) -> Result<StressRow, Stop> {
         let builder = Tracer::builder().device(self.device.clone());
         let builder = builder
             .update(self.update)
@@ -335,8 +359,8 @@ impl Run {
         }
         times.sort_by(f64::total_cmp);
         let share = |share: f64| times[((times.len() - 1) as f64 * share).round() as usize];
-        Ok(Row {
-            backend: self.backend.clone(),
+        Ok(StressRow {
+            backend: self.backend,
             device: tracer.device().to_owned(),
             update: self.update.name(),
             vertices: self.source.name(),

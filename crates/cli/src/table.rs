@@ -1,6 +1,6 @@
 //! Formats results as text.
 
-use crate::talk;
+use crate::console;
 use comfy_table::{Cell, CellAlignment, Table, presets};
 use output::{FrameStats, Summary, TIMES, overview, plot};
 
@@ -11,7 +11,7 @@ pub(crate) type Cells<'a> = Vec<(&'a str, String)>;
 /// that is too narrow, returns a list.
 pub(crate) fn table<'a>(rows: impl IntoIterator<Item = Cells<'a>>, words: usize) -> String {
     let rows: Vec<_> = rows.into_iter().collect();
-    within(talk::columns(), &rows, words)
+    within(console::columns(), &rows, words)
 }
 
 fn within(columns: Option<usize>, rows: &[Cells<'_>], words: usize) -> String {

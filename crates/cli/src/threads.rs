@@ -15,7 +15,7 @@ pub(crate) fn start(threads: Option<usize>) {
     });
     if crew.len() < wanted {
         let fewer = crew.len().max(1);
-        crate::talk::say(&format!(
+        crate::console::say(&format!(
             "the system starts no {wanted} threads: reading and shading take {fewer}"
         ));
     }

@@ -1,45 +1,136 @@
 //! `abvh trace`: traces the rays of a file at one time.
 
-use crate::args::TraceArgs;
-use crate::choose::Ask;
-use crate::conflicts::Files;
-use crate::session;
+use crate::command::{Requirement, RunCommand};
+use crate::console;
+use crate::devices::DeviceSettings;
+use crate::file_checks::CommandFiles;
+use crate::frame_list;
+use crate::parsers;
+use crate::scene_source::{self, SceneSettings};
+use crate::setup::{self, Started};
 use crate::stop::Stop;
 use crate::table::counted;
-use crate::{frames, talk};
+use crate::tracer_settings::{
+    LayoutName, PolicyChoice, TracerSettings, Workload, needs_host_builds,
+};
 use abvh::Query;
-use backend::Policy;
+use backend::{Intersector, Policy};
+use clap::Args;
 use output::HitArrays;
+use std::path::PathBuf;
 
-pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
-    let files = Files {
-        read: vec![("--rays", args.rays.clone())],
-        written: vec![("--out", args.out.clone())],
-        ..Files::default()
+#[derive(Args, Debug)]
+pub(crate) struct TraceSettings {
+    /// Scene: a demo, files or a directory (`abvh render --help` explains names)
+    #[arg(value_parser = parsers::scene())]
+    scene: String,
+    #[command(flatten)]
+    source: SceneSettings,
+    /// Time, in key frames
+    #[arg(long, value_name = "T", value_parser = parsers::finite::<f64>, allow_hyphen_values = true)]
+    time: f64,
+    /// Rays: float32 or float64 (N, 6) `ox oy oz dx dy dz`, or (N, 8) with `t_min t_max` appended
+    #[arg(long, value_name = "RAYS.npy")]
+    rays: PathBuf,
+    /// File for the hits
+    #[arg(long, value_name = "HITS.npz", value_parser = parsers::file())]
+    out: PathBuf,
+    /// Find only whether each ray hits any triangle
+    #[arg(long)]
+    any_hit: bool,
+    #[command(flatten)]
+    device: DeviceSettings,
+    /// How a ray is tested against a triangle
+    #[arg(long, value_name = "NAME", default_value = "watertight", value_parser = parsers::intersector(|_| true))]
+    intersector: Intersector,
+    /// How the tree lies in memory
+    #[arg(long, value_name = "NAME", default_value = "auto")]
+    layout: LayoutName,
+    /// How the tree is made. auto and rebuild build it at --time. refit builds it at --tree-time and moves its boxes to
+    /// --time. Hits are the same, only the speed differs
+    #[arg(long, value_name = "POLICY", default_value = parsers::AUTO, value_parser = parsers::update(|p| !p.builds_beside_frames()))]
+    update: PolicyChoice,
+    /// With --update refit: time at which the tree is built, in key frames [default: 0]
+    #[arg(long, value_name = "T0", value_parser = parsers::finite::<f64>, allow_hyphen_values = true)]
+    tree_time: Option<f64>,
+    /// Print no remarks
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+impl RunCommand for TraceSettings {
+    fn run(&self) -> Result<(), Stop> {
+        run(self)
+    }
+
+    fn requirements(&self) -> Vec<Requirement> {
+        let mut all = vec![
+            Requirement::new(
+                "tree_time",
+                self.update == Some(Policy::Refit),
+                "goes only with --update refit",
+            ),
+            needs_host_builds(&[self.update]),
+        ];
+        all.extend(scene_source::requirements(&[&self.scene]));
+        all
+    }
+
+    fn threads(&self) -> Option<usize> {
+        self.device.threads
+    }
+}
+
+impl TraceSettings {
+    fn tracer(&self) -> TracerSettings {
+        TracerSettings {
+            device: self.device.clone(),
+            intersector: self.intersector,
+            layout: self.layout,
+            update: Some(self.update.unwrap_or(Policy::Rebuild)),
+            lockstep: None,
+            predict: true,
+        }
+    }
+}
+
+fn run(settings: &TraceSettings) -> Result<(), Stop> {
+    let files = CommandFiles {
+        read: vec![("--rays", settings.rays.clone())],
+        written: vec![("--out", settings.out.clone())],
+        ..CommandFiles::default()
     };
-    files.check(std::slice::from_ref(&args.scene))?;
-    let update = args.update.unwrap_or(Policy::Rebuild);
-    let mut ask = Ask {
-        adapter: args.device.adapter.as_deref(),
-        threads: args.device.threads,
-        builder_threads: args.device.builder_threads,
-        ..Ask::of(args.device.backend, args.method, Some(update))
-    };
-    let mut opening = session::begin(&ask);
-    let file = output::RayFile::open(&args.rays).map_err(Stop::bad)?;
-    let scene = scene::open(&args.scene, &args.source.options_of_run(file.count()))?;
+    files.check(std::slice::from_ref(&settings.scene))?;
+    let tracer = settings.tracer();
+    let opening = setup::begin(&tracer);
+    let file = output::RayFile::open(&settings.rays).map_err(Stop::bad)?;
+    let scene = settings
+        .source
+        .open_to_trace(&settings.scene, file.count())?;
     let offset = scene.facts.offset;
     let rays = file.read(offset.unwrap_or_default()).map_err(Stop::bad)?;
-    let (tree_time, time) = moments(args, scene.animation.whole_times())?;
-    let query = match args.any_hit {
-        true => Query::Any,
-        false => Query::Closest,
+    let keys = scene.animation.whole_times();
+    let time = frame_list::check_time("--time", settings.time, keys)?;
+    let tree_time = match settings.update {
+        Some(Policy::Refit) => {
+            let time = settings.tree_time.unwrap_or(0.0);
+            Some(frame_list::check_time("--tree-time", time, keys)?)
+        }
+        _ => None,
     };
-    ask.rays = rays.len();
-    let (mut tracer, setup) = session::start(&scene, &ask, &mut opening)?;
-    if !args.quiet {
-        setup.auto.iter().for_each(|t| talk::say(&t.to_string()));
-        scene.facts.notes.iter().for_each(|note| talk::say(note));
+    let query = if settings.any_hit {
+        Query::Any
+    } else {
+        Query::Closest
+    };
+    let workload = Workload {
+        frames: &[],
+        rays: rays.len(),
+    };
+    let Started { mut tracer, setup } = setup::start_tracer(&scene, &tracer, workload, opening)?;
+    if !settings.quiet {
+        setup.auto.iter().for_each(|t| console::say(&t.to_string()));
+        scene.facts.notes.iter().for_each(|note| console::say(note));
     }
     if let Some(time) = tree_time {
         tracer.warm_up(time)?;
@@ -48,42 +139,20 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
     let query = step.trace(&rays, query)?;
     let done = step.submit()?;
     let hits = tracer.hits(done, query)?;
-    if args.any_hit {
-        output::write_found(&args.out, hits.any())?;
+    if settings.any_hit {
+        output::write_found(&settings.out, hits.any())?;
     } else {
         let shape = [rays.len() as u64];
         let hits = HitArrays {
             offset,
             ..HitArrays::of(hits.in_scene(), &shape)
         };
-        hits.write(&args.out)?;
+        hits.write(&settings.out)?;
     }
     let closest = hits.in_scene().iter().filter(|h| h.is_hit()).count();
     let any = hits.any().iter().filter(|&&b| b != 0).count();
     let caption = &setup.caption;
     let rays = counted(rays.len(), ["ray", "rays"]);
     let met = counted(closest + any, ["hit", "hits"]);
-    talk::print(&format!("{rays}, {met} at time {time}\n{caption}\n"))
-}
-
-/// Returns the time at which `refit` builds its tree, and the time to trace.
-fn moments(args: &TraceArgs, keys: usize) -> Result<(Option<f64>, f64), Stop> {
-    let time = frames::moment("--time", args.time, keys)?;
-    match (args.update, args.tree_time) {
-        (Some(policy), _) if policy.builds_beside_frames() => {
-            let others = Policy::ALL
-                .into_iter()
-                .filter(|p| !p.builds_beside_frames());
-            let others: Vec<_> = others.map(Policy::name).collect();
-            Err(Stop::bad(format!(
-                "--update {policy} needs more than one moment; trace takes {}",
-                others.join(", ")
-            )))
-        }
-        (Some(Policy::Refit), tree_time) => {
-            let tree_time = frames::moment("--tree-time", tree_time.unwrap_or(0.0), keys)?;
-            Ok((Some(tree_time), time))
-        }
-        _ => Ok((None, time)),
-    }
+    console::print(&format!("{rays}, {met} at time {time}\n{caption}\n"))
 }

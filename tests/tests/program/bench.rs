@@ -15,6 +15,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         trial("bench::what_is_not_there_is_refused", refused),
         trial("bench::a_run_that_fails_has_a_row_with_the_reason", failed),
         trial("bench::rays_at_random_have_rows_of_their_own", random_rays),
+        trial("bench::camera_options_select_the_view_as_in_render", camera),
         warm(HOST),
     ];
     all.extend(BACKENDS.into_iter().flat_map(|b| [warm(b), memory(b)]));
@@ -51,6 +52,28 @@ fn warm_up(sandbox: &Sandbox, backend: &str) {
         };
         assert!(right, "{told}");
     }
+}
+
+/// Checks that `bench` traces the camera rays that `render` traces with the same options.
+fn camera(sandbox: &Sandbox) {
+    let common = "demo:collide:600 --backend cpu --update refit --frames 2 --size 16x12 --quiet";
+    let hits = |json: &Value, rows: &str| -> Vec<Value> {
+        let hits = |frame: &Value| frame["hits"].clone();
+        list(&json[rows]).iter().map(hits).collect()
+    };
+    let counts = |camera: &str| {
+        let (_, bench) = sandbox.tells(&format!("bench {common} {camera}"), "--json");
+        let render = format!("render {common} {camera} --no-images");
+        let (_, render) = sandbox.tells(&render, "--stats");
+        let ours = hits(&bench["rows"][0], "per_frame");
+        assert_eq!(ours, hits(&render, "frames"), "{camera}");
+        ours
+    };
+    let framed = counts("");
+    let close = counts("--eye 0,3,9 --look-at 0,0,0 --fov 25 --light 1,9,1");
+    let away = counts("--eye 0,900,0 --look-at 0,999,0 --up 1,0,0");
+    assert!(framed != close, "{framed:?}");
+    assert_eq!(away, [0, 0].map(Value::from));
 }
 
 /// Checks that a tree with its records takes at most 160 bytes per triangle, wherever it is built.

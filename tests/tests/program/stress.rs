@@ -35,5 +35,5 @@ fn streamed(sandbox: &Sandbox, backend: &str) {
 
 fn refused(sandbox: &Sandbox) {
     let policy = "stress demo:collide:600 --update device-rebuild";
-    sandbox.refuses(policy, &["stress takes rebuild, refit, async"]);
+    sandbox.refuses(policy, &["possible values: rebuild, refit, async"]);
 }

@@ -1,9 +1,8 @@
 //! Compares two files of results: which times changed, and which changes exceed noise.
 
-use crate::args::BenchArgs;
+use crate::console;
 use crate::stop::Stop;
 use crate::table::{ms, table};
-use crate::talk;
 use output::Summary;
 use serde_json::Value;
 use std::path::Path;
@@ -42,14 +41,19 @@ struct Change {
 }
 
 /// Changes, and the runs that only one file contains.
-type Comparison = (Vec<Change>, [Vec<String>; 2]);
+struct Comparison {
+    changes: Vec<Change>,
+    only_in_old: Vec<String>,
+    only_in_new: Vec<String>,
+}
 
-pub(super) fn run(args: &BenchArgs) -> Result<(), Stop> {
-    let files = [&args.compare[0], &args.compare[1]].map(|f| f.display().to_string());
-    let comparison = compare(&args.compare[0], &args.compare[1])?;
-    talk::print(&text(&files, &comparison))?;
-    match args.fail_above {
-        Some(percent) => refuse_slower(&comparison.0, percent),
+/// Compares two files of results. Fails if a whole frame became slower by more than `fail_above` percent.
+pub(super) fn run(old: &Path, new: &Path, fail_above: Option<f64>) -> Result<(), Stop> {
+    let comparison = compare(old, new)?;
+    let files = [old, new].map(|file| file.display().to_string());
+    console::print(&text(&files, &comparison))?;
+    match fail_above {
+        Some(percent) => refuse_slower(&comparison.changes, percent),
         None => Ok(()),
     }
 }
@@ -67,7 +71,11 @@ fn compare(old_file: &Path, new_file: &Path) -> Result<Comparison, Stop> {
         changes.extend(quantities.filter_map(|q| change(&before, &after, q)));
     }
     let only_in_new = new.into_iter().map(|r| r.name).collect();
-    Ok((changes, [only_in_old, only_in_new]))
+    Ok(Comparison {
+        changes,
+        only_in_old,
+        only_in_new,
+    })
 }
 
 fn refuse_slower(changes: &[Change], percent: f64) -> Result<(), Stop> {
@@ -161,12 +169,14 @@ fn error(values: &[f64]) -> Option<f64> {
     Some(ERROR_OF_MEDIAN * median(&off)? / (values.len() as f64).sqrt())
 }
 
-fn text([old, new]: &[String; 2], (changes, only_in): &Comparison) -> String {
+fn text([old, new]: &[String; 2], comparison: &Comparison) -> String {
     let row = |c: &Change| {
-        let mark = match (c.beyond_noise, c.ratio < 1.0) {
-            (false, _) => "",
-            (true, true) => "faster",
-            (true, false) => "SLOWER",
+        let mark = if !c.beyond_noise {
+            ""
+        } else if c.ratio < 1.0 {
+            "faster"
+        } else {
+            "SLOWER"
         };
         vec![
             ("run", c.run.clone()),
@@ -178,9 +188,13 @@ fn text([old, new]: &[String; 2], (changes, only_in): &Comparison) -> String {
             ("", mark.to_owned()),
         ]
     };
-    let changes = table(changes.iter().map(row), 2);
+    let changes = table(comparison.changes.iter().map(row), 2);
     let mut text = format!("medians of {old} and {new}\n{changes}");
-    for (file, runs) in [old, new].into_iter().zip(only_in) {
+    let only = [
+        (old, &comparison.only_in_old),
+        (new, &comparison.only_in_new),
+    ];
+    for (file, runs) in only {
         for run in runs {
             text += &format!("only in {file}: {run}\n");
         }
@@ -235,7 +249,7 @@ mod tests {
         let old = file("old.json", rows("refit", [9.0, 1.0, 2.0, 3.0]));
         let new = file("new.json", rows("refit", [9.0, 1.5, 3.0, 4.5]));
         let comparison = compare(&old, &new).unwrap();
-        assert!(comparison.0[0].beyond_noise);
+        assert!(comparison.changes[0].beyond_noise);
         let files = ["old.json", "new.json"].map(str::to_owned);
         let told = text(&files, &comparison);
         assert!(told.contains("1.500") && told.contains("SLOWER"), "{told}");

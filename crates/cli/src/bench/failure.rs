@@ -1,70 +1,68 @@
 //! A combination that could not be measured, with the reason.
 
-use crate::args::{RaysName, update_name, word};
-use crate::choose::Ask;
-use crate::rival::{Contest, OWN};
+use crate::measure::{Contender, ContenderNames, RayKind};
 use crate::stop::Stop;
 use serde::Serialize;
 use std::fmt;
 
-/// One combination without results. Fields are named as in [`Row`](super::Row).
+/// One combination without results. Fields are named as in the rows of results.
 #[derive(Clone, Debug, Serialize)]
-pub(super) struct Failure {
+pub(super) struct FailedRun {
     pub(super) scene: String,
-    pub(super) backend: String,
-    pub(super) update: String,
+    pub(super) backend: &'static str,
+    pub(super) update: &'static str,
     /// Whether trees would have been built for predicted positions.
     predict: bool,
-    pub(super) intersector: String,
-    pub(super) layout: String,
+    pub(super) intersector: &'static str,
+    pub(super) layout: &'static str,
     /// The kind of rays, unless they are a camera's.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) rays: Option<&'static str>,
     #[serde(skip_serializing_if = "Option::is_none")]
     builder_threads: Option<usize>,
     /// The reason.
-    pub(super) error: String,
+    error: String,
 }
 
-impl Failure {
-    pub(super) fn new((spec, rays): (&str, RaysName), ask: &Ask<'_>, stop: &Stop) -> Self {
+impl FailedRun {
+    pub(super) fn new(scene: &str, rays: RayKind, contender: &Contender, stop: &Stop) -> Self {
+        let ContenderNames {
+            backend,
+            update,
+            intersector,
+            layout,
+        } = contender.names();
+        let tracer = match contender {
+            Contender::Ours(tracer) => Some(tracer),
+            Contender::Rival(_) => None,
+        };
         Self {
-            scene: spec.to_owned(),
-            backend: word(&ask.backend),
-            update: update_name(ask.update).to_owned(),
-            predict: ask.predict,
-            intersector: ask.method.intersector.to_string(),
-            layout: word(&ask.method.layout),
-            rays: (rays == RaysName::Random).then_some("random"),
-            builder_threads: ask.builder_threads,
-            error: stop.to_string(),
-        }
-    }
-
-    pub(super) fn of_rival((spec, rays): (&str, RaysName), contest: Contest, stop: &Stop) -> Self {
-        Self {
-            scene: spec.to_owned(),
-            backend: contest.rival.name.to_owned(),
-            update: contest.upkeep.to_string(),
-            predict: false,
-            intersector: OWN.to_owned(),
-            layout: OWN.to_owned(),
-            rays: (rays == RaysName::Random).then_some("random"),
-            builder_threads: None,
+            scene: scene.to_owned(),
+            backend,
+            update,
+            predict: tracer.is_some_and(|tracer| tracer.predict),
+            intersector,
+            layout,
+            rays: rays.unless_camera(),
+            builder_threads: tracer.and_then(|tracer| tracer.device.builder_threads),
             error: stop.to_string(),
         }
     }
 }
 
-impl fmt::Display for Failure {
+impl fmt::Display for FailedRun {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let names = [&self.scene, &self.backend, &self.update];
-        let how = [&self.intersector, &self.layout];
-        let words = names.into_iter().chain(how).map(String::as_str);
+        let words = [
+            &*self.scene,
+            self.backend,
+            self.update,
+            self.intersector,
+            self.layout,
+        ];
+        let name = words.join(" ");
         let rays = self
             .rays
             .map_or(String::new(), |rays| format!(" {rays} rays"));
-        let name = words.collect::<Vec<_>>().join(" ");
         write!(f, "{name}{rays} failed: {}", self.error)
     }
 }

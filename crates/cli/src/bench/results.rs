@@ -1,6 +1,7 @@
 //! Formats the results of a bench: as JSON, as CSV, as text, and as ratios between all runs of a scene.
 
-use super::{Failure, Results, Row, frame_ms};
+use super::{FailedRun, Results};
+use crate::measure::{MeasuredRow, frame_ms};
 use crate::stop::Stop;
 use crate::table::{Cells, grouped, ms, table};
 use output::plot::csv_table;
@@ -44,7 +45,7 @@ pub(super) fn csv(results: &Results) -> Result<String, Stop> {
 /// Returns one row per run, the reasons of failures, the device of each backend, and ratios between runs.
 pub(super) fn text(results: &Results, against: Option<&str>) -> String {
     let (rows, failures) = (&results.rows, &results.failures);
-    let adapter = |r: &Row| format!("{}: {}\n", r.setup.backend, r.setup.adapter);
+    let adapter = |r: &MeasuredRow| format!("{}: {}\n", r.setup.backend, r.setup.adapter);
     let adapters: BTreeSet<String> = rows.iter().map(adapter).collect();
     let of_failures = rows.first().into_iter().flat_map(|row| {
         let failed = failures.iter();
@@ -78,7 +79,7 @@ pub(super) fn text(results: &Results, against: Option<&str>) -> String {
     text
 }
 
-fn cells(r: &Row) -> Cells<'static> {
+fn cells(r: &MeasuredRow) -> Cells<'static> {
     let show = |value: Option<f64>, show: fn(f64) -> String| value.map_or("-".to_owned(), show);
     let time = |name| show(r.median(name), ms);
     let short = |value| show(value, |x| format!("{x:.2}"));
@@ -110,33 +111,33 @@ fn cells(r: &Row) -> Cells<'static> {
 }
 
 /// Returns the row of a combination that failed: its names, and no numbers. `row` has the same columns.
-fn failed_cells(failure: &Failure, row: &Row) -> Cells<'static> {
+fn failed_cells(failure: &FailedRun, row: &MeasuredRow) -> Cells<'static> {
     let rays = failure
         .rays
         .map_or(String::new(), |r| format!(", {r} rays"));
     let method = format!("{} {}{rays}", failure.intersector, failure.layout);
-    let (scene, backend) = (failure.scene.clone(), failure.backend.clone());
-    let mut names = [scene, backend, failure.update.clone(), method].into_iter();
+    let names = [&*failure.scene, failure.backend, failure.update, &method];
+    let mut names = names.map(str::to_owned).into_iter();
     let columns = cells(row).into_iter().map(|(column, _)| column);
     columns
         .map(|column| (column, names.next().unwrap_or_else(|| "-".to_owned())))
         .collect()
 }
 
-fn unless_predicted(r: &Row, what: &'static str) -> &'static str {
+fn unless_predicted(r: &MeasuredRow, what: &'static str) -> &'static str {
     match r.setup.predict {
         Some(false) => what,
         _ => "",
     }
 }
 
-fn rays(r: &Row, after: &str) -> String {
+fn rays(r: &MeasuredRow, after: &str) -> String {
     let rays = r.rays.map(|rays| format!("{after}{rays} rays"));
     rays.unwrap_or_default()
 }
 
 /// Returns the name of a run within its scene.
-fn name(r: &Row) -> String {
+fn name(r: &MeasuredRow) -> String {
     let how = &r.setup;
     let words = [how.backend, how.update, how.intersector, how.layout].join(" ");
     let without = unless_predicted(r, " unpredicted");
@@ -144,28 +145,28 @@ fn name(r: &Row) -> String {
 }
 
 /// Returns whether two runs did the same work.
-fn comparable(a: &Row, b: &Row) -> bool {
+fn comparable(a: &MeasuredRow, b: &MeasuredRow) -> bool {
     (&a.scene, a.rays) == (&b.scene, b.rays)
 }
 
 /// Returns the device and host times of one run, divided by those of another.
-fn over(run: &Row, rival: &Row) -> [Option<f64>; 2] {
+fn over(run: &MeasuredRow, rival: &MeasuredRow) -> [Option<f64>; 2] {
     let over = |a: Option<f64>, b: Option<f64>| Some(a? / b.filter(|&b| b > 0.0)?);
-    let device = |r: &Row| {
+    let device = |r: &MeasuredRow| {
         let ms = r.later_frames().iter().filter_map(frame_ms);
         output::Summary::of(ms).map(|s| s.median)
     };
-    let wall = |r: &Row| r.median("wall_ms");
+    let wall = |r: &MeasuredRow| r.median("wall_ms");
     let [ours, theirs] = [run, rival].map(|r| [device(r), wall(r)]);
     [over(ours[0], theirs[0]), over(ours[1], theirs[1])]
 }
 
 /// Returns the ratios of every run to every other of its scene. Device times include a frame's wait for its tree.
-pub(super) fn ratios(rows: &[Row]) -> Vec<Value> {
-    let is_rival = |a: &Row, b: &Row| !std::ptr::eq(a, b) && comparable(a, b);
+pub(super) fn ratios(rows: &[MeasuredRow]) -> Vec<Value> {
+    let is_rival = |a: &MeasuredRow, b: &MeasuredRow| !std::ptr::eq(a, b) && comparable(a, b);
     let with_each = |run| rows.iter().map(move |rival| (run, rival));
     let pairs = rows.iter().flat_map(with_each);
-    let ratio = |(run, rival): (&Row, &Row)| {
+    let ratio = |(run, rival): (&MeasuredRow, &MeasuredRow)| {
         let ([device, wall], names) = (over(run, rival), [run, rival].map(name));
         let scene = &run.scene;
         json!({ "scene": scene, "run": names[0], "over": names[1], "device": device, "wall": wall })
@@ -174,7 +175,7 @@ pub(super) fn ratios(rows: &[Row]) -> Vec<Value> {
 }
 
 /// Returns the run that all others are compared with: the first whose name has all words of `against`, in order.
-fn baseline<'a>(rows: &'a [Row], against: Option<&str>) -> Option<&'a Row> {
+fn baseline<'a>(rows: &'a [MeasuredRow], against: Option<&str>) -> Option<&'a MeasuredRow> {
     let words = against.unwrap_or_default();
     rows.iter().find(|row| {
         let name = name(row);
@@ -185,7 +186,7 @@ fn baseline<'a>(rows: &'a [Row], against: Option<&str>) -> Option<&'a Row> {
 }
 
 /// Refuses a baseline that matches no run of any scene.
-pub(super) fn check(rows: &[Row], against: Option<&str>) -> Result<(), Stop> {
+pub(super) fn check(rows: &[MeasuredRow], against: Option<&str>) -> Result<(), Stop> {
     if rows.is_empty() || baseline(rows, against).is_some() {
         return Ok(());
     }
@@ -196,11 +197,11 @@ pub(super) fn check(rows: &[Row], against: Option<&str>) -> Result<(), Stop> {
 }
 
 /// Returns the ratios of every run to the baseline, and to every other run if there are few.
-fn matrix(rows: &[Row], baseline: &Row) -> String {
+fn matrix(rows: &[MeasuredRow], baseline: &MeasuredRow) -> String {
     let show = |ratio: Option<f64>| ratio.map_or("-".to_owned(), |x| format!("{x:.2}"));
     let few = if rows.len() <= MANY { rows } else { &[] };
     let numbered: Vec<String> = (1..=few.len()).map(|i| format!("/{i}")).collect();
-    let line = |(i, r): (usize, &Row)| {
+    let line = |(i, r): (usize, &MeasuredRow)| {
         let [device, wall] = over(r, baseline).map(show);
         let mut cells = vec![("", (i + 1).to_string()), ("run", name(r))];
         cells.extend([("device", device), ("wall", wall)]);

@@ -3,19 +3,16 @@
 //! Sampling is sequential. After each stage, only methods whose 95 % interval overlaps that of another intersector
 //! trace more rays. Intervals are Wilson's, or follow the rule of three if no answer was wrong ([`Rate`]).
 
-use super::plan::{Method, Way};
-use crate::args::{BackendName, ChartArgs, LayoutName, MethodArgs};
-use crate::bench;
-use crate::choose::Ask;
-use crate::rival::Running;
-use crate::session;
+use super::plan::HitMethod;
+use crate::devices::{BackendName, Opening};
+use crate::measure::{Contender, LoadedScene};
 use crate::stop::Stop;
+use crate::tracer_settings::TracerSettings;
 use backend::{Hits, Intersector, Policy, QueryKind};
 use conformance::oracle::Oracle;
 use fastrand::Rng;
 use geom::{Aabb, Animation, Hit, Moment, Point, Ray, is_active};
 use output::plot::{self, Rate, TError};
-use pipeline::Driver;
 use rayon::prelude::*;
 use shading::View;
 use std::ops::Range;
@@ -32,24 +29,24 @@ pub(super) const STAGES: [Range<usize>; 3] = [0..1, 1..4, 4..8];
 const PROBE: usize = 1 << 10;
 
 /// Generates and traces the rays of a scene.
-pub(super) struct Sampler<'a> {
-    animation: &'a Arc<Animation>,
-    view: View,
+pub(super) struct RaySampler<'a> {
+    pub(super) animation: &'a Arc<Animation>,
+    pub(super) view: View,
     /// Number of plain rays in all stages.
-    rays: usize,
+    pub(super) rays: usize,
 }
 
 /// Rays that are traced together, without answers.
-struct Sheet {
+struct RayBatch {
     time: f64,
     rays: Vec<Ray>,
     /// Whether the rays are aimed at edges and vertices.
     is_aimed: bool,
 }
 
-/// A sheet with its reference answers.
-struct Answered {
-    sheet: Sheet,
+/// A batch with its reference answers.
+struct AnsweredBatch {
+    batch: RayBatch,
     /// Triangle and distance by exact arithmetic.
     closest: Vec<Option<(u32, f64)>>,
     /// Shadows by the reference: 1 where the hit is in shadow. Empty for aimed rays.
@@ -57,13 +54,13 @@ struct Answered {
 }
 
 /// The reference answers of one stage, which all methods share.
-pub(super) struct Stage(Vec<Answered>);
+pub(super) struct AnsweredStage(Vec<AnsweredBatch>);
 
 /// One method on one backend, with its counts so far.
 pub(super) struct Tally {
-    /// The way that traces the rays.
-    pub(super) way: Way,
-    /// Index of the group of ways that give the same answers.
+    /// The contender that traces the rays.
+    pub(super) contender: Contender,
+    /// Index of the group of contenders that give the same answers.
     pub(super) group: usize,
     /// Whether the next stage traces more rays: plain rays, aimed rays.
     goes_on: [bool; 2],
@@ -71,53 +68,25 @@ pub(super) struct Tally {
     errors: Vec<f64>,
 }
 
-/// A scene that is loaded, to trace lists of rays.
-pub(super) enum Tracing {
-    Ours(Box<Driver>),
-    Rival(Running),
-}
-
-impl Tracing {
-    /// Traces lists of rays one after the other, each at its time.
-    fn lists<'a>(
-        &mut self,
-        kind: QueryKind,
-        lists: impl IntoIterator<Item = (f64, &'a [Ray])>,
-    ) -> Result<Vec<Hits>, Stop> {
-        match self {
-            Self::Ours(driver) => session::trace_lists(driver, kind, lists),
-            Self::Rival(running) => running.trace_lists(kind, lists),
-        }
-    }
-}
-
-impl<'a> Sampler<'a> {
-    pub(super) fn new(animation: &'a Arc<Animation>, args: &ChartArgs) -> Self {
-        Self {
-            animation,
-            view: shading::frame_scene(animation, bench::FOV, args.measure.size),
-            rays: args.rays,
-        }
-    }
-
+impl RaySampler<'_> {
     /// Traces a few plain and aimed rays.
-    pub(super) fn probe(&self, tracing: &mut Tracing) -> Result<Vec<Hits>, Stop> {
-        let mut sheets = Vec::new();
+    pub(super) fn probe(&self, loaded: &mut LoadedScene) -> Result<Vec<Hits>, Stop> {
+        let mut batches = Vec::new();
         for time in moments(self.animation, 2) {
             let [plain, aimed] = rays_at(self.animation, &self.view, time, PROBE);
             let rays = [plain, aimed].concat();
-            sheets.push((time, rays));
+            batches.push((time, rays));
         }
-        let lists = sheets.iter().map(|(time, rays)| (*time, &rays[..]));
-        tracing.lists(self.kind(false), lists)
+        let lists = batches.iter().map(|(time, rays)| (*time, &rays[..]));
+        loaded.trace_lists(self.kind(false), lists)
     }
 
     /// Returns the rays of a stage. The rays of a stage do not depend on which stages are traced.
-    fn sheets(&self, stage: &Range<usize>, sorts: [bool; 2]) -> Vec<Sheet> {
+    fn batches(&self, stage: &Range<usize>, sorts: [bool; 2]) -> Vec<RayBatch> {
         let moments = moments(self.animation, MOMENTS);
         let count = self.rays.div_ceil(moments.len());
         let modulus = STAGES[STAGES.len() - 1].end;
-        let mut sheets = Vec::new();
+        let mut batches = Vec::new();
         for time in moments {
             let all = rays_at(self.animation, &self.view, time, count);
             for (rays, is_aimed) in all.into_iter().zip([false, true]) {
@@ -127,42 +96,46 @@ impl<'a> Sampler<'a> {
                 let numbered = rays.into_iter().enumerate();
                 let here = numbered.filter(|(i, _)| stage.contains(&(i % modulus)));
                 let here: Vec<Ray> = here.map(|(_, ray)| ray).collect();
-                sheets.extend(here.chunks(MOST).map(|rays| Sheet {
+                batches.extend(here.chunks(MOST).map(|rays| RayBatch {
                     time,
                     is_aimed,
                     rays: rays.to_vec(),
                 }));
             }
         }
-        sheets
+        batches
     }
 
     /// Computes exact answers for the rays of a stage, for those sorts of rays that any method still traces.
-    pub(super) fn stage(&self, stage: &Range<usize>, tallies: &[Tally]) -> Result<Stage, Stop> {
+    pub(super) fn answer(
+        &self,
+        stage: &Range<usize>,
+        tallies: &[Tally],
+    ) -> Result<AnsweredStage, Stop> {
         let sorts = [0, 1].map(|sort| tallies.iter().any(|tally| tally.goes_on[sort]));
         let mut oracle: Option<(f64, Oracle)> = None;
         let mut all = Vec::new();
-        for sheet in self.sheets(stage, sorts) {
-            let moment = self.animation.at(sheet.time).map_err(Stop::bad)?;
-            let known = oracle.take().filter(|(time, _)| *time == sheet.time);
+        for batch in self.batches(stage, sorts) {
+            let moment = self.animation.at(batch.time).map_err(Stop::bad)?;
+            let known = oracle.take().filter(|(time, _)| *time == batch.time);
             let (_, of_moment) =
-                oracle.insert(known.unwrap_or_else(|| (sheet.time, Oracle::at(&moment))));
-            let rays = sheet.rays.par_iter();
-            all.push(Answered {
+                oracle.insert(known.unwrap_or_else(|| (batch.time, Oracle::at(&moment))));
+            let rays = batch.rays.par_iter();
+            all.push(AnsweredBatch {
                 closest: rays.map(|ray| of_moment.closest_triangle(ray)).collect(),
                 blocked: Vec::new(),
-                sheet,
+                batch,
             });
         }
         // Shadows are compared with those of `exact` on the host, over fresh trees.
-        let method = MethodArgs::of(Intersector::Exact, LayoutName::Fast);
-        let ask = Ask::of(BackendName::Cpu, method, Some(Policy::Rebuild));
-        let (driver, _) = session::start_driver(self.animation, &ask)?;
-        let mut reference = Tracing::Ours(Box::new(driver));
-        for answered in all.iter_mut().filter(|answered| !answered.sheet.is_aimed) {
-            answered.blocked = self.trace(&mut reference, &answered.sheet)?.blocked;
+        let tracer =
+            TracerSettings::of(BackendName::Cpu, Intersector::Exact, Some(Policy::Rebuild));
+        let host = Contender::Ours(tracer);
+        let mut reference = LoadedScene::load(&host, self.animation, Opening::default())?;
+        for answered in all.iter_mut().filter(|answered| !answered.batch.is_aimed) {
+            answered.blocked = self.trace(&mut reference, &answered.batch)?.blocked;
         }
-        Ok(Stage(all))
+        Ok(AnsweredStage(all))
     }
 
     fn kind(&self, is_aimed: bool) -> QueryKind {
@@ -174,9 +147,9 @@ impl<'a> Sampler<'a> {
         }
     }
 
-    fn trace(&self, tracing: &mut Tracing, sheet: &Sheet) -> Result<Hits, Stop> {
-        let list = [(sheet.time, &sheet.rays[..])];
-        let mut hits = tracing.lists(self.kind(sheet.is_aimed), list)?;
+    fn trace(&self, loaded: &mut LoadedScene, batch: &RayBatch) -> Result<Hits, Stop> {
+        let list = [(batch.time, &batch.rays[..])];
+        let mut hits = loaded.trace_lists(self.kind(batch.is_aimed), list)?;
         hits.pop()
             .ok_or_else(|| Stop::failed("a trace has no result"))
     }
@@ -184,15 +157,15 @@ impl<'a> Sampler<'a> {
     /// Traces the rays of a stage by one method, and counts wrong answers.
     pub(super) fn judge(
         &self,
-        tracing: &mut Tracing,
-        stage: &Stage,
+        loaded: &mut LoadedScene,
+        stage: &AnsweredStage,
         tally: &mut Tally,
     ) -> Result<(), Stop> {
         // Build the first tree at the beginning of the motion.
-        tracing.lists(QueryKind::Closest, [(0.0, &[][..])])?;
+        loaded.trace_lists(QueryKind::Closest, [(0.0, &[][..])])?;
         for answered in &stage.0 {
-            if tally.goes_on[usize::from(answered.sheet.is_aimed)] {
-                let hits = self.trace(tracing, &answered.sheet)?;
+            if tally.goes_on[usize::from(answered.batch.is_aimed)] {
+                let hits = self.trace(loaded, &answered.batch)?;
                 let errors = count(answered, &hits, &mut tally.counted);
                 tally.errors.extend(errors);
             }
@@ -202,9 +175,9 @@ impl<'a> Sampler<'a> {
 }
 
 impl Tally {
-    pub(super) fn new(way: Way, group: usize) -> Self {
+    pub(super) fn new(contender: Contender, group: usize) -> Self {
         Self {
-            way,
+            contender,
             group,
             goes_on: [true; 2],
             counted: plot::Point::default(),
@@ -246,11 +219,11 @@ impl Tally {
 pub(super) fn decide(tallies: &mut [Tally]) {
     let rates: Vec<_> = tallies
         .iter()
-        .map(|tally| (tally.way.method(), tally.rates()))
+        .map(|tally| (HitMethod::of(&tally.contender), tally.rates()))
         .collect();
     for tally in tallies {
-        let method = tally.way.method();
-        let is_rival = |other: &&(Method, [Option<Rate>; 2])| method.competes_with(other.0);
+        let method = HitMethod::of(&tally.contender);
+        let is_rival = |other: &&(HitMethod, [Option<Rate>; 2])| method.competes_with(other.0);
         let rivals: Vec<_> = rates.iter().filter(is_rival).collect();
         let own = tally.rates();
         for (sort, goes_on) in tally.goes_on.iter_mut().enumerate() {
@@ -265,18 +238,18 @@ pub(super) fn decide(tallies: &mut [Tally]) {
 }
 
 /// Counts wrong answers. Returns the errors of `t`, in units in the last place, of plain rays with the right triangle.
-fn count(answered: &Answered, hits: &Hits, point: &mut plot::Point) -> Vec<f64> {
+fn count(answered: &AnsweredBatch, hits: &Hits, point: &mut plot::Point) -> Vec<f64> {
     let mut errors = Vec::new();
     for (i, (truth, hit)) in answered.closest.iter().zip(&hits.closest).enumerate() {
         let right = truth.map_or(!hit.is_hit(), |(triangle, _)| triangle == hit.triangle);
-        let (tested, wrong) = if answered.sheet.is_aimed {
+        let (tested, wrong) = if answered.batch.is_aimed {
             (&mut point.aimed.rays, &mut point.aimed.wrong)
         } else {
             (&mut point.rays_tested, &mut point.wrong)
         };
         *tested += 1;
         *wrong += u64::from(!right);
-        if right && !answered.sheet.is_aimed {
+        if right && !answered.batch.is_aimed {
             let shadows = [answered.blocked.get(i), hits.blocked.get(i)];
             point.wrong_shadow += u64::from(shadows[0] != shadows[1]);
             errors.extend(truth.map(|(_, t)| off(hit, t)));
@@ -306,7 +279,7 @@ fn off(hit: &Hit, exact: f64) -> f64 {
 }
 
 /// Size of the region in which aimed and random rays begin, relative to the scene's box.
-const ROOM: f64 = 2.0;
+const ORIGIN_SCALE: f64 = 2.0;
 /// Number of triangles that are drawn before a scene counts as having no triangle to aim at.
 const DRAWS: usize = 64;
 
@@ -339,7 +312,7 @@ fn of_camera(view: &View, count: usize) -> Vec<Ray> {
 
 /// Returns a ray from a random point around the box to a random point in the box.
 fn at_random(bounds: &Aabb, rng: &mut Rng) -> Ray {
-    let from = within(bounds, ROOM, rng);
+    let from = within(bounds, ORIGIN_SCALE, rng);
     towards(from, within(bounds, 1.0, rng))
 }
 
@@ -352,7 +325,7 @@ fn aimed(moment: &Moment<'_>, bounds: &Aabb, rng: &mut Rng) -> Option<Ray> {
     let (a, b) = (corners[k], corners[(k + 1) % 3]);
     let s = if rng.bool() { 0.0 } else { rng.f32() };
     let at = std::array::from_fn(|i| a[i] + s * (b[i] - a[i]));
-    Some(towards(within(bounds, ROOM, rng), at))
+    Some(towards(within(bounds, ORIGIN_SCALE, rng), at))
 }
 
 fn towards(from: Point, to: Point) -> Ray {
@@ -385,8 +358,8 @@ mod tests {
 
     #[test]
     fn every_sort_of_fault_is_counted_where_it_belongs() {
-        let sheet = |is_aimed, closest: &[Option<u32>]| Answered {
-            sheet: Sheet {
+        let batch = |is_aimed, closest: &[Option<u32>]| AnsweredBatch {
+            batch: RayBatch {
                 time: 0.0,
                 rays: vec![Ray::new([0.0; 3], [1.0; 3]); closest.len()],
                 is_aimed,
@@ -403,8 +376,8 @@ mod tests {
         let plain = [right, near, Hit::MISS, right, other];
         let truth = [Some(1), Some(1), None, None, Some(1)];
         let mut point = plot::Point::default();
-        let errors = count(&sheet(false, &truth), &found(&plain), &mut point);
-        let aimed = sheet(true, &[Some(1), None]);
+        let errors = count(&batch(false, &truth), &found(&plain), &mut point);
+        let aimed = batch(true, &[Some(1), None]);
         assert!(count(&aimed, &found(&[Hit::MISS; 2]), &mut point).is_empty());
         assert_eq!((point.rays_tested, point.wrong), (5, 2));
         assert_eq!(point.wrong_shadow, 1);
@@ -413,13 +386,16 @@ mod tests {
         assert_eq!((t.median, t.worst), (Some(0.0), Some(1.0)));
     }
 
-    fn way(backend: BackendName, intersector: Intersector) -> Way {
-        let method = MethodArgs::of(intersector, LayoutName::Fast);
-        Way::Ours(Ask::of(backend, method, Some(Policy::Refit)))
+    fn contender(backend: BackendName, intersector: Intersector) -> Contender {
+        Contender::Ours(TracerSettings::of(
+            backend,
+            intersector,
+            Some(Policy::Refit),
+        ))
     }
 
     fn tally(intersector: Intersector, [wrong, aimed]: [u64; 2]) -> Tally {
-        let mut tally = Tally::new(way(BackendName::Cpu, intersector), 0);
+        let mut tally = Tally::new(contender(BackendName::Cpu, intersector), 0);
         (tally.counted.rays_tested, tally.counted.wrong) = (1_000_000, wrong);
         tally.counted.aimed = plot::Aimed {
             rays: 1000,
@@ -444,7 +420,7 @@ mod tests {
         assert_eq!(goes_on, [both, both, plain, plain]);
         // A method that has stopped does not continue, and another backend is no rival.
         all[1].counted.wrong = 90;
-        all[3].way = way(BackendName::Wgpu, Exact);
+        all[3].contender = contender(BackendName::Wgpu, Exact);
         decide(&mut all);
         let goes_on: Vec<_> = all.iter().map(|t| t.goes_on).collect();
         let aimed = [false, true];
@@ -454,21 +430,21 @@ mod tests {
     #[test]
     fn stages_share_out_every_ray_once() {
         let scene = scene::open("demo:collide:300", &scene::Options::default()).unwrap();
-        let sampler = Sampler {
+        let sampler = RaySampler {
             animation: &scene.animation,
             view: shading::frame_scene(&scene.animation, 40.0, [64, 40]),
             rays: 1000,
         };
         let rays = |stage: &Range<usize>| -> Vec<Ray> {
-            let sheets = sampler.sheets(stage, [true; 2]);
-            sheets.into_iter().flat_map(|sheet| sheet.rays).collect()
+            let batches = sampler.batches(stage, [true; 2]);
+            batches.into_iter().flat_map(|batch| batch.rays).collect()
         };
         let all = rays(&(0..STAGES[STAGES.len() - 1].end));
         let staged: Vec<Vec<Ray>> = STAGES.iter().map(rays).collect();
         assert_eq!(staged.iter().map(Vec::len).sum::<usize>(), all.len());
         let is_in = |ray: &&Ray| staged.iter().filter(|s| s.contains(ray)).count() == 1;
         assert!(all.iter().filter(is_in).count() > 1200, "{}", all.len());
-        assert!(sampler.sheets(&STAGES[0], [false; 2]).is_empty());
+        assert!(sampler.batches(&STAGES[0], [false; 2]).is_empty());
     }
 
     #[test]

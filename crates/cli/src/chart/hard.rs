@@ -22,13 +22,20 @@ pub(super) fn families(rays: usize) -> Vec<StressTest> {
     MIXED_RANGE.map(|f| StressTest::new(f, &plan)).into()
 }
 
+/// Counts of one method.
+pub(super) struct HardCounts {
+    pub(super) mixed_range: Vec<FamilyCounts>,
+    pub(super) leaks: Vec<Leaks>,
+}
+
 /// Counts wrong answers in scenes of mixed range, and leaks and double hits of closed meshes. Each offset gets a
 /// quarter of `rays`, within [`LEAKS`]. A third of its rays are aimed from inside at edges and vertices.
-pub(super) fn ask(
+pub(super) fn count(
     backend: &mut dyn Backend,
     intersector: Intersector,
-    (tests, rays): (&[StressTest], usize),
-) -> Result<(Vec<FamilyCounts>, Vec<Leaks>), Stop> {
+    tests: &[StressTest],
+    rays: usize,
+) -> Result<HardCounts, Stop> {
     let method = Method::from(intersector);
     let mut mixed_range = Vec::new();
     for test in tests {
@@ -53,7 +60,7 @@ pub(super) fn ask(
             (at.counted, at.double_hits) = (0, 0);
         }
     }
-    Ok((mixed_range, leaks))
+    Ok(HardCounts { mixed_range, leaks })
 }
 
 /// Sums the rows of all meshes at one offset.

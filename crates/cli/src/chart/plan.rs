@@ -1,42 +1,32 @@
-//! Ways of tracing that this machine can chart, and the command that measures one again.
+//! The contenders that this machine can chart, and the command that measures one again.
 
-use crate::args::{BackendName, ChartArgs, LayoutName, MethodArgs, word};
-use crate::bench::Row;
-use crate::choose::Ask;
-use crate::open::{self, Presence};
-use crate::rival::{self, Contest, OWN};
+use super::ChartSettings;
+use crate::devices::{BackendName, BackendPresence, presences};
+use crate::frame_list::FrameChoice;
+use crate::measure::{Contender, Contenders, MeasuredRow};
+use crate::setup::Setup;
 use crate::stop::Stop;
-use crate::values::Frames;
+use crate::tracer_settings::{LayoutName, TracerSettings};
 use backend::{AdapterInfo, DeviceKind, Intersector};
 use clap::ValueEnum;
 use output::plot::Failure;
-use rivals::Known;
 use std::fmt;
 
-/// A way of tracing a scene.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum Way {
-    Ours(Ask<'static>),
-    Rival(Contest),
-}
-
-/// What decides the hits of a way: a backend or a rival, and its intersector.
+/// What decides the hits of a contender: a backend with an intersector, or a rival.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Method {
+pub(super) enum HitMethod {
     Ours(BackendName, Intersector),
-    Rival(&'static Known),
+    Rival(&'static str),
 }
 
-impl Way {
-    pub(super) fn method(&self) -> Method {
-        match self {
-            Self::Ours(ask) => Method::Ours(ask.backend, ask.method.intersector),
-            Self::Rival(contest) => Method::Rival(contest.rival),
+impl HitMethod {
+    pub(super) fn of(contender: &Contender) -> Self {
+        match contender {
+            Contender::Ours(tracer) => Self::Ours(tracer.device.backend, tracer.intersector),
+            Contender::Rival(policy) => Self::Rival(policy.rival.name),
         }
     }
-}
 
-impl Method {
     /// Returns whether two methods are other intersectors of one backend.
     pub(super) fn competes_with(self, other: Self) -> bool {
         match (self, other) {
@@ -48,70 +38,39 @@ impl Method {
     }
 }
 
-/// Returns every way that backends and rivals support, once, and remarks on those that are skipped.
-pub(super) fn ways(args: &ChartArgs) -> Result<(Vec<Way>, Vec<String>), Stop> {
-    let (mut ways, mut skipped) = (Vec::new(), Vec::new());
-    for backend in backends(args, &mut skipped) {
+/// Returns everything that backends and rivals support, once.
+pub(super) fn contenders(settings: &ChartSettings) -> Result<Contenders, Stop> {
+    let measure = &settings.measure;
+    let mut contenders = Contenders::default();
+    for backend in backends(&measure.backend, &mut contenders.skipped) {
         let layouts = [LayoutName::Bvh2, LayoutName::Fast];
-        let by = args.measure.intersector.iter();
+        let by = measure.intersector.iter();
         for (&intersector, layout) in by.flat_map(|by| layouts.map(|layout| (by, layout))) {
-            let method = MethodArgs::of(intersector, layout);
-            let updates = args.measure.update.iter();
-            ways.extend(updates.map(|&update| Way::Ours(Ask::of(backend, method, update))));
+            let contender = |&update| {
+                Contender::Ours(TracerSettings {
+                    layout,
+                    ..TracerSettings::of(backend, intersector, update)
+                })
+            };
+            let all = measure.update.iter().map(contender);
+            contenders.all.extend(all);
         }
     }
-    let (contests, unknown) = rival::contests(&args.measure.rival, &args.measure.update);
-    ways.extend(contests.into_iter().map(Way::Rival));
-    skipped.extend(unknown);
-    if ways.is_empty() {
-        let why = skipped.join("; ");
+    contenders.add_rivals(measure);
+    if contenders.all.is_empty() {
+        let why = contenders.skipped.join("; ");
         return Err(Stop::bad(format!("there is nothing to chart: {why}")));
     }
-    Ok((unique(&ways), skipped))
-}
-
-/// Returns each method among `ways` once.
-pub(super) fn methods(ways: impl IntoIterator<Item = Way>) -> Vec<Method> {
-    let mut methods = Vec::new();
-    for way in ways {
-        if !methods.contains(&way.method()) {
-            methods.push(way.method());
-        }
-    }
-    methods
-}
-
-/// Returns the row of a way that could not be measured.
-pub(super) fn failure(scene: &str, way: &Way, stop: &Stop) -> Failure {
-    let names = match way {
-        Way::Ours(ask) => [
-            word(&ask.backend),
-            word(&ask.method.layout),
-            ask.method.intersector.to_string(),
-            ask.update().0.name().to_owned(),
-        ],
-        Way::Rival(Contest { rival, upkeep }) => {
-            [rival.name, OWN, OWN, upkeep.name()].map(str::to_owned)
-        }
-    };
-    let [backend, layout, intersector, update] = names;
-    Failure {
-        scene: scene.to_owned(),
-        backend,
-        layout,
-        intersector,
-        update,
-        error: stop.to_string(),
-    }
+    contenders.all = unique(&contenders.all);
+    Ok(contenders)
 }
 
 /// Returns the backends to chart: those that were named, then those that `auto` finds, the host first.
-fn backends(args: &ChartArgs, skipped: &mut Vec<String>) -> Vec<BackendName> {
-    let (auto, named): (Vec<BackendName>, Vec<_>) =
-        (args.measure.backend.iter()).partition(|&&b| b == BackendName::Auto);
-    let mut found = named;
+fn backends(requested: &[BackendName], skipped: &mut Vec<String>) -> Vec<BackendName> {
+    let (auto, mut found): (Vec<_>, Vec<_>) =
+        (requested.iter()).partition(|&&b| b == BackendName::Auto);
     if !auto.is_empty() {
-        for presence in open::presences().rev() {
+        for presence in presences().rev() {
             let name = presence.backend;
             match why_not(presence) {
                 Some(why) => skipped.push(format!("{name} is skipped: {why}")),
@@ -122,8 +81,32 @@ fn backends(args: &ChartArgs, skipped: &mut Vec<String>) -> Vec<BackendName> {
     found
 }
 
+/// Returns each method of the contenders once.
+pub(super) fn methods<'a>(contenders: impl IntoIterator<Item = &'a Contender>) -> Vec<HitMethod> {
+    let mut methods = Vec::new();
+    for method in contenders.into_iter().map(HitMethod::of) {
+        if !methods.contains(&method) {
+            methods.push(method);
+        }
+    }
+    methods
+}
+
+/// Returns the row of a contender that could not be measured.
+pub(super) fn failure(scene: &str, contender: &Contender, stop: &Stop) -> Failure {
+    let names = contender.names();
+    Failure {
+        scene: scene.to_owned(),
+        backend: names.backend.to_owned(),
+        layout: names.layout.to_owned(),
+        intersector: names.intersector.to_owned(),
+        update: names.update.to_owned(),
+        error: stop.to_string(),
+    }
+}
+
 /// Returns the reason why `auto` skips a backend that finds no GPU.
-fn why_not(presence: Presence) -> Option<String> {
+fn why_not(presence: BackendPresence) -> Option<String> {
     let is_fit = |a: &AdapterInfo| a.kind != DeviceKind::Software;
     if presence.adapters.iter().any(is_fit) {
         return None;
@@ -145,89 +128,85 @@ pub(super) fn unique<T: Clone + ToString>(all: &[T]) -> Vec<T> {
     kept
 }
 
-/// Backend, layout, intersector and policy, as far as they are known without a run.
-impl fmt::Display for Way {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let ask = match self {
-            Self::Ours(ask) => ask,
-            Self::Rival(contest) => return contest.fmt(f),
-        };
-        let [backend, layout] = [word(&ask.backend), word(&ask.method.layout)];
-        let intersector = ask.method.intersector;
-        let update = ask.update().0.name();
-        write!(f, "{backend} {layout} {intersector} {update}")
-    }
-}
-
-impl fmt::Display for Method {
+impl fmt::Display for HitMethod {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Ours(backend, intersector) => write!(f, "{} {intersector}", word(backend)),
-            Self::Rival(rival) => f.write_str(rival.name),
+            Self::Ours(backend, intersector) => write!(f, "{} {intersector}", backend.name()),
+            Self::Rival(rival) => f.write_str(rival),
         }
     }
 }
 
-/// Returns the command that measures the row of a way again.
-pub(super) fn command(args: &ChartArgs, (spec, way): (&str, &Way), row: &Row) -> String {
-    let [width, height] = args.measure.size;
-    let frames = match &args.measure.frames {
-        Frames::Count(n) => n.to_string(),
+/// Returns the command that measures a row again.
+pub(super) fn command(
+    settings: &ChartSettings,
+    scene: &str,
+    contender: &Contender,
+    row: &MeasuredRow,
+) -> String {
+    let measure = &settings.measure;
+    let frames = match &measure.frames {
+        FrameChoice::Count(n) => n.to_string(),
         // A single number would be read as a count.
-        Frames::Keys(keys) => keys.iter().map(|key| format!("{key},")).collect(),
+        FrameChoice::Keys(keys) => keys.iter().map(|key| format!("{key},")).collect(),
     };
     let mut source = String::new();
-    if (args.measure.source.fps - 24.0).abs() > 0.0 {
-        source += &format!(" --fps {}", args.measure.source.fps);
+    if (measure.source.fps - 24.0).abs() > 0.0 {
+        source += &format!(" --fps {}", measure.source.fps);
     }
-    if let Some(clip) = &args.measure.source.clip {
+    if let Some(clip) = &measure.source.clip {
         source += &format!(" --clip {}", quoted(clip));
     }
-    let warm_up = args.measure.warm_up;
+    let warm_up = measure.warm_up;
     let warm_up = warm_up.map_or(String::new(), |seconds| format!(" --warm-up {seconds}"));
-    let how = &row.setup;
-    let name = how.backend;
-    let by = match way {
-        Way::Ours(_) => {
-            let (intersector, layout) = (how.intersector, how.layout);
-            format!("--backend {name} --intersector {intersector} --layout {layout}")
+    let Setup {
+        backend,
+        intersector,
+        layout,
+        update,
+        ..
+    } = row.setup;
+    let by = match contender {
+        Contender::Ours(_) => {
+            format!("--backend {backend} --intersector {intersector} --layout {layout}")
         }
-        Way::Rival(_) => format!("--rival {name}"),
+        Contender::Rival(_) => format!("--rival {backend}"),
     };
     format!(
-        "abvh bench {}{source} {by} --update {} --size {width}x{height} --frames {frames}{warm_up}",
-        quoted(spec),
-        how.update,
+        "abvh bench {}{source} {by} --update {update} {} --frames {frames}{warm_up}",
+        quoted(scene),
+        measure.camera.words(),
     )
 }
 
 /// Quotes a word so that a shell reads it as one.
 fn quoted(word: &str) -> String {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "_-./:,=+@%".contains(c);
-    match !word.is_empty() && word.chars().all(is_plain) {
-        true => word.to_owned(),
-        false => format!("'{}'", word.replace('\'', "'\\''")),
+    if !word.is_empty() && word.chars().all(is_plain) {
+        word.to_owned()
+    } else {
+        format!("'{}'", word.replace('\'', "'\\''"))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::args::{Command, parse};
+    use crate::command_line::{CommandSettings, parse};
 
     #[test]
     fn what_is_named_twice_is_done_once() {
         let words = "abvh chart a b a --update refit,async,refit --backend cpu --intersector woop,exact,woop";
         let parsed = parse(words.split(' ').map(Into::into));
-        let Ok(Command::Chart(args)) = parsed else {
+        let Ok(CommandSettings::Chart(settings)) = parsed else {
             panic!("{words}: {parsed:?}");
         };
-        let (ways, skipped) = ways(&args).unwrap();
-        let ways: Vec<_> = ways.iter().map(ToString::to_string).collect();
+        let Contenders { all, skipped } = contenders(&settings).unwrap();
+        let contenders: Vec<_> = all.iter().map(ToString::to_string).collect();
         let methods = ["bvh2 woop", "fast woop", "bvh2 exact", "fast exact"];
         let expected = methods.map(|m| ["refit", "async"].map(|u| format!("cpu {m} {u}")));
-        assert_eq!(ways, expected.concat());
-        assert_eq!(unique(&args.measure.scenes), ["a", "b"]);
+        assert_eq!(contenders, expected.concat());
+        assert_eq!(unique(&settings.measure.scenes), ["a", "b"]);
         assert!(skipped.is_empty(), "{skipped:?}");
     }
 
@@ -241,7 +220,7 @@ mod tests {
                 kind,
                 limits: Vec::new(),
             };
-            Presence {
+            BackendPresence {
                 backend,
                 absent: kinds.is_empty().then(|| "no loader".to_owned()),
                 adapters: kinds.iter().enumerate().map(adapter).collect(),

@@ -1,12 +1,10 @@
 //! Millions of rays against the oracle, on every backend.
 
-use super::{Report, command};
-use crate::args::ConformArgs;
-use crate::open::Subject;
+use super::{ConformReport, ConformSettings};
+use crate::console::Progress;
 use crate::stop::Stop;
 use crate::table::{Cells, grouped, table};
-use crate::talk::Progress;
-use backend::Intersector;
+use backend::{Backend, Intersector};
 use conformance::stress::audit::{Audit, AuditCounts, Batch, BatchSpec};
 use geom::Animation;
 use rayon::prelude::*;
@@ -16,37 +14,35 @@ use std::sync::Arc;
 /// Number of rays whose exact answers are computed at a time.
 const AHEAD: u64 = 1 << 19;
 /// Maximum number of wrong rays per backend that are reported in full.
-const TOLD: usize = 12;
+const MOST_EXAMPLES: usize = 12;
 
 /// A scene and its name.
-type Given = (String, Arc<Animation>);
+type NamedScene = (String, Arc<Animation>);
 
-pub(super) fn open(args: &ConformArgs) -> Result<Vec<Given>, Stop> {
+pub(super) fn open_scenes(settings: &ConformSettings) -> Result<Vec<NamedScene>, Stop> {
     let options = scene::Options {
-        allow_outside: args.allow_outside,
+        allow_outside: settings.allow_outside,
         ..scene::Options::default()
     };
-    let given = |name: &String| {
+    let open = |name: &String| {
         let scene = scene::open(name, &options).map_err(Stop::bad)?;
         Ok((name.clone(), scene.animation))
     };
-    args.scene.iter().map(given).collect()
+    settings.scene.iter().map(open).collect()
 }
 
-/// Compares every subject with exact answers, if any rays are requested.
-pub(super) fn hold(
-    args: &ConformArgs,
-    given: Vec<Given>,
-    subjects: &mut [Subject],
-    report: &mut Report,
+/// Compares every backend with exact answers.
+pub(super) fn compare(
+    settings: &ConformSettings,
+    scenes: Vec<NamedScene>,
+    backends: &mut [Box<dyn Backend>],
+    report: &mut ConformReport,
 ) -> Result<(), Stop> {
-    if args.oracle_rays == 0 {
-        return Ok(());
-    }
-    let rays = args.oracle_rays;
-    let audit = Audit::new(args.seed, rays, given);
+    let rays = settings.oracle_rays;
+    let audit = Audit::new(settings.seed, rays, scenes);
     let mut specs = audit.specs();
-    if let Some(number) = args.oracle_batch {
+    let test = OracleTest { settings, audit };
+    if let Some(number) = settings.oracle_batch {
         specs.retain(|spec| spec.number == number);
         if specs.is_empty() {
             let why = format!("of {rays} rays there is no batch {number}");
@@ -54,16 +50,25 @@ pub(super) fn hold(
         }
     }
     let chunks = chunks(&specs);
-    let mut progress = Progress::new(chunks.len() as u64, args.test.quiet);
-    let make = |specs: &[BatchSpec]| specs.par_iter().map(|l| audit.batch(l)).collect();
+    let mut progress = Progress::new(chunks.len() as u64, settings.test.quiet);
+    let make = |specs: &[BatchSpec]| {
+        specs
+            .par_iter()
+            .map(|spec| test.audit.batch(spec))
+            .collect()
+    };
     let mut now: Vec<Batch> = chunks.first().map_or(Vec::new(), |c| make(c));
     for i in 1..=chunks.len() {
         // While the backends trace a chunk, the host computes the exact answers of the next.
-        let (asked, next) = rayon::join(
-            || ask(args, &audit, subjects, &now, report),
+        let (traced, next) = rayon::join(
+            || {
+                backends
+                    .iter_mut()
+                    .try_for_each(|b| test.trace(b.as_mut(), &now, report))
+            },
             || chunks.get(i).map_or(Vec::new(), |c| make(c)),
         );
-        asked?;
+        traced?;
         now = next;
         progress.step("rays against exact answers");
     }
@@ -82,35 +87,47 @@ fn chunks(specs: &[BatchSpec]) -> Vec<&[BatchSpec]> {
     specs.chunk_by(together).collect()
 }
 
-/// Traces batches on all backends. With `exact`, keeps a backend's first wrong rays with the command that reproduces
-/// them.
-fn ask(
-    args: &ConformArgs,
-    audit: &Audit,
-    subjects: &mut [Subject],
-    batches: &[Batch],
-    report: &mut Report,
-) -> Result<(), Stop> {
-    let intersector = args.intersector.unwrap_or(Intersector::Exact);
-    let scenes: String = args.scene.iter().map(|s| format!(" '{s}'")).collect();
-    let most = usize::from(intersector == Intersector::Exact) * TOLD;
-    for subject in subjects {
-        let name = subject.device().backend;
+/// Rays with exact answers.
+struct OracleTest<'a> {
+    settings: &'a ConformSettings,
+    audit: Audit,
+}
+
+impl OracleTest<'_> {
+    /// Traces batches on a backend. With `exact`, keeps its first wrong rays with the command that reproduces them.
+    fn trace(
+        &self,
+        backend: &mut dyn Backend,
+        batches: &[Batch],
+        report: &mut ConformReport,
+    ) -> Result<(), Stop> {
+        let Self { settings, audit } = self;
+        let intersector = settings.intersector.unwrap_or(Intersector::Exact);
+        let scenes: String = settings.scene.iter().map(|s| format!(" '{s}'")).collect();
+        let most = usize::from(intersector == Intersector::Exact) * MOST_EXAMPLES;
+        let name = backend.device().backend;
         let begins = format!("{name}: ");
         for batch in batches {
-            let tally = batch.ask(subject.as_mut(), intersector.into())?;
+            let tally = batch.ask(backend, intersector.into())?;
             let (mesh, number) = (audit.name(&batch.spec), batch.spec.number);
-            let rays = args.oracle_rays;
+            let rays = settings.oracle_rays;
             let rest = format!("--cases 0 --oracle-rays {rays} --oracle-batch {number}");
-            let command = command(args, &scenes, name, &rest);
+            let command = settings.command(&scenes, name, &rest);
             let examples = &mut report.oracle_examples;
-            let told = examples.iter().filter(|e| e.starts_with(&begins)).count();
-            let more = tally.first.iter().take(most.saturating_sub(told));
+            let known = examples.iter().filter(|e| e.starts_with(&begins)).count();
+            let more = tally.first.iter().take(most.saturating_sub(known));
             examples.extend(more.map(|wrong| format!("{begins}{mesh}: {wrong}\n    {command}")));
-            add(&mut report.oracle, name, mesh, intersector, tally);
+            let row = OracleRow {
+                backend: name,
+                mesh: mesh.to_owned(),
+                intersector: intersector.name(),
+                scenes: 1,
+                tally,
+            };
+            add(&mut report.oracle, row);
         }
+        Ok(())
     }
-    Ok(())
 }
 
 /// Counts of all rays at meshes of one kind, or at one scene.
@@ -154,31 +171,18 @@ impl OracleRow {
     }
 }
 
-/// Adds a scene's counts to the row of its backend and mesh.
-fn add(
-    rows: &mut Vec<OracleRow>,
-    backend: &'static str,
-    mesh: &str,
-    by: Intersector,
-    tally: AuditCounts,
-) {
-    let same = |r: &OracleRow| (r.backend, &*r.mesh) == (backend, mesh);
-    let at = rows.iter().position(same).unwrap_or_else(|| {
+/// Adds the counts of `row` to the row of its backend and mesh.
+fn add(rows: &mut Vec<OracleRow>, row: OracleRow) {
+    let same = |r: &&mut OracleRow| (r.backend, &r.mesh) == (row.backend, &row.mesh);
+    if let Some(sum) = rows.iter_mut().find(same) {
+        sum.scenes += row.scenes;
+        sum.tally += row.tally;
+    } else {
         // Insert after the rows of the same backend.
-        let last = rows.iter().rposition(|r| r.backend == backend);
+        let last = rows.iter().rposition(|r| r.backend == row.backend);
         let at = last.map_or(rows.len(), |last| last + 1);
-        let row = OracleRow {
-            backend,
-            mesh: mesh.to_owned(),
-            intersector: by.name(),
-            scenes: 0,
-            tally: AuditCounts::default(),
-        };
         rows.insert(at, row);
-        at
-    });
-    rows[at].scenes += 1;
-    rows[at].tally += tally;
+    }
 }
 
 /// Formats the rows of each backend, with their sum. Empty without rows.
@@ -215,7 +219,14 @@ mod tests {
                 wrong,
                 ..AuditCounts::default()
             };
-            add(&mut rows, backend, mesh, by, tally);
+            let row = OracleRow {
+                backend,
+                mesh: mesh.to_owned(),
+                intersector: by.name(),
+                scenes: 1,
+                tally,
+            };
+            add(&mut rows, row);
         }
         rows
     }

@@ -7,18 +7,19 @@ use std::path::{Path, PathBuf};
 /// Prefixes of the names of a frame's files, and of the files that describe a run.
 const OURS: [&str; 3] = ["frame_", "hits_", "abvh-run"];
 
-type Named<'a> = (&'a str, PathBuf);
+/// A file with the option that names it.
+type NamedFile<'a> = (&'a str, PathBuf);
 
 /// Files that a command reads and writes, with the options that name them.
 #[derive(Default)]
-pub(crate) struct Files<'a> {
-    pub(crate) read: Vec<Named<'a>>,
-    pub(crate) written: Vec<Named<'a>>,
+pub(crate) struct CommandFiles<'a> {
+    pub(crate) read: Vec<NamedFile<'a>>,
+    pub(crate) written: Vec<NamedFile<'a>>,
     /// Folders for the files of frames.
-    pub(crate) folders: Vec<Named<'a>>,
+    pub(crate) folders: Vec<NamedFile<'a>>,
 }
 
-impl<'a> Files<'a> {
+impl<'a> CommandFiles<'a> {
     /// Returns the files that optional arguments write, except standard output.
     pub(crate) fn written(options: &[(&'a str, &Option<PathBuf>)]) -> Self {
         let options = options.iter();
@@ -57,7 +58,7 @@ impl<'a> Files<'a> {
     pub(crate) fn check_apart(&self) -> Result<(), Stop> {
         for (i, (option, file)) in self.written.iter().enumerate() {
             let Some(place) = place(file) else { continue };
-            let is_same = |other: &&Named<'_>| self::place(&other.1).as_ref() == Some(&place);
+            let is_same = |other: &&NamedFile<'_>| self::place(&other.1).as_ref() == Some(&place);
             let what = if let Some((other, file)) = self.read.iter().find(is_same) {
                 format!("{} of {other}", file.display())
             } else if let Some((other, _)) = self.written[..i].iter().find(is_same) {
@@ -84,7 +85,7 @@ impl<'a> Files<'a> {
         let name = place.file_name()?.to_string_lossy();
         let is_ours = OURS.iter().any(|o| name.starts_with(o));
         let folder = place.parent().filter(|_| is_ours)?;
-        let found = self.folders.iter().find(|(_, f)| whole(f) == folder);
+        let found = self.folders.iter().find(|(_, f)| absolute(f) == folder);
         found.map(|(option, _)| *option)
     }
 }
@@ -93,11 +94,11 @@ impl<'a> Files<'a> {
 fn place(file: &Path) -> Option<PathBuf> {
     let about = fs::metadata(file).ok();
     let is_special = about.is_some_and(|about| !about.is_file() && !about.is_dir());
-    (!is_special).then(|| whole(file))
+    (!is_special).then(|| absolute(file))
 }
 
 /// Returns the absolute path, with links resolved as far as it exists.
-pub(crate) fn whole(file: &Path) -> PathBuf {
+pub(crate) fn absolute(file: &Path) -> PathBuf {
     if let Ok(whole) = fs::canonicalize(file) {
         return whole;
     }

@@ -1,12 +1,11 @@
-//! Lists the frames of a run and of its shards, with their times.
+//! The options that select frames, and the frames of a run and of its shards with their times.
 
+use crate::parsers::finite;
 use crate::stop::Stop;
 use crate::table::{KEY_FRAMES, counted};
-use crate::values::TimeRange;
 use pipeline::Frame;
+use std::str::FromStr;
 
-/// Prefix of the name of every demo.
-pub(crate) const DEMO: &str = "demo:";
 /// Default number of frames of a demo: two seconds of film.
 const DEMO_FRAMES: usize = 48;
 /// Maximum default number of frames of other scenes.
@@ -14,15 +13,16 @@ const MOST_FRAMES: usize = 96;
 
 const MAX_FRAMES: usize = 1_000_000;
 
+/// Value of `--frames`.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum Frames {
+pub(crate) enum FrameChoice {
     /// A number of frames, spread evenly over the time range.
     Count(usize),
-    /// Frames at these key times, in this order.
+    /// FrameChoice at these key times, in this order.
     Keys(Vec<usize>),
 }
 
-/// One block of a list of frames that is divided evenly.
+/// Value of `--shard`: one block of a list of frames that is divided evenly.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Shard {
     /// Number of the block, from 1.
@@ -30,20 +30,47 @@ pub(crate) struct Shard {
     pub(crate) of: usize,
 }
 
-/// Parses `N`, `A..B` or a list of key times.
-pub(crate) fn frames(text: &str) -> Result<Frames, String> {
-    let frames = match text.contains(['.', ',', '-']) {
-        false => Frames::Count(whole(text)?),
-        true => Frames::Keys(key_times(text)?),
-    };
-    let count = match &frames {
-        Frames::Count(n) => *n,
-        Frames::Keys(keys) => keys.len(),
-    };
-    match count {
-        0 => Err("there must be at least one frame".to_owned()),
-        n if n > MAX_FRAMES => Err(too_many(n)),
-        _ => Ok(frames),
+/// Value of `--time-range`, in key frames, both ends included.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct TimeRange {
+    pub(crate) from: f64,
+    pub(crate) to: f64,
+}
+
+impl FromStr for TimeRange {
+    type Err = String;
+
+    /// Parses `T0..T1`, finite and in order.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let says = "a time range is T0..T1, such as 0..7.5";
+        let (a, b) = text.split_once("..").ok_or(says)?;
+        let (from, to) = (finite(a)?, finite(b)?);
+        if from > to {
+            return Err(format!("the range is reversed; did you mean {b}..{a}?"));
+        }
+        Ok(Self { from, to })
+    }
+}
+
+impl FromStr for FrameChoice {
+    type Err = String;
+
+    /// Parses `N`, `A..B` or a list of key times.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let frames = if text.contains(['.', ',', '-']) {
+            Self::Keys(key_times(text)?)
+        } else {
+            Self::Count(whole(text)?)
+        };
+        let count = match &frames {
+            Self::Count(n) => *n,
+            Self::Keys(keys) => keys.len(),
+        };
+        match count {
+            0 => Err("there must be at least one frame".to_owned()),
+            n if n > MAX_FRAMES => Err(too_many(n)),
+            _ => Ok(frames),
+        }
     }
 }
 
@@ -98,19 +125,23 @@ fn range(part: &str) -> Result<(usize, usize, usize), String> {
     }
 }
 
-/// Parses `I/N`, counted from 1, or `auto`: from the variables that Slurm sets for each task of an array.
-pub(crate) fn shard(text: &str) -> Result<Shard, String> {
-    if text == "auto" {
-        return slurm_shard(&|name| std::env::var(name).ok());
-    }
-    let says = "a shard is I/N, such as 2/8, or auto";
-    let (number, of) = text.split_once('/').ok_or(says)?;
-    let (number, of) = (whole(number)?, whole(of)?);
-    match (1..=of).contains(&number) {
-        true => Ok(Shard { number, of }),
-        false => Err(format!(
-            "there is no shard {number} of {of}: they are numbered from 1 on"
-        )),
+impl FromStr for Shard {
+    type Err = String;
+
+    /// Parses `I/N`, counted from 1, or `auto`: from the variables that Slurm sets for each task of an array.
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text == "auto" {
+            return slurm_shard(&|name| std::env::var(name).ok());
+        }
+        let says = "a shard is I/N, such as 2/8, or auto";
+        let (number, of) = text.split_once('/').ok_or(says)?;
+        let (number, of) = (whole(number)?, whole(of)?);
+        if !(1..=of).contains(&number) {
+            return Err(format!(
+                "there is no shard {number} of {of}: they are numbered from 1 on"
+            ));
+        }
+        Ok(Self { number, of })
     }
 }
 
@@ -135,22 +166,23 @@ fn slurm_shard(variable: &dyn Fn(&str) -> Option<String>) -> Result<Shard, Strin
 /// Returns the frames to render of a motion with `keys` key frames. Frames at key times are numbered by key time,
 /// others from 0.
 pub(crate) fn list(
-    frames: Option<&Frames>,
+    frames: Option<&FrameChoice>,
     range: Option<TimeRange>,
     keys: usize,
     is_demo: bool,
 ) -> Result<Vec<Frame>, Stop> {
-    if let Some(Frames::Keys(list)) = frames {
+    if let Some(FrameChoice::Keys(list)) = frames {
         let why = "--frames names key times already: leave --time-range out";
         return range.map_or_else(|| at_keys(list, keys), |_| Err(Stop::bad(why)));
     }
     let end = (keys - 1) as f64;
-    let (count, [from, to]) = spread_over(frames, range, keys, is_demo);
+    let even = EvenFrames::of(frames, range, keys, is_demo);
+    let TimeRange { from, to } = even.range;
     if from < 0.0 || to > end {
         let why = format!("leaves the motion, which lasts from 0 to {end} key frames");
         return Err(Stop::bad(format!("--time-range {from}..{to} {why}")));
     }
-    let numbered = (0..).zip(spread([from, to], count));
+    let numbered = (0..).zip(even.times());
     let frames = numbered.map(|(index, time)| Frame { index, time });
     Ok(frames.collect())
 }
@@ -171,10 +203,6 @@ fn at_keys(list: &[usize], keys: usize) -> Result<Vec<Frame>, Stop> {
     Ok(list.iter().map(frame).collect())
 }
 
-pub(crate) fn is_demo(scene: &str) -> bool {
-    scene.starts_with(DEMO)
-}
-
 /// Returns the frames of one of several blocks of about equal size.
 pub(crate) fn of_shard(frames: &[Frame], shard: Option<Shard>) -> Vec<Frame> {
     let Some(Shard { number, of }) = shard else {
@@ -185,7 +213,7 @@ pub(crate) fn of_shard(frames: &[Frame], shard: Option<Shard>) -> Vec<Frame> {
 }
 
 /// Checks that a time is within the motion.
-pub(crate) fn moment(option: &str, time: f64, keys: usize) -> Result<f64, Stop> {
+pub(crate) fn check_time(option: &str, time: f64, keys: usize) -> Result<f64, Stop> {
     let end = (keys - 1) as f64;
     if (0.0..=end).contains(&time) {
         return Ok(time);
@@ -195,33 +223,45 @@ pub(crate) fn moment(option: &str, time: f64, keys: usize) -> Result<f64, Stop> 
     )))
 }
 
-/// Returns the number of frames and the time range for frames that are not at key times.
-pub(crate) fn spread_over(
-    frames: Option<&Frames>,
-    range: Option<TimeRange>,
-    keys: usize,
-    is_demo: bool,
-) -> (usize, TimeRange) {
-    let [from, to] = range.unwrap_or([0.0, (keys - 1) as f64]);
-    let count = match (frames, to - from) {
-        (Some(Frames::Count(n)), _) => *n,
-        (_, 0.0) => 1,
-        _ if is_demo => DEMO_FRAMES,
-        // One per key frame, up to a limit.
-        (_, keys) => (keys.min(MOST_FRAMES as f64) as usize + 1).clamp(2, MOST_FRAMES),
-    };
-    (count, [from, to])
+/// Frames that are spread evenly over a time range.
+pub(crate) struct EvenFrames {
+    pub(crate) count: usize,
+    pub(crate) range: TimeRange,
 }
 
-/// Returns `n` times over the range, both ends included. Times of key frames are exact.
-fn spread([from, to]: TimeRange, n: usize) -> Vec<f64> {
-    let steps = (n.max(2) - 1) as f64;
-    let at = |i: usize| from + (to - from) * i as f64 / steps;
-    let mut times: Vec<f64> = (0..n).map(at).collect();
-    if let Some(last) = times.get_mut(1..).and_then(<[f64]>::last_mut) {
-        *last = to;
+impl EvenFrames {
+    /// Returns the number of frames and their time range, for frames that are not at key times.
+    pub(crate) fn of(
+        frames: Option<&FrameChoice>,
+        range: Option<TimeRange>,
+        keys: usize,
+        is_demo: bool,
+    ) -> Self {
+        let range = range.unwrap_or(TimeRange {
+            from: 0.0,
+            to: (keys - 1) as f64,
+        });
+        let count = match (frames, range.to - range.from) {
+            (Some(FrameChoice::Count(n)), _) => *n,
+            (_, 0.0) => 1,
+            _ if is_demo => DEMO_FRAMES,
+            // One per key frame, up to a limit.
+            (_, keys) => (keys.min(MOST_FRAMES as f64) as usize + 1).clamp(2, MOST_FRAMES),
+        };
+        Self { count, range }
     }
-    times
+
+    /// Returns the times, both ends included. Times of key frames are exact.
+    fn times(&self) -> Vec<f64> {
+        let TimeRange { from, to } = self.range;
+        let steps = (self.count.max(2) - 1) as f64;
+        let at = |i: usize| from + (to - from) * i as f64 / steps;
+        let mut times: Vec<f64> = (0..self.count).map(at).collect();
+        if let Some(last) = times.get_mut(1..).and_then(<[f64]>::last_mut) {
+            *last = to;
+        }
+        times
+    }
 }
 
 #[cfg(test)]
@@ -243,7 +283,7 @@ mod tests {
 
         #[test]
         fn whatever_names_frames_names_each_once(text in "[0-9.,x-]{0,12}") {
-            if let Ok(Frames::Keys(mut keys)) = frames(&text) {
+            if let Ok(FrameChoice::Keys(mut keys)) = text.parse() {
                 let count = keys.len();
                 keys.sort_unstable();
                 keys.dedup();
@@ -252,10 +292,14 @@ mod tests {
         }
     }
 
-    fn times(frames: Option<Frames>, range: Option<TimeRange>, keys: usize) -> Option<Vec<f64>> {
+    fn times(
+        frames: Option<FrameChoice>,
+        range: Option<TimeRange>,
+        keys: usize,
+    ) -> Option<Vec<f64>> {
         let list = list(frames.as_ref(), range, keys, false).ok()?;
         let number = |i: usize, f: &Frame| match frames {
-            Some(Frames::Keys(_)) => f.index == f.time as u64,
+            Some(FrameChoice::Keys(_)) => f.index == f.time as u64,
             _ => f.index == i as u64,
         };
         assert!(list.iter().enumerate().all(|(i, f)| number(i, f)));
@@ -264,11 +308,12 @@ mod tests {
 
     #[test]
     fn frames_are_spread_over_both_ends_or_at_key_times() {
-        let count = |n| Some(Frames::Count(n));
-        let keys = |from, to| Some(Frames::Keys((from..to).collect()));
-        for (frames, range, key_times, expected) in [
+        let count = |n| Some(FrameChoice::Count(n));
+        let keys = |from, to| Some(FrameChoice::Keys((from..to).collect()));
+        let range = |from, to| Some(TimeRange { from, to });
+        for (frames, within, key_times, expected) in [
             (count(3), None, 5, vec![0.0, 2.0, 4.0]),
-            (count(3), Some([0.5, 1.5]), 5, vec![0.5, 1.0, 1.5]),
+            (count(3), range(0.5, 1.5), 5, vec![0.5, 1.0, 1.5]),
             (count(1), None, 5, vec![0.0]),
             (count(3), None, 1, vec![0.0; 3]),
             (count(53), None, 53, (0..53).map(f64::from).collect()),
@@ -276,40 +321,50 @@ mod tests {
             (None, None, 1, vec![0.0]),
             (None, None, 4, vec![0.0, 1.0, 2.0, 3.0]),
         ] {
-            assert_eq!(times(frames, range, key_times), Some(expected));
+            assert_eq!(times(frames, within, key_times), Some(expected));
         }
-        for (frames, range) in [
+        for (frames, within) in [
             (keys(1, 5), None),
-            (keys(1, 3), Some([0.0, 1.0])),
-            (None, Some([0.0, 3.5])),
-            (None, Some([-1.0, 2.0])),
+            (keys(1, 3), range(0.0, 1.0)),
+            (None, range(0.0, 3.5)),
+            (None, range(-1.0, 2.0)),
         ] {
-            assert_eq!(times(frames, range, 4), None);
+            assert_eq!(times(frames, within, 4), None);
         }
-        assert!(moment("--time", 3.0, 4).is_ok() && moment("--time", 3.1, 4).is_err());
+        assert!(check_time("--time", 3.0, 4).is_ok() && check_time("--time", 3.1, 4).is_err());
         assert_eq!(times(None, None, 500).unwrap().len(), 96);
         assert_eq!(list(None, None, 16, true).unwrap().len(), 48);
     }
 
     #[test]
     fn frames_are_a_count_or_a_range_in_order() {
-        assert_eq!(frames("8"), Ok(Frames::Count(8)));
-        assert_eq!(frames("2..5"), Ok(Frames::Keys(vec![2, 3, 4])));
+        assert_eq!("8".parse(), Ok(FrameChoice::Count(8)));
+        assert_eq!("2..5".parse(), Ok(FrameChoice::Keys(vec![2, 3, 4])));
         let list = vec![1, 4, 10, 12, 14, 16, 18, 20];
-        assert_eq!(frames("1,4,10-20x2"), Ok(Frames::Keys(list)));
-        assert_eq!(frames("7,"), Ok(Frames::Keys(vec![7])));
+        assert_eq!("1,4,10-20x2".parse(), Ok(FrameChoice::Keys(list)));
+        assert_eq!("7,".parse(), Ok(FrameChoice::Keys(vec![7])));
         let bad = "0 .. 5..2 3..3 -1 1.5 2.. 0..2000000 2000000 18446744073709551615 \
             1,1 3-5,4 5-3 1-9x0 1- 1,x 0-4000000000 ,";
         for bad in bad.split_whitespace().chain([""]) {
-            assert!(frames(bad).is_err(), "{bad}");
+            assert!(bad.parse::<FrameChoice>().is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn time_ranges_are_finite_and_in_order() {
+        let range = |from, to| Ok(TimeRange { from, to });
+        assert_eq!("0.5..3".parse(), range(0.5, 3.0));
+        assert_eq!("2..2".parse(), range(2.0, 2.0));
+        for bad in ["3..1", "1", "nan..1", "0..inf", "a..b"] {
+            assert!(bad.parse::<TimeRange>().is_err(), "{bad}");
         }
     }
 
     #[test]
     fn shards_are_numbered_from_one_on_by_hand_or_by_slurm() {
-        assert_eq!(shard("2/8"), Ok(Shard { number: 2, of: 8 }));
+        assert_eq!("2/8".parse(), Ok(Shard { number: 2, of: 8 }));
         for bad in ["0/8", "9/8", "8", "a/b", "1/0", ""] {
-            assert!(shard(bad).is_err(), "{bad}");
+            assert!(bad.parse::<Shard>().is_err(), "{bad}");
         }
         let task = |id: &'static str| {
             slurm_shard(&move |name| match name {

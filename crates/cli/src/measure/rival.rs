@@ -1,15 +1,14 @@
 //! Opens rivals by name, measures their frames, and compares their hits with ours.
 
-use crate::args::{BackendName, LayoutName, MethodArgs, UpdateName, update_name};
-use crate::choose::Ask;
-use crate::session::{self, Setup};
+use super::timing::{TimedFrames, TimingPlan, trace_frame};
+use crate::devices::{BackendName, Opening};
+use crate::setup::{self, Setup, Started};
 use crate::stop::Stop;
-use backend::{
-    BackendError, DeviceBytes, FrameReport, Hits, Intersector, Policy, Query, QueryKind, Rays,
-};
-use geom::{Animation, Ray};
+use crate::tracer_settings::{TracerSettings, Workload};
+use backend::{BackendError, DeviceBytes, FrameReport, Hits, Intersector, Policy, Query};
+use geom::Animation;
 use output::FrameStats;
-use pipeline::{Answers, Frame, Wanted, WarmUp, Warmed, unhittable_at};
+use pipeline::{Frame, WarmUp, Warmed, unhittable_at};
 use rivals::{Known, Rival, Upkeep};
 use std::fmt;
 use std::sync::Arc;
@@ -18,89 +17,63 @@ use std::time::Instant;
 /// Name of a rival's intersector and layout in tables and files, because rivals use their own.
 pub(crate) const OWN: &str = "own";
 
+/// The device of a rival, and the threads if it runs on the host. By default, all cores and the first adapter.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct RivalDevice<'a> {
+    pub(crate) adapter: Option<&'a str>,
+    pub(crate) threads: Option<usize>,
+}
+
 /// A rival and the policy by which it updates its tree.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Contest {
+pub(crate) struct RivalPolicy {
     pub(crate) rival: &'static Known,
     pub(crate) upkeep: Upkeep,
 }
 
-impl fmt::Display for Contest {
+impl fmt::Display for RivalPolicy {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} {}", self.rival.name, self.upkeep)
     }
 }
 
-/// Returns every rival with each policy that it supports, and remarks on the policies that it does not support.
-pub(crate) fn contests(
-    rivals: &[&'static Known],
-    updates: &[UpdateName],
-) -> (Vec<Contest>, Vec<String>) {
-    let (mut known, mut skipped) = (Vec::new(), Vec::new());
-    for &rival in rivals {
-        for policy in updates.iter().copied().map(update_name) {
-            match Upkeep::ALL.into_iter().find(|u| u.name() == policy) {
-                Some(upkeep) => known.push(Contest { rival, upkeep }),
-                None => {
-                    let name = rival.name;
-                    let why = "is left out: it keeps its own tree, which it rebuilds or refits in each frame";
-                    skipped.push(format!("{name} with {policy} {why}"));
-                }
-            }
-        }
-    }
-    (known, skipped)
-}
-
 /// A rival with a scene.
-pub(crate) struct Running {
+pub(crate) struct RunningRival {
     rival: Box<dyn Rival>,
     animation: Arc<Animation>,
     upkeep: Upkeep,
 }
 
-/// Frames of a rival.
-pub(crate) struct Frames {
-    pub(crate) setup: Setup,
-    pub(crate) warm_up: Option<Warmed>,
-    pub(crate) stats: Vec<FrameStats>,
-    pub(crate) held: Option<DeviceBytes>,
-}
-
-impl Running {
-    /// Opens a rival on an adapter and loads a scene. A rival on the host uses `threads` threads, or all cores.
+impl RunningRival {
+    /// Opens a rival on a device and loads a scene.
     pub(crate) fn start(
-        contest: Contest,
-        (adapter, threads): (Option<&str>, Option<usize>),
+        RivalPolicy { rival, upkeep }: RivalPolicy,
+        device: RivalDevice<'_>,
         animation: &Arc<Animation>,
     ) -> Result<Self, Stop> {
-        let name = contest.rival.name;
+        let name = rival.name;
         let absent = |e: BackendError| Stop::bad(format!("rival {name} cannot run: {e}"));
-        let index = match adapter {
+        let index = match device.adapter {
             None => None,
             Some(part) => {
-                let list = contest.rival.adapters().map_err(absent)?;
+                let list = rival.adapters().map_err(absent)?;
                 let found = backends::find_adapter(name, &list, part);
                 Some(found.map_err(Stop::bad)?.index)
             }
         };
-        let threads = threads.unwrap_or_else(host::cores);
-        let mut rival = contest.rival.open(index, threads).map_err(absent)?;
-        rival.load(Arc::clone(animation), contest.upkeep)?;
+        let threads = device.threads.unwrap_or_else(host::cores);
+        let mut rival = rival.open(index, threads).map_err(absent)?;
+        rival.load(Arc::clone(animation), upkeep)?;
         Ok(Self {
             rival,
             animation: Arc::clone(animation),
-            upkeep: contest.upkeep,
+            upkeep,
         })
     }
 
-    /// Times frames. After the first frame, the device is warmed up for `warm_up` seconds, or for a default time.
-    pub(crate) fn time(
-        &mut self,
-        frames: &[Frame],
-        query: Query<'_>,
-        warm_up: Option<f64>,
-    ) -> Result<Frames, Stop> {
+    /// Times frames.
+    pub(super) fn time(&mut self, plan: TimingPlan<'_>) -> Result<TimedFrames, Stop> {
+        let TimingPlan { frames, query, .. } = plan;
         let (mut stats, mut held, mut warmed) = (Vec::new(), None::<DeviceBytes>, None);
         for (number, &frame) in frames.iter().enumerate() {
             let begun = Instant::now();
@@ -115,7 +88,7 @@ impl Running {
             ));
             if number == 0 && frames.len() > 1 {
                 let kind = self.rival.device().kind;
-                warmed = WarmUp::begin(warm_up, kind)
+                warmed = WarmUp::begin(plan.warm_up, kind)
                     .map(|warm_up| self.warm_up(warm_up, frame.time, query))
                     .transpose()?;
             }
@@ -125,8 +98,7 @@ impl Running {
             // Rivals do not count these.
             [frame.inactive, frame.degenerate] = unhittable_at(&moment).map(|count| count as u64);
         }
-        Ok(Frames {
-            setup: self.setup(),
+        Ok(TimedFrames {
             warm_up: warmed,
             stats,
             held,
@@ -161,7 +133,7 @@ impl Running {
         }
     }
 
-    fn setup(&self) -> Setup {
+    pub(super) fn setup(&self) -> Setup {
         let device = self.rival.device().clone();
         let (backend, update) = (device.backend, self.upkeep.name());
         Setup {
@@ -181,30 +153,27 @@ impl Running {
         }
     }
 
-    /// Traces lists of rays one after the other, each at its time.
-    pub(crate) fn trace_lists<'a>(
-        &mut self,
-        kind: QueryKind,
-        lists: impl IntoIterator<Item = (f64, &'a [Ray])>,
-    ) -> Result<Vec<Hits>, Stop> {
-        let trace = |(time, rays)| {
-            let rays = Rays::List(rays);
-            self.hits(time, Query { rays, kind })
-        };
-        lists.into_iter().map(trace).collect()
-    }
-
-    fn hits(&mut self, time: f64, query: Query<'_>) -> Result<Hits, Stop> {
+    /// Traces one frame and returns its hits.
+    pub(super) fn hits(&mut self, time: f64, query: Query<'_>) -> Result<Hits, Stop> {
         self.frame(time, query)?;
         Ok(self.rival.hits()?.clone())
     }
 
     /// Returns the share of rays whose triangle or shadow differs from ours, over the first, a middle and the last frame.
     /// Ours are those of `watertight` on the host, with a fresh tree in each frame.
-    pub(crate) fn differing(&mut self, frames: &[Frame], query: Query<'_>) -> Result<f64, Stop> {
-        let method = MethodArgs::of(Intersector::Watertight, LayoutName::Auto);
-        let ask = Ask::of(BackendName::Cpu, method, Some(Policy::Rebuild)).over(frames, query);
-        let (mut driver, _) = session::start_driver(&self.animation, &ask)?;
+    pub(super) fn differing(&mut self, frames: &[Frame], query: Query<'_>) -> Result<f64, Stop> {
+        let tracer = TracerSettings::of(
+            BackendName::Cpu,
+            Intersector::Watertight,
+            Some(Policy::Rebuild),
+        );
+        let workload = Workload {
+            frames,
+            rays: query.rays.count(),
+        };
+        let Started {
+            tracer: mut driver, ..
+        } = setup::start_driver(&self.animation, &tracer, workload, Opening::default())?;
         let places = [0, frames.len() / 2, frames.len().saturating_sub(1)];
         let mut compared: Vec<Frame> = places
             .iter()
@@ -213,10 +182,8 @@ impl Running {
         compared.dedup_by_key(|frame| frame.index);
         let (mut differ, mut rays) = (0, 0);
         for frame in compared {
-            let mut ours = Answers::default();
-            driver.begin(frame, &[query])?;
-            driver.finish(Wanted::HITS, &mut ours)?;
-            differ += count_differing(&ours.hits, &self.hits(frame.time, query)?);
+            let ours = trace_frame(&mut driver, frame, query)?;
+            differ += count_differing(&ours, &self.hits(frame.time, query)?);
             rays += query.rays.count();
         }
         Ok(differ as f64 / rays.max(1) as f64)

@@ -8,29 +8,30 @@ use clap::builder::{
 use std::path::PathBuf;
 use std::str::FromStr;
 
-pub(crate) use crate::frames::{Frames, Shard, frames, shard};
-
 /// Maximum number of pixels along one side of a picture.
-pub(crate) const MAX_SIDE: u64 = 16_384;
-pub(crate) const MAX_PIXELS: u64 = 1 << 26;
-pub(crate) const MAX_RAYS: u64 = 1 << 26;
-
-/// Start and end of a time range, inclusive, in key frames.
-pub(crate) type TimeRange = [f64; 2];
+const MAX_SIDE: u64 = 16_384;
+const MAX_PIXELS: u64 = 1 << 26;
+const MAX_RAYS: u64 = 1 << 26;
 
 /// Parses the name of a file or folder, other than `-`.
 pub(crate) fn file() -> impl TypedValueParser<Value = PathBuf> {
-    PathBufValueParser::new().try_map(|file| match file.as_os_str() == "-" {
-        true => Err("a name is needed: only --stats goes to standard output"),
-        false => Ok(file),
+    PathBufValueParser::new().try_map(|file| {
+        if file.as_os_str() == "-" {
+            Err("a name is needed: only --stats goes to standard output")
+        } else {
+            Ok(file)
+        }
     })
 }
 
 /// Parses a scene's name, of any bytes, as [`scene::open`] takes it.
 pub(crate) fn scene() -> impl TypedValueParser<Value = String> {
-    OsStringValueParser::new().try_map(|name| match name.is_empty() {
-        true => Err("a scene has a name"),
-        false => Ok(scene::word(&name)),
+    OsStringValueParser::new().try_map(|name| {
+        if name.is_empty() {
+            Err("a scene has a name")
+        } else {
+            Ok(scene::word(&name))
+        }
     })
 }
 
@@ -46,18 +47,29 @@ pub(crate) fn intersector(
     PossibleValuesParser::new(taken.map(value)).try_map(|name| name.parse())
 }
 
-/// Parses the name of an update policy; `auto` is `None`.
-pub(crate) fn update() -> impl TypedValueParser<Value = Option<Policy>> {
+fn policy_names(is_taken: fn(Policy) -> bool) -> impl Iterator<Item = PossibleValue> {
+    let taken = Policy::ALL.into_iter().filter(move |&p| is_taken(p));
+    taken.map(|p| PossibleValue::new(p.name()).help(p.description()))
+}
+
+/// Parses the name of an update policy, of those that `is_taken` accepts.
+pub(crate) fn policy(is_taken: fn(Policy) -> bool) -> impl TypedValueParser<Value = Policy> {
+    PossibleValuesParser::new(policy_names(is_taken)).try_map(|name| name.parse())
+}
+
+/// Parses the name of an update policy, of those that `is_taken` accepts; `auto` is `None`.
+pub(crate) fn update(
+    is_taken: fn(Policy) -> bool,
+) -> impl TypedValueParser<Value = Option<Policy>> {
     let auto = PossibleValue::new(AUTO).help("Whichever is expected to finish the run first");
-    let value = |p: Policy| PossibleValue::new(p.name()).help(p.description());
-    let all = Policy::ALL.map(value).into_iter();
-    PossibleValuesParser::new([auto].into_iter().chain(all)).try_map(|name| match &*name {
+    let all = [auto].into_iter().chain(policy_names(is_taken));
+    PossibleValuesParser::new(all).try_map(|name| match &*name {
         AUTO => Ok(None),
         name => name.parse().map(Some),
     })
 }
 
-/// `x,y,z`, all finite.
+/// Parses `x,y,z`, all finite.
 pub(crate) fn point<T: FromStr + Into<f64> + Copy>(text: &str) -> Result<[T; 3], String> {
     let numbers: Vec<T> = text.split(',').map(finite).collect::<Result<_, _>>()?;
     numbers.try_into().map_err(|numbers: Vec<T>| {
@@ -83,21 +95,6 @@ pub(crate) fn size(text: &str) -> Result<[u32; 2], String> {
         ));
     }
     Ok([w as u32, h as u32])
-}
-
-pub(crate) fn pixels([width, height]: [u32; 2]) -> usize {
-    width as usize * height as usize
-}
-
-/// Parses `T0..T1`, finite and in order.
-pub(crate) fn time_range(text: &str) -> Result<TimeRange, String> {
-    let says = "a time range is T0..T1, such as 0..7.5";
-    let (a, b) = text.split_once("..").ok_or(says)?;
-    let (from, to) = (finite(a)?, finite(b)?);
-    if from > to {
-        return Err(format!("the range is reversed; did you mean {b}..{a}?"));
-    }
-    Ok([from, to])
 }
 
 /// Parses `on` or `off`.
@@ -166,12 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn times_are_finite_and_in_order() {
-        assert_eq!(time_range("0.5..3"), Ok([0.5, 3.0]));
-        assert!(time_range("2..2").is_ok());
-        for bad in ["3..1", "1", "nan..1", "0..inf", "a..b"] {
-            time_range(bad).unwrap_err();
-        }
+    fn numbers_are_finite_and_within_their_limits() {
         let below = number(|x: f32| x > 0.0 && x < 180.0, "between 0 and 180");
         assert_eq!(below("40"), Ok(40.0));
         for bad in ["0", "180", "nan", "-5", "inf"] {

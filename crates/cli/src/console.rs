@@ -65,14 +65,15 @@ pub(crate) fn plain<'a>(text: &'a str, but: &[char]) -> Cow<'a, str> {
     if !text.contains(is_command) {
         return Cow::Borrowed(text);
     }
-    let spell = |mut spelt: String, c: char| {
-        match is_command(c) {
-            true => spelt.extend(c.escape_default()),
-            false => spelt.push(c),
+    let escape = |mut escaped: String, c: char| {
+        if is_command(c) {
+            escaped.extend(c.escape_default());
+        } else {
+            escaped.push(c);
         }
-        spelt
+        escaped
     };
-    Cow::Owned(text.chars().fold(String::new(), spell))
+    Cow::Owned(text.chars().fold(String::new(), escape))
 }
 
 /// Progress of long work: a bar on a terminal, plain lines otherwise, or nothing.
@@ -85,9 +86,10 @@ pub(crate) struct Progress {
 impl Progress {
     pub(crate) fn new(total: u64, quiet: bool) -> Self {
         let is_dumb = std::env::var_os("TERM").is_some_and(|t| t == "dumb");
-        let target = match quiet || is_dumb {
-            true => ProgressDrawTarget::hidden(),
-            false => ProgressDrawTarget::stderr(),
+        let target = if quiet || is_dumb {
+            ProgressDrawTarget::hidden()
+        } else {
+            ProgressDrawTarget::stderr()
         };
         let bar = ProgressBar::with_draw_target(Some(total), target);
         // On a narrow terminal the message is cut, not the counts.
@@ -96,11 +98,6 @@ impl Progress {
             bar.set_style(style);
         }
         Self { bar, quiet }
-    }
-
-    /// Adds steps to the total.
-    pub(crate) fn lengthen(&mut self, by: u64) {
-        self.bar.inc_length(by);
     }
 
     /// Advances by one step, which `line` describes.

@@ -1,6 +1,7 @@
 //! Options and values that earlier versions had, with their replacements.
 
-use clap::error::{ContextKind, ContextValue};
+use super::context;
+use clap::error::ContextKind;
 use std::fmt;
 
 /// An option that is gone, or one of its values, and the option to use instead.
@@ -48,13 +49,11 @@ impl fmt::Display for Removed {
 
 /// Returns the removed option or value that clap refuses, if it is one.
 pub(super) fn find(e: &clap::Error) -> Option<&'static Removed> {
-    let text = |kind| match e.get(kind) {
-        Some(ContextValue::String(text)) => Some(text.as_str()),
-        _ => None,
-    };
     // clap appends the placeholder of the value: `--update <POLICY>`.
-    let option = text(ContextKind::InvalidArg)?.split([' ', '=']).next();
-    let value = text(ContextKind::InvalidValue);
+    let option = context(e, ContextKind::InvalidArg)?
+        .split([' ', '='])
+        .next();
+    let value = context(e, ContextKind::InvalidValue);
     let is_refused =
         |r: &&Removed| option == Some(r.option) && (r.value.is_none() || value == r.value);
     REMOVED.iter().find(is_refused)

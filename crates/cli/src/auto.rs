@@ -1,0 +1,179 @@
+//! The choices of `auto` for the policy and the layout. They follow rules and never run the scene. They change no hit.
+
+use crate::stop::Stop;
+use crate::tracer_settings::{ChosenPolicy, LayoutName, TracerSettings, Workload};
+use backend::{Backend, DeviceKind, Layout, Method, Policy};
+use geom::Animation;
+use output::Taken;
+use pipeline::{ExpectedMemory, RefitDecay, RunFacts};
+
+/// Returns the choice of one option with its reason, or `None` if the user named the value.
+pub(crate) fn choice(option: &str, value: &str, why: Option<String>) -> Option<Taken> {
+    Some(Taken {
+        what: option.to_owned(),
+        takes: value.to_owned(),
+        why: why?,
+    })
+}
+
+/// A layout, and the reason if `auto` chose it.
+pub(crate) struct ChosenLayout {
+    pub(crate) layout: Layout,
+    pub(crate) why: Option<String>,
+}
+
+/// Returns the layout of a name. `auto` is the fastest layout on such a device.
+pub(crate) fn choose_layout(name: LayoutName, device: DeviceKind) -> ChosenLayout {
+    let named = Layout::ALL.into_iter().find(|l| l.name() == name.name());
+    let (layout, why) = match (named, device) {
+        (Some(layout), _) => (layout, None),
+        (None, DeviceKind::Software) => (Layout::Bvh2, Some("software drivers trace it faster")),
+        (None, DeviceKind::Gpu | DeviceKind::Cpu) => (Layout::Fast, Some("it is traced faster")),
+    };
+    let why = why.map(str::to_owned);
+    ChosenLayout { layout, why }
+}
+
+/// Facts about an open backend that choices depend on.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Capabilities {
+    pub(crate) device: DeviceKind,
+    /// Whether trees can be built on the device.
+    builds_trees: bool,
+}
+
+impl Capabilities {
+    pub(crate) fn of(backend: &dyn Backend) -> Self {
+        Self {
+            device: backend.device().kind,
+            builds_trees: backend.check_rebuild().is_ok(),
+        }
+    }
+}
+
+/// Returns the policy of the settings. `auto` is the policy that is expected to finish the workload first.
+pub(crate) fn choose_policy(
+    capabilities: Capabilities,
+    animation: &Animation,
+    settings: &TracerSettings,
+    workload: Workload<'_>,
+) -> Result<ChosenPolicy, Stop> {
+    if !settings.is_open() || workload.frames.is_empty() {
+        return Ok(settings.policy());
+    }
+    let (policy, why) = facts(capabilities, animation, settings, workload)?.choose();
+    let why = Some(why);
+    Ok(ChosenPolicy { policy, why })
+}
+
+fn facts(
+    capabilities: Capabilities,
+    animation: &Animation,
+    settings: &TracerSettings,
+    workload: Workload<'_>,
+) -> Result<RunFacts, Stop> {
+    let device = capabilities.device;
+    let times: Vec<f64> = workload.frames.iter().map(|f| f.time).collect();
+    let rays = workload.rays;
+    let threads = settings.share(device, Policy::Async);
+    let method = Method::from(settings.intersector);
+    let memory = ExpectedMemory::of(animation, device, (method, Policy::DeviceRebuild), rays);
+    Ok(RunFacts {
+        frames: times.len(),
+        step: match *times {
+            [first, .., last] => (last - first).abs() / (times.len() - 1) as f64,
+            _ => 0.0,
+        },
+        moves: animation.moving_count() > 0,
+        triangles: animation.live_count(),
+        rays,
+        decay: RefitDecay::sample(animation, &times).map_err(Stop::failed)?,
+        device,
+        rebuild_bytes: memory
+            .device_bytes
+            .filter(|_| device == DeviceKind::Gpu && capabilities.builds_trees),
+        threads: threads.render,
+        builder_threads: threads.build,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::devices::{BackendName, DeviceRequest};
+    use backend::Intersector;
+    use clap::ValueEnum;
+    use pipeline::Frame;
+    use scene::Scene;
+
+    fn settings() -> TracerSettings {
+        TracerSettings::of(BackendName::Vulkan, Intersector::Watertight, None)
+    }
+
+    #[test]
+    fn the_layout_left_open_depends_on_the_kind_of_device() {
+        for device in DeviceKind::ALL {
+            for &name in LayoutName::value_variants() {
+                let chosen = choose_layout(name, device);
+                let usual = match (name, device) {
+                    (LayoutName::Bvh2, _) => Layout::Bvh2,
+                    (LayoutName::Auto, DeviceKind::Software) => Layout::Bvh2,
+                    _ => Layout::Fast,
+                };
+                assert_eq!(chosen.layout, usual);
+                assert_eq!(name == LayoutName::Auto, chosen.why.is_some());
+            }
+        }
+    }
+
+    fn demo(name: &str) -> Scene {
+        scene::open(name, &scene::Options::default()).unwrap()
+    }
+
+    #[test]
+    fn trees_are_left_to_a_device_only_where_it_can_build_them() {
+        let scene = demo("demo:collide:400");
+        // Frames so far apart that every frame needs a new tree.
+        let frames = [0.0, 4.0, 8.0].map(|time| Frame { index: 0, time });
+        let workload = Workload {
+            frames: &frames,
+            rays: 0,
+        };
+        for (device, builds_trees, expected) in [
+            (DeviceKind::Gpu, true, Policy::DeviceRebuild),
+            (DeviceKind::Gpu, false, Policy::Rebuild),
+            (DeviceKind::Software, true, Policy::Rebuild),
+            (DeviceKind::Cpu, false, Policy::Rebuild),
+        ] {
+            let capabilities = Capabilities {
+                device,
+                builds_trees,
+            };
+            let chosen = choose_policy(capabilities, &scene.animation, &settings(), workload);
+            let policy = chosen.unwrap().policy;
+            assert_eq!(policy, expected, "{device:?} {builds_trees}");
+        }
+    }
+
+    #[test]
+    fn a_policy_left_open_is_chosen_with_a_reason() {
+        let scene = demo("demo:collide:400");
+        let request = DeviceRequest::of(BackendName::Cpu);
+        let capabilities = Capabilities::of(request.open().unwrap().as_ref());
+        let chosen = |count| {
+            let frame = |index| Frame {
+                index,
+                time: index as f64 / 8.0,
+            };
+            let frames: Vec<Frame> = (0..count).map(frame).collect();
+            let workload = Workload {
+                frames: &frames,
+                rays: 64 * 36,
+            };
+            choose_policy(capabilities, &scene.animation, &settings(), workload).unwrap()
+        };
+        let why = chosen(32).why.unwrap();
+        assert!(why.contains("frames") || why.contains("tree"), "{why}");
+        assert_eq!(chosen(1).policy, Policy::Refit);
+    }
+}

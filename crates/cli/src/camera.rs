@@ -1,0 +1,145 @@
+//! Options of the camera and the lamp, and the view of a scene that they give.
+
+use crate::parsers;
+use crate::stop::Stop;
+use backend::Query;
+use clap::Args;
+use geom::{Camera, Point};
+use scene::Scene;
+use serde::Serialize;
+use shading::View;
+use std::fmt::Display;
+
+/// Default frame size, in pixels.
+const SIZE: [u32; 2] = [1280, 720];
+/// Default vertical field of view, in degrees.
+const FIELD_OF_VIEW: f32 = 40.0;
+
+/// The camera and the lamp. By default, the camera frames the whole motion. Serialized by the names of the options.
+#[derive(Args, Clone, Debug, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) struct CameraSettings {
+    /// Frame size in pixels
+    #[arg(long, value_name = "WxH", value_parser = parsers::size, default_value = "1280x720")]
+    pub(crate) size: [u32; 2],
+    /// Position of the camera
+    #[arg(long, value_name = "x,y,z", value_parser = parsers::point::<f64>, allow_hyphen_values = true)]
+    pub(crate) eye: Option<[f64; 3]>,
+    /// Point that the camera looks at
+    #[arg(long, value_name = "x,y,z", value_parser = parsers::point::<f64>, allow_hyphen_values = true)]
+    look_at: Option<[f64; 3]>,
+    /// Up direction of the camera
+    #[arg(long, value_name = "x,y,z", value_parser = parsers::point::<f32>, allow_hyphen_values = true)]
+    up: Option<Point>,
+    /// Vertical field of view, in degrees
+    #[arg(long, value_name = "DEG", default_value_t = FIELD_OF_VIEW,
+        value_parser = parsers::number(|d: f32| d > 0.0 && d < 180.0, "a field of view lies between 0 and 180 degrees"))]
+    fov: f32,
+    /// Position of the lamp
+    #[arg(long, value_name = "x,y,z", value_parser = parsers::point::<f64>, allow_hyphen_values = true)]
+    pub(crate) light: Option<[f64; 3]>,
+}
+
+impl Default for CameraSettings {
+    fn default() -> Self {
+        Self {
+            size: SIZE,
+            eye: None,
+            look_at: None,
+            up: None,
+            fov: FIELD_OF_VIEW,
+            light: None,
+        }
+    }
+}
+
+/// A camera for one scene, and the position of the lamp.
+pub(crate) struct LitCamera {
+    pub(crate) camera: Camera,
+    pub(crate) light: Point,
+}
+
+impl LitCamera {
+    /// Returns the query for the camera's rays and their shadow rays.
+    pub(crate) fn query(&self) -> Query<'_> {
+        shading::query((&self.camera, self.light))
+    }
+}
+
+impl CameraSettings {
+    /// Returns the number of pixels of a frame.
+    pub(crate) fn pixels(&self) -> usize {
+        let [width, height] = self.size;
+        width as usize * height as usize
+    }
+
+    /// Returns the options that give these settings, without those that are left to their defaults.
+    pub(crate) fn words(&self) -> String {
+        let [width, height] = self.size;
+        let mut words = format!("--size {width}x{height}");
+        words += &point_words("eye", self.eye);
+        words += &point_words("look-at", self.look_at);
+        words += &point_words("up", self.up);
+        words += &point_words("light", self.light);
+        if (self.fov - FIELD_OF_VIEW).abs() > 0.0 {
+            words += &format!(" --fov {}", self.fov);
+        }
+        words
+    }
+
+    /// Returns the view that frames the motion, with the requested points in place of its own.
+    pub(crate) fn view(&self, scene: &Scene) -> Result<View, Stop> {
+        let framed = shading::frame_scene(&scene.animation, self.fov, self.size);
+        let point = |option, requested: Option<[f64; 3]>, framed| match requested {
+            Some(point) => in_scene(option, point, scene),
+            None => Ok(framed),
+        };
+        Ok(View {
+            eye: point("--eye", self.eye, framed.eye)?,
+            look_at: point("--look-at", self.look_at, framed.look_at)?,
+            up: self.up.unwrap_or(framed.up),
+            light: point("--light", self.light, framed.light)?,
+            ..framed
+        })
+    }
+
+    /// Returns the camera and the lamp for a scene.
+    pub(crate) fn aim(&self, scene: &Scene) -> Result<LitCamera, Stop> {
+        let view = self.view(scene)?;
+        let camera = view.camera(self.size).ok_or_else(|| no_camera(&view))?;
+        let light = view.light;
+        Ok(LitCamera { camera, light })
+    }
+}
+
+/// Returns a point as an option, or nothing.
+fn point_words<T: Display>(option: &str, point: Option<[T; 3]>) -> String {
+    point.map_or_else(String::new, |[x, y, z]| format!(" --{option} {x},{y},{z}"))
+}
+
+/// Returns the reason why a view has no camera.
+fn no_camera(view: &View) -> Stop {
+    let View {
+        eye, look_at, up, ..
+    } = view;
+    Stop::bad(if eye == look_at {
+        format!("--eye and --look-at are the same point, {eye:?}: there is no direction to look in")
+    } else if *up == [0.0; 3] {
+        "--up has no direction".to_owned()
+    } else {
+        format!(
+            "no camera at {eye:?} looking at {look_at:?} has {up:?} for up: they lie in one line"
+        )
+    })
+}
+
+/// Converts a point of the scene's files to the coordinates of its key frames.
+fn in_scene(option: &str, point: [f64; 3], scene: &Scene) -> Result<Point, Stop> {
+    let offset = scene.facts.offset.unwrap_or_default();
+    let moved: Point = std::array::from_fn(|i| (point[i] - offset[i]) as f32);
+    if moved.iter().all(|x| x.is_finite()) {
+        Ok(moved)
+    } else {
+        Err(Stop::bad(format!("{option} {point:?} is too far away")))
+    }
+}

@@ -1,0 +1,239 @@
+//! Devices: their options, and how they are listed and opened.
+
+use crate::parsers;
+use crate::stop::Stop;
+use backend::{AdapterInfo, Backend, Intersector, Layout};
+use backends::{KNOWN, known};
+use clap::{Args, ValueEnum};
+use serde::{Serialize, Serializer};
+use serde_json::json;
+use std::sync::mpsc::{Receiver, channel};
+use std::thread::JoinHandle;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum BackendName {
+    /// The best available backend
+    Auto,
+    /// The host's CPU cores
+    Cpu,
+    /// A GPU through wgpu
+    Wgpu,
+    /// A GPU through Vulkan
+    Vulkan,
+}
+
+impl BackendName {
+    /// Returns the name on the command line.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Cpu => "cpu",
+            Self::Wgpu => "wgpu",
+            Self::Vulkan => "vulkan",
+        }
+    }
+}
+
+/// The device of a run, and the threads of the host.
+#[derive(Args, Clone, Debug)]
+pub(crate) struct DeviceSettings {
+    /// Backend
+    #[arg(long, value_name = "NAME", default_value = "auto")]
+    pub(crate) backend: BackendName,
+    /// Adapter of the backend, by index or by part of its name
+    #[arg(long, value_name = "INDEX|NAME-PART")]
+    pub(crate) adapter: Option<String>,
+    /// Threads that render
+    #[arg(long, value_name = "N", value_parser = parsers::threads())]
+    pub(crate) threads: Option<usize>,
+    /// Threads that build trees
+    #[arg(long, value_name = "N", value_parser = parsers::threads())]
+    pub(crate) builder_threads: Option<usize>,
+    /// Neither read nor write compiled kernels in the user's cache folder
+    #[arg(long)]
+    pub(crate) no_cache: bool,
+}
+
+impl DeviceSettings {
+    /// Returns the default device of a backend.
+    pub(crate) fn of(backend: BackendName) -> Self {
+        Self {
+            backend,
+            adapter: None,
+            threads: None,
+            builder_threads: None,
+            no_cache: false,
+        }
+    }
+}
+
+/// A backend to open.
+#[derive(Clone, Debug)]
+pub(crate) struct DeviceRequest {
+    pub(crate) backend: BackendName,
+    /// Index of an adapter, or part of its name.
+    pub(crate) adapter: Option<String>,
+    /// Number of host threads for a backend that computes on the host.
+    pub(crate) threads: usize,
+}
+
+/// A value, and the reason why `auto` chose its backend.
+pub(crate) struct Selected<T> {
+    pub(crate) value: T,
+    pub(crate) why: Option<String>,
+}
+
+impl<T> Selected<T> {
+    /// Replaces the value by the result of `ready`.
+    pub(crate) fn and_then<U>(
+        self,
+        ready: impl FnOnce(T) -> Result<U, Stop>,
+    ) -> Result<Selected<U>, Stop> {
+        let (value, why) = (ready(self.value)?, self.why);
+        Ok(Selected { value, why })
+    }
+}
+
+impl DeviceRequest {
+    /// Returns a request for the default device of a backend with all cores of the host.
+    pub(crate) fn of(backend: BackendName) -> Self {
+        Self {
+            backend,
+            adapter: None,
+            threads: host::cores(),
+        }
+    }
+
+    /// Opens the backend and calls `ready` with it. A named backend is never replaced by another. `auto` skips backends
+    /// that fail to open or to become ready.
+    pub(crate) fn open_and<T>(
+        &self,
+        ready: impl Fn(Box<dyn Backend>) -> Result<T, Stop>,
+    ) -> Result<Selected<T>, Stop> {
+        let adapter = self.adapter.as_deref();
+        if self.backend != BackendName::Auto {
+            let name = self.backend.name();
+            let absent = || Stop::bad(format!("this program was built without backend {name}"));
+            let known = known(name).ok_or_else(absent)?;
+            let opened = known.open(adapter, self.threads).map_err(Stop::bad)?;
+            let value = ready(opened)?;
+            return Ok(Selected { value, why: None });
+        }
+        match backends::open_best((adapter, self.threads), ready) {
+            Ok((value, why)) => Ok(Selected {
+                value,
+                why: Some(why),
+            }),
+            Err(vain) => Err(match vain.broken {
+                Some(Stop::Failed(_)) => Stop::failed(vain.why),
+                _ => Stop::bad(vain.why),
+            }),
+        }
+    }
+
+    /// Opens the backend without further preparation.
+    pub(crate) fn open(&self) -> Result<Box<dyn Backend>, Stop> {
+        Ok(self.open_and(Ok)?.value)
+    }
+}
+
+type SelectedBackend = Selected<Box<dyn Backend>>;
+
+/// A backend that is opened on its own thread, because opening takes long. Dropping it joins the thread, since drivers
+/// may fail if the process ends while they work. NVIDIA's driver still works for 9 ms at that point. By default,
+/// opening has not begun.
+#[derive(Default)]
+pub(crate) struct Opening {
+    opened: Option<Receiver<Result<SelectedBackend, Stop>>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Opening {
+    /// Starts to open a backend. Does nothing if no thread can be started.
+    pub(crate) fn begin(request: DeviceRequest) -> Self {
+        let (sender, opened) = channel();
+        let open = move || {
+            // Sending fails if the run has failed and dropped the receiver.
+            let _ = sender.send(request.open_and(Ok));
+        };
+        let thread = std::thread::Builder::new().spawn(open).ok();
+        let opened = thread.is_some().then_some(opened);
+        Self { opened, thread }
+    }
+
+    /// Returns a backend that is open already.
+    pub(crate) fn of(backend: Box<dyn Backend>) -> Self {
+        let (sender, opened) = channel();
+        // The receiver is alive.
+        let _ = sender.send(Ok(Selected {
+            value: backend,
+            why: None,
+        }));
+        let opened = Some(opened);
+        Self {
+            opened,
+            thread: None,
+        }
+    }
+
+    /// Waits for the result. Returns `None` if opening never began or the result was taken before.
+    pub(crate) fn wait(&mut self) -> Option<Result<SelectedBackend, Stop>> {
+        let opened = self.opened.take()?.recv();
+        if opened.is_err() {
+            let ended = self.thread.take().map_or(Ok(()), JoinHandle::join);
+            ended.unwrap_or_else(|e| std::panic::resume_unwind(e));
+        }
+        opened.ok()
+    }
+}
+
+impl Drop for Opening {
+    fn drop(&mut self) {
+        let _ = self.thread.take().map(JoinHandle::join);
+    }
+}
+
+/// Availability and capabilities of a backend on this machine.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct BackendPresence {
+    pub(crate) backend: &'static str,
+    /// Reason why the backend is unavailable; `None` if it can run.
+    pub(crate) absent: Option<String>,
+    #[serde(serialize_with = "serialize")]
+    pub(crate) adapters: Vec<AdapterInfo>,
+    pub(crate) intersectors: Vec<&'static str>,
+    pub(crate) layouts: Vec<&'static str>,
+}
+
+/// Serializes adapters to JSON.
+fn serialize<S: Serializer>(all: &[AdapterInfo], to: S) -> Result<S::Ok, S::Error> {
+    let limit = |(name, value): &(_, _)| json!({ "name": name, "value": value });
+    to.collect_seq(all.iter().map(|adapter| {
+        json!({
+            "index": adapter.index,
+            "name": adapter.name,
+            "driver": adapter.driver,
+            "kind": adapter.kind.name(),
+            "limits": adapter.limits.iter().map(limit).collect::<Vec<_>>(),
+        })
+    }))
+}
+
+/// Returns all backends, available or not, in the order in which `auto` tries them.
+pub(crate) fn presences() -> impl DoubleEndedIterator<Item = BackendPresence> {
+    KNOWN.iter().map(|known| {
+        let found = known.adapters();
+        BackendPresence {
+            backend: known.name,
+            absent: found.as_ref().err().map(ToString::to_string),
+            adapters: found.unwrap_or_default(),
+            intersectors: Intersector::ALL.map(Intersector::name).to_vec(),
+            layouts: Layout::ALL.map(Layout::name).to_vec(),
+        }
+    })
+}
+
+/// Returns whether a backend can build a tree in each frame, as far as is known before it is open.
+pub(crate) fn builds_trees(backend: BackendName) -> bool {
+    backend != BackendName::Cpu
+}

@@ -1,0 +1,433 @@
+//! Measures frames on one of our backends or on a rival, for `bench` and `chart`.
+
+mod rays;
+pub(crate) mod rival;
+mod timing;
+
+use crate::camera::{CameraSettings, LitCamera};
+use crate::command::Requirement;
+use crate::devices::{BackendName, Opening};
+use crate::frame_list::{self, FrameChoice, TimeRange};
+use crate::parsers;
+use crate::scene_source::{self, SceneSettings};
+use crate::setup::{self, Setup, Started};
+use crate::stop::Stop;
+use crate::tracer_settings::{PolicyChoice, TracerSettings, Workload, policy_name};
+use backend::{DeviceBytes, Hits, Intersector, Query, QueryKind, Rays};
+use clap::Args;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use geom::{Animation, Ray};
+use output::{FrameStats, Summary, TIMES, Time, mrays};
+use pipeline::{Driver, Frame, Warmed};
+use rays::FrameRays;
+pub(crate) use rays::{RayKind, random_rays};
+use rival::{OWN, RivalDevice, RivalPolicy, RunningRival};
+use rivals::{Known, Upkeep};
+use scene::Scene;
+use serde::Serialize;
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::fmt;
+use std::sync::Arc;
+use timing::{TimedFrames, TimingPlan, trace_frame};
+
+/// Options that `bench` and `chart` share. Each command sets its own defaults.
+#[derive(Args, Debug)]
+pub(crate) struct MeasureSettings {
+    /// Scenes (`abvh render --help` explains names)
+    #[arg(value_parser = parsers::scene())]
+    pub(crate) scenes: Vec<String>,
+    #[command(flatten)]
+    pub(crate) source: SceneSettings,
+    /// Backends
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        default_value = "auto"
+    )]
+    pub(crate) backend: Vec<BackendName>,
+    /// Ray tracers of others to measure too. Each keeps its own trees, so only rebuild and refit apply
+    #[arg(long, value_name = "LIST", value_delimiter = ',',
+        value_parser = PossibleValuesParser::new(rivals::RIVALS.iter().map(|rival| rival.name)).map(known_rival))]
+    pub(crate) rival: Vec<&'static Known>,
+    /// Update policies
+    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "rebuild,refit,async", value_parser = parsers::update(|_| true))]
+    pub(crate) update: Vec<PolicyChoice>,
+    /// Intersectors
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = parsers::intersector(|_| true))]
+    pub(crate) intersector: Vec<Intersector>,
+    /// Frames of each run: N spread evenly over the time range, or those at key times A..B
+    #[arg(long, value_name = "N|A..B")]
+    pub(crate) frames: FrameChoice,
+    #[command(flatten)]
+    pub(crate) camera: CameraSettings,
+    /// Seconds for which a device repeats the first frame of each run before frames are timed. Warm-up continues until
+    /// frame times are steady, for 0.5 s at most. 0 disables it [default: 0.7 on a GPU]
+    #[arg(long, value_name = "SECONDS",
+        value_parser = parsers::number(|s: f64| (0.0..=60.0).contains(&s), "a warm-up lasts from 0 to 60 seconds"))]
+    pub(crate) warm_up: Option<f64>,
+    /// Print no progress and no remarks
+    #[arg(long, short)]
+    pub(crate) quiet: bool,
+}
+
+/// Returns the rival of a name in the list of rivals.
+fn known_rival(name: String) -> &'static Known {
+    rivals::known(&name).expect("the parser admits names of rivals only")
+}
+
+/// A scene, and the frames that are measured.
+pub(crate) struct MeasuredScene {
+    /// Name on the command line.
+    pub(crate) name: String,
+    pub(crate) scene: Scene,
+    pub(crate) frames: Vec<Frame>,
+    pub(crate) shot: LitCamera,
+}
+
+impl MeasureSettings {
+    /// Opens a scene, and lists the frames to measure.
+    pub(crate) fn open(&self, name: &str, range: Option<TimeRange>) -> Result<MeasuredScene, Stop> {
+        let scene = self.source.open_to_trace(name, self.camera.pixels())?;
+        let keys = scene.animation.whole_times();
+        Ok(MeasuredScene {
+            name: name.to_owned(),
+            frames: frame_list::list(Some(&self.frames), range, keys, false)?,
+            shot: self.camera.aim(&scene)?,
+            scene,
+        })
+    }
+
+    pub(crate) fn requirements(&self) -> Vec<Requirement> {
+        scene_source::requirements(&self.scenes)
+    }
+}
+
+/// A backend or a rival, and how it traces.
+#[derive(Clone, Debug)]
+pub(crate) enum Contender {
+    Ours(TracerSettings),
+    Rival(RivalPolicy),
+}
+
+/// What is measured, and remarks on combinations that are left out.
+#[derive(Debug, Default)]
+pub(crate) struct Contenders {
+    pub(crate) all: Vec<Contender>,
+    pub(crate) skipped: Vec<String>,
+}
+
+impl Contenders {
+    /// Adds every rival with each policy that it supports.
+    pub(crate) fn add_rivals(&mut self, settings: &MeasureSettings) {
+        for &rival in &settings.rival {
+            for policy in settings.update.iter().copied().map(policy_name) {
+                if let Some(upkeep) = Upkeep::ALL.into_iter().find(|u| u.name() == policy) {
+                    self.all
+                        .push(Contender::Rival(RivalPolicy { rival, upkeep }));
+                } else {
+                    let why = "is left out: it keeps its own tree, which it rebuilds or refits in each frame";
+                    self.skipped
+                        .push(format!("{} with {policy} {why}", rival.name));
+                }
+            }
+        }
+    }
+}
+
+/// The names of a contender's settings on the command line.
+pub(crate) struct ContenderNames {
+    pub(crate) backend: &'static str,
+    pub(crate) update: &'static str,
+    pub(crate) intersector: &'static str,
+    pub(crate) layout: &'static str,
+}
+
+impl Contender {
+    pub(crate) fn names(&self) -> ContenderNames {
+        match self {
+            Self::Ours(tracer) => ContenderNames {
+                backend: tracer.device.backend.name(),
+                update: policy_name(tracer.update),
+                intersector: tracer.intersector.name(),
+                layout: tracer.layout.name(),
+            },
+            Self::Rival(RivalPolicy { rival, upkeep }) => ContenderNames {
+                backend: rival.name,
+                update: upkeep.name(),
+                intersector: OWN,
+                layout: OWN,
+            },
+        }
+    }
+}
+
+/// Backend, layout, intersector and policy, as far as they are known without a run.
+impl fmt::Display for Contender {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let ContenderNames {
+            backend,
+            layout,
+            intersector,
+            update,
+        } = self.names();
+        match self {
+            Self::Ours(_) => write!(f, "{backend} {layout} {intersector} {update}"),
+            Self::Rival(policy) => policy.fmt(f),
+        }
+    }
+}
+
+/// How a scene is measured.
+#[derive(Clone, Copy)]
+pub(crate) struct Measuring<'a> {
+    pub(crate) scene: &'a MeasuredScene,
+    pub(crate) rays: RayKind,
+    /// Seconds of warm-up, or `None` for the default of the kind of device.
+    pub(crate) warm_up: Option<f64>,
+    /// The device of rivals.
+    pub(crate) rival_device: RivalDevice<'a>,
+}
+
+/// The results of a run, and what traced its frames.
+pub(crate) struct Measurement {
+    pub(crate) row: MeasuredRow,
+    pub(crate) loaded: LoadedScene,
+}
+
+/// A backend or a rival with a scene loaded.
+pub(crate) enum LoadedScene {
+    Ours(Box<Driver>),
+    Rival(RunningRival),
+}
+
+impl LoadedScene {
+    /// Loads a scene. One of our backends is the one that is being opened.
+    pub(crate) fn load(
+        contender: &Contender,
+        animation: &Arc<Animation>,
+        opening: Opening,
+    ) -> Result<Self, Stop> {
+        match contender {
+            Contender::Ours(tracer) => {
+                let workload = Workload::default();
+                let started = setup::start_driver(animation, tracer, workload, opening)?;
+                Ok(Self::Ours(Box::new(started.tracer)))
+            }
+            Contender::Rival(policy) => {
+                let rival = RunningRival::start(*policy, RivalDevice::default(), animation)?;
+                Ok(Self::Rival(rival))
+            }
+        }
+    }
+
+    /// Traces lists of rays one after the other, each at its time.
+    pub(crate) fn trace_lists<'a>(
+        &mut self,
+        kind: QueryKind,
+        lists: impl IntoIterator<Item = (f64, &'a [Ray])>,
+    ) -> Result<Vec<Hits>, Stop> {
+        let trace = |(index, (time, rays))| {
+            let rays = Rays::List(rays);
+            let (frame, query) = (Frame { index, time }, Query { rays, kind });
+            match self {
+                Self::Ours(driver) => trace_frame(driver, frame, query),
+                Self::Rival(rival) => rival.hits(time, query),
+            }
+        };
+        (0..).zip(lists).map(trace).collect()
+    }
+}
+
+impl Measuring<'_> {
+    /// Measures a contender. One of our backends is the one that is being opened.
+    pub(crate) fn measure(
+        &self,
+        contender: &Contender,
+        opening: Opening,
+    ) -> Result<Measurement, Stop> {
+        let MeasuredScene {
+            scene,
+            frames,
+            shot,
+            ..
+        } = self.scene;
+        let rays = FrameRays::of(self.rays, scene, shot);
+        let plan = TimingPlan {
+            frames,
+            query: rays.query(),
+            warm_up: self.warm_up,
+        };
+        match contender {
+            Contender::Ours(tracer) => {
+                let workload = Workload {
+                    frames,
+                    rays: plan.query.rays.count(),
+                };
+                let Started {
+                    tracer: mut driver,
+                    setup,
+                } = setup::start_driver(&scene.animation, tracer, workload, opening)?;
+                let timed = timing::time_frames(&mut driver, plan)?;
+                Ok(Measurement {
+                    row: MeasuredRow::of(self, setup, timed, None),
+                    loaded: LoadedScene::Ours(Box::new(driver)),
+                })
+            }
+            Contender::Rival(policy) => {
+                let mut rival = RunningRival::start(*policy, self.rival_device, &scene.animation)?;
+                let timed = rival.time(plan)?;
+                let differing = rival.differing(frames, plan.query)?;
+                Ok(Measurement {
+                    row: MeasuredRow::of(self, rival.setup(), timed, Some(differing)),
+                    loaded: LoadedScene::Rival(rival),
+                })
+            }
+        }
+    }
+}
+
+/// One run. Times are medians over its frames, in milliseconds.
+#[derive(Serialize)]
+pub(crate) struct MeasuredRow {
+    pub(crate) scene: String,
+    triangles: usize,
+    pub(crate) moving: usize,
+    #[serde(flatten)]
+    pub(crate) setup: Setup,
+    /// Kind of rays, if not a camera's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) rays: Option<&'static str>,
+    pub(crate) frames: usize,
+    /// Warm-up of the device after the first frame.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) warm_up: Option<Warmed>,
+    /// Medians by name: of [`TIMES`] and [`MORE`].
+    #[serde(flatten)]
+    medians: BTreeMap<&'static str, Option<f64>>,
+    /// Millions of rays per second, from primary and shadow rays and the time of both.
+    pub(crate) mrays_per_s: Option<f64>,
+    pub(crate) build_ns_per_triangle: Option<f64>,
+    convert_ns_per_triangle: Option<f64>,
+    pub(crate) trees: usize,
+    /// Number of trees that were no better than the current one.
+    rejected: usize,
+    /// Milliseconds of the first frame, which waits for the first tree.
+    first_ms: Option<f64>,
+    memory: Option<Value>,
+    /// Maximum over all frames.
+    device_bytes: Option<u64>,
+    /// Of a rival: the share of rays whose triangle or shadow differs from ours, over up to three frames.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) differing: Option<f64>,
+    /// Every frame, as in the statistics of `render`.
+    pub(crate) per_frame: Vec<FrameStats>,
+}
+
+/// Quantities that are summarized in addition to [`TIMES`]. `geometry_ms` covers all stages before tracing.
+const MORE: [(&str, Time); 4] = [
+    ("geometry_ms", geometry),
+    ("tree_age_frames", |f| Some(f.tree_age_frames as f64)),
+    ("sah_ratio", |f| f.sah_ratio),
+    ("sah_cost", |f| f.sah_cost),
+];
+
+impl MeasuredRow {
+    pub(crate) fn median(&self, name: &str) -> Option<f64> {
+        self.medians.get(name).copied().flatten()
+    }
+
+    /// Returns all frames but the first, which waits for the first tree. Returns the first if it is the only one.
+    pub(crate) fn later_frames(&self) -> &[FrameStats] {
+        let later = self.per_frame.get(1..).filter(|rest| !rest.is_empty());
+        later.unwrap_or(&self.per_frame)
+    }
+}
+
+/// Returns the device time of a frame plus its wait for its tree, in milliseconds.
+pub(crate) fn frame_ms(frame: &FrameStats) -> Option<f64> {
+    Some(frame.device_ms? + frame.build_wait_ms.unwrap_or(0.0))
+}
+
+impl MeasuredRow {
+    fn of(
+        measuring: &Measuring<'_>,
+        setup: Setup,
+        timed: TimedFrames,
+        differing: Option<f64>,
+    ) -> Self {
+        let TimedFrames {
+            warm_up,
+            stats,
+            held,
+        } = timed;
+        let MeasuredScene {
+            name, scene, shot, ..
+        } = measuring.scene;
+        let median = |time: Time| Summary::of(stats.iter().filter_map(time)).map(|s| s.median);
+        let named = TIMES.iter().chain(&MORE);
+        let medians: BTreeMap<_, _> = named.map(|&(name, time)| (name, median(time))).collect();
+        let triangles = scene.animation.triangle_count();
+        let live = scene.animation.live_count().max(1) as f64;
+        let per_triangle = |name: &str| medians[name].map(|ms| ms * 1e6 / live);
+        let is_camera = measuring.rays == RayKind::Camera;
+        let rates = stats.iter().filter_map(|f| {
+            let ms = f.trace_primary_ms? + f.trace_shadow_ms.unwrap_or(0.0);
+            let shadows = if is_camera { f.hits as f64 } else { 0.0 };
+            mrays(shot.camera.pixels() as f64 + shadows, ms)
+        });
+        Self {
+            scene: name.clone(),
+            triangles,
+            moving: scene.animation.moving_count(),
+            setup,
+            rays: measuring.rays.unless_camera(),
+            warm_up,
+            frames: stats.len(),
+            mrays_per_s: Summary::of(rates).map(|s| s.median),
+            build_ns_per_triangle: per_triangle("build_ms"),
+            convert_ns_per_triangle: per_triangle("convert_ms"),
+            trees: stats.iter().filter(|f| f.adopted).count(),
+            rejected: stats.iter().filter(|f| f.rejected).count(),
+            first_ms: stats.first().and_then(|f| f.wall_ms),
+            memory: held.map(|bytes| device_memory(bytes, triangles)),
+            device_bytes: held.map(|bytes| bytes.total()),
+            differing,
+            medians,
+            per_frame: stats,
+        }
+    }
+}
+
+/// Returns device memory by use, in total and per triangle.
+fn device_memory(held: DeviceBytes, triangles: usize) -> Value {
+    let parts = [held.tree, held.scratch, held.scene, held.frames];
+    let named = |[tree, scratch, scene, frames]: [Value; 4]| json!({ "tree": tree, "scratch": scratch, "scene": scene, "frames": frames });
+    let each = |bytes: u64| json!(bytes as f64 / triangles.max(1) as f64);
+    json!({
+        "bytes": named(parts.map(|bytes| json!(bytes))),
+        "bytes_per_triangle": named(parts.map(each)),
+    })
+}
+
+/// Returns the milliseconds of a frame's stages before tracing, or `None` if it skipped every stage.
+fn geometry(frame: &FrameStats) -> Option<f64> {
+    let moved = [frame.interpolate_ms, frame.preprocess_ms];
+    let stages = moved.into_iter().chain([frame.rebuild_ms, frame.refit_ms]);
+    stages.flatten().reduce(|a, b| a + b)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn geometry_is_what_is_known_of_its_stages() {
+        let mut frame = FrameStats::default();
+        assert_eq!(geometry(&frame), None);
+        frame.refit_ms = Some(2.0);
+        frame.preprocess_ms = Some(0.5);
+        assert_eq!(geometry(&frame), Some(2.5));
+    }
+}

@@ -1,0 +1,54 @@
+//! Times and hits of frames that a driver traces.
+
+use crate::stop::Stop;
+use backend::{DeviceBytes, Hits, Query};
+use output::FrameStats;
+use pipeline::{Answers, Driver, Frame, FrameRecord, Wanted, Warmed, warm_up};
+
+/// Frames to time.
+#[derive(Clone, Copy)]
+pub(super) struct TimingPlan<'a> {
+    pub(super) frames: &'a [Frame],
+    pub(super) query: Query<'a>,
+    /// Seconds of warm-up after the first frame, or `None` for the default of the kind of device.
+    pub(super) warm_up: Option<f64>,
+}
+
+/// The times of a run's frames.
+pub(super) struct TimedFrames {
+    pub(super) warm_up: Option<Warmed>,
+    pub(super) stats: Vec<FrameStats>,
+    /// The most device memory that was held.
+    pub(super) held: Option<DeviceBytes>,
+}
+
+pub(super) fn time_frames(driver: &mut Driver, plan: TimingPlan<'_>) -> Result<TimedFrames, Stop> {
+    let TimingPlan { frames, query, .. } = plan;
+    let (mut stats, mut held) = (Vec::new(), None::<DeviceBytes>);
+    let mut note = |frame: &FrameRecord| {
+        stats.push(FrameStats::of(frame));
+        let both = held.into_iter().chain(frame.device_bytes);
+        held = both.max_by_key(|bytes| bytes.total());
+        Ok::<(), Stop>(())
+    };
+    let (warm_up, rest) = warm_up(plan.warm_up, driver, frames, query, &mut note)?;
+    let rest = rest.iter().copied();
+    driver.run(rest, query, Wanted::default(), |frame, _| note(frame))?;
+    Ok(TimedFrames {
+        warm_up,
+        stats,
+        held,
+    })
+}
+
+/// Traces one frame and returns its hits.
+pub(super) fn trace_frame(
+    driver: &mut Driver,
+    frame: Frame,
+    query: Query<'_>,
+) -> Result<Hits, Stop> {
+    let mut found = Answers::default();
+    driver.begin(frame, &[query])?;
+    driver.finish(Wanted::HITS, &mut found)?;
+    Ok(found.hits)
+}

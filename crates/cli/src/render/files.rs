@@ -1,0 +1,99 @@
+//! The files of each frame, in their folders, and the videos.
+
+use super::RenderSettings;
+use crate::file_checks::absolute;
+use crate::stop::Stop;
+use output::{Chroma, HitArrays};
+use std::path::{Path, PathBuf};
+
+/// The files of each frame, and the chroma of the videos.
+#[derive(Debug)]
+pub(super) struct FrameFiles {
+    pictures: Option<PathBuf>,
+    hits: Option<PathBuf>,
+    pub(super) video: Chroma,
+}
+
+impl FrameFiles {
+    /// Gives a folder that is named in two ways a single name.
+    pub(super) fn of(settings: &RenderSettings) -> Self {
+        let pictures = (!settings.no_images).then(|| settings.out.clone());
+        let is_same = |hits: &PathBuf| pictures.as_deref().map(absolute) == Some(absolute(hits));
+        let hits = match &settings.hits {
+            Some(hits) if is_same(hits) => pictures.clone(),
+            hits => hits.clone(),
+        };
+        Self {
+            pictures,
+            hits,
+            video: settings.chroma(),
+        }
+    }
+
+    /// Creates the folders. Returns the new ones, the innermost first.
+    pub(super) fn create_folders(&self) -> Result<Vec<PathBuf>, Stop> {
+        let mut all = Vec::new();
+        for dir in self.folders() {
+            let above = dir.ancestors().filter(|d| !d.as_os_str().is_empty());
+            all.extend(above.take_while(|d| !d.exists()).map(Path::to_owned));
+            output::prepare_dir(&dir).map_err(Stop::bad)?;
+        }
+        Ok(all)
+    }
+
+    pub(super) fn folders(&self) -> Vec<PathBuf> {
+        let mut all: Vec<_> = self.pictures.iter().chain(&self.hits).cloned().collect();
+        all.dedup();
+        all
+    }
+
+    /// Returns a frame's files in one of the folders.
+    pub(super) fn in_folder(&self, frame: u64, folder: &Path) -> Vec<PathBuf> {
+        let files = [self.picture(frame), self.hits(frame)]
+            .into_iter()
+            .flatten();
+        files.filter(|f| f.parent() == Some(folder)).collect()
+    }
+
+    pub(super) fn has_pictures(&self) -> bool {
+        self.pictures.is_some()
+    }
+
+    pub(super) fn has_hits(&self) -> bool {
+        self.hits.is_some()
+    }
+
+    /// Returns whether any file is written per frame.
+    pub(super) fn any(&self) -> bool {
+        self.has_pictures() || self.has_hits()
+    }
+
+    /// Writes a frame's files from its hits and its colours, which are empty without pictures.
+    pub(super) fn write(
+        &self,
+        frame: u64,
+        size: [u32; 2],
+        hits: &HitArrays<'_>,
+        rgb: &[u8],
+    ) -> Result<(), Stop> {
+        if let Some(file) = self.hits(frame) {
+            output::remove_special_file(&file)?;
+            hits.write(&file)?;
+        }
+        if let Some(file) = self.picture(frame) {
+            output::remove_special_file(&file)?;
+            output::write_png(&file, size, rgb)?;
+        }
+        Ok(())
+    }
+
+    fn picture(&self, frame: u64) -> Option<PathBuf> {
+        let dir = self.pictures.as_ref()?;
+        Some(dir.join(format!("frame_{frame:04}.png")))
+    }
+
+    fn hits(&self, frame: u64) -> Option<PathBuf> {
+        let dir = self.hits.as_ref()?;
+        Some(dir.join(format!("hits_{frame:04}.npz")))
+    }
+}

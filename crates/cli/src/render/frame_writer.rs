@@ -1,0 +1,231 @@
+//! Writes the files of frames and the video on rayon's threads, while later frames are traced.
+
+use super::files::FrameFiles;
+use crate::camera::LitCamera;
+use crate::console::Progress;
+use crate::signals;
+use crate::stop::Stop;
+use abvh::frames::{Answers, Frame, FrameRecord, Wanted};
+use geom::lock;
+use output::{FrameStats, HitArrays, Journal, Planes, RunTimeline, Video};
+use rayon::Scope;
+use scene::Scene;
+use shading::Shot;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Mutex, MutexGuard};
+use std::time::Instant;
+
+/// Maximum number of bytes of hits and pictures that wait to be written. A quarter of the free memory is another limit.
+/// Two frames are always allowed.
+const MOST_BYTES: u64 = 1 << 30;
+/// Bytes per pixel: a hit with its shadow, and the file's copy; a colour with and without alpha, and the picture; the
+/// planes of a video.
+const HIT_BYTES: usize = 17 + 17;
+const COLOUR_BYTES: usize = 4 + 3 + 3;
+const PLANE_BYTES: usize = 4;
+
+/// The scene that all frames show, and the results that are written.
+pub(super) struct Rendered<'a> {
+    pub(super) scene: &'a Scene,
+    pub(super) shot: &'a LitCamera,
+    pub(super) files: &'a FrameFiles,
+    pub(super) wanted: Wanted,
+}
+
+/// Writes the files of frames, and collects the results of written frames.
+pub(super) struct FrameWriter<'a> {
+    rendered: Rendered<'a>,
+    log: Mutex<FrameLog<'a>>,
+    /// Only one thread submits frames, so this lock is never contended.
+    free: Mutex<Receiver<FrameBuffers>>,
+    returned: Sender<FrameBuffers>,
+}
+
+/// Where the results of written frames are recorded.
+pub(super) struct FrameLog<'a> {
+    /// One for each output folder.
+    pub(super) journals: &'a mut [Journal],
+    pub(super) timeline: Option<&'a mut RunTimeline>,
+    pub(super) progress: Progress,
+    pub(super) video: Option<Video<BorrowedBuffers>>,
+    pub(super) rows: Vec<FrameStats>,
+    /// The first failure.
+    pub(super) failed: Option<Stop>,
+}
+
+/// Buffers of a frame that is being written.
+#[derive(Default)]
+struct FrameBuffers {
+    answers: Answers,
+    /// Colours that the host shaded.
+    rgba: Vec<u8>,
+    rgb: Vec<u8>,
+    /// Empty without a video.
+    planes: Planes,
+}
+
+/// A frame's buffers, which return to the writer when the frame's files are written or abandoned.
+pub(super) struct BorrowedBuffers {
+    buffers: FrameBuffers,
+    returned: Sender<FrameBuffers>,
+}
+
+impl AsRef<Planes> for BorrowedBuffers {
+    fn as_ref(&self) -> &Planes {
+        &self.buffers.planes
+    }
+}
+
+impl Drop for BorrowedBuffers {
+    fn drop(&mut self) {
+        // Sending fails once the run has ended.
+        let _ = self.returned.send(std::mem::take(&mut self.buffers));
+    }
+}
+
+impl Rendered<'_> {
+    /// Returns the number of frames that may wait to be written.
+    fn frames_in_flight(&self) -> usize {
+        let hits = if self.wanted.hits { HIT_BYTES } else { 0 };
+        let planes = if self.files.video.any() {
+            PLANE_BYTES
+        } else {
+            0
+        };
+        let bytes = COLOUR_BYTES + hits + planes;
+        let free = host::free().map_or(u64::MAX, |free| free.bytes);
+        let each = (bytes * self.shot.camera.pixels()).max(1) as u64;
+        let fitting = (MOST_BYTES.min(free / 4) / each) as usize;
+        fitting.clamp(2, rayon::current_num_threads() + 1)
+    }
+}
+
+impl<'a> FrameWriter<'a> {
+    pub(super) fn new(rendered: Rendered<'a>, log: FrameLog<'a>) -> Self {
+        let (returned, free) = channel();
+        for _ in 0..rendered.frames_in_flight() {
+            // The receiver is alive.
+            let _ = returned.send(FrameBuffers::default());
+        }
+        Self {
+            rendered,
+            log: Mutex::new(log),
+            free: Mutex::new(free),
+            returned,
+        }
+    }
+
+    /// Accepts the frame with index `place` of the run. Waits while too many frames are being written. Fails if a
+    /// signal arrived, or if files of an earlier frame could not be written.
+    pub(super) fn write<'s>(
+        &'s self,
+        scope: &Scope<'s>,
+        place: usize,
+        frame: &FrameRecord,
+        answers: &mut Answers,
+    ) -> Result<(), Stop> {
+        signals::check()?;
+        self.check()?;
+        let waits = Instant::now();
+        let mut borrowed = self.borrow_buffers()?;
+        std::mem::swap(answers, &mut borrowed.buffers.answers);
+        if let Some(timeline) = &mut self.lock().timeline {
+            timeline.add(frame, [waits, Instant::now()]);
+        }
+        let frame = frame.clone();
+        let write = move || {
+            if let Err(stop) = self.write_files(&frame, &mut borrowed.buffers) {
+                self.lock().failed.get_or_insert(stop);
+            } else if let Some(video) = &self.lock().video {
+                video.take(place, borrowed);
+            }
+        };
+        // Without its own threads, rayon would run spawned work only at the end of the run.
+        let files = self.rendered.files;
+        let writes_any = files.any() || files.video.any();
+        if !writes_any || rayon::current_thread_index().is_some() {
+            write();
+            return self.check();
+        }
+        scope.spawn(move |_| write());
+        Ok(())
+    }
+
+    /// Returns the rows of all frames, in any order. Fails if files of a frame could not be written.
+    pub(super) fn finish(self) -> Result<Vec<FrameStats>, Stop> {
+        self.check()?;
+        let video = self.lock().video.take();
+        video.map_or(Ok(()), Video::finish)?;
+        Ok(std::mem::take(&mut self.lock().rows))
+    }
+
+    /// Returns buffers for one more frame. Waits until some are free.
+    fn borrow_buffers(&self) -> Result<BorrowedBuffers, Stop> {
+        let free = lock(&self.free);
+        let buffers = free.recv().map_err(Stop::failed)?;
+        let returned = self.returned.clone();
+        Ok(BorrowedBuffers { buffers, returned })
+    }
+
+    fn lock(&self) -> MutexGuard<'_, FrameLog<'a>> {
+        lock(&self.log)
+    }
+
+    fn check(&self) -> Result<(), Stop> {
+        let mut log = self.lock();
+        let video = log.video.take_if(|video| video.has_failed());
+        video.map_or(Ok(()), Video::finish)?;
+        log.failed.take().map_or(Ok(()), Err)
+    }
+
+    fn write_files(&self, frame: &FrameRecord, buffers: &mut FrameBuffers) -> Result<(), Stop> {
+        let begun = Instant::now();
+        let (row, Frame { index, time }) = (FrameStats::of(frame), frame.frame);
+        let Rendered {
+            scene, shot, files, ..
+        } = self.rendered;
+        let hits = &buffers.answers.hits;
+        let mut pixels = &buffers.answers.pixels;
+        if pixels.is_empty() && (files.has_pictures() || files.video.any()) {
+            let shot = Shot {
+                moment: scene.animation.at(time).map_err(Stop::bad)?,
+                colours: &scene.colours,
+                camera: &shot.camera,
+                light: shot.light,
+            };
+            shading::shade(&shot, &hits.closest, &hits.blocked, &mut buffers.rgba);
+            pixels = &buffers.rgba;
+        }
+        let [width, height] = [shot.camera.width, shot.camera.height];
+        if files.has_pictures() {
+            output::drop_alpha(pixels, &mut buffers.rgb);
+        }
+        if files.video.any() {
+            let pixels = pixels.as_chunks::<4>().0;
+            buffers.planes.set(pixels, width as usize, files.video);
+        }
+        let shape = [height, width].map(u64::from);
+        let hits = HitArrays {
+            shadow: Some(&hits.blocked),
+            offset: scene.facts.offset,
+            ..HitArrays::of(&hits.closest, &shape)
+        };
+        files.write(index, [width, height], &hits, &buffers.rgb)?;
+        let folders = files.folders();
+        let digests = folders
+            .iter()
+            .map(|f| output::digests(&files.in_folder(index, f)));
+        let digests = digests.collect::<Result<Vec<_>, _>>()?;
+        let mut log = self.lock();
+        for (journal, files) in log.journals.iter_mut().zip(digests) {
+            journal.add(files, &row)?;
+        }
+        if let Some(timeline) = &mut log.timeline {
+            timeline.wrote(index, [begun, Instant::now()]);
+        }
+        let ms = frame.wall_ms;
+        log.progress.step(&format!("time {time:.3}, {ms:.1} ms"));
+        log.rows.push(row);
+        Ok(())
+    }
+}

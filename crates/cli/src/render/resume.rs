@@ -1,0 +1,193 @@
+//! Frames that an earlier run left in the output folders, and the frames that remain.
+
+use super::RenderSettings;
+use super::files::FrameFiles;
+use super::statistics::RunPlan;
+use crate::frame_list::{self, EvenFrames, FrameChoice};
+use crate::machine::VERSION;
+use crate::scene_source::is_demo;
+use crate::stop::Stop;
+use output::{Finished, FrameStats, Journal, Manifest, SCHEMA, SceneId};
+use pipeline::Frame;
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+/// An earlier run in the output folders.
+pub(super) struct EarlierRun {
+    folders: Vec<(PathBuf, Finished)>,
+    manifest: Option<Manifest>,
+}
+
+/// Frames that are complete, and the others.
+pub(super) struct Progressed {
+    pub(super) done: Vec<FrameStats>,
+    pub(super) todo: Vec<Frame>,
+}
+
+impl EarlierRun {
+    /// Reads the output folders, before anything is loaded. Fails if a folder contains another run, unless
+    /// `--overwrite` is set.
+    pub(super) fn find(settings: &RenderSettings, files: &FrameFiles) -> Result<Self, Stop> {
+        let (mut folders, mut earlier) = (Vec::new(), None);
+        for folder in files.folders() {
+            let found = if settings.overwrite {
+                None
+            } else {
+                Manifest::in_folder(&folder).map_err(Stop::bad)?
+            };
+            if let Some(found) = found {
+                if let Some(difference) = found.difference(&manifest(settings, found.key_times)?) {
+                    let other = format!("{} holds another run: {difference}", folder.display());
+                    return Err(Stop::bad(format!("{other}; --overwrite replaces it")));
+                }
+                earlier = Some(found);
+            }
+            let finished = if settings.resume && earlier.is_some() {
+                Finished::in_folder(&folder).map_err(Stop::bad)?
+            } else {
+                Finished::default()
+            };
+            folders.push((folder, finished));
+        }
+        Ok(Self {
+            folders,
+            manifest: earlier,
+        })
+    }
+
+    /// Separates frames whose files are all complete from the others. A video needs all frames.
+    pub(super) fn divide(&self, frames: Vec<Frame>, files: &FrameFiles) -> Progressed {
+        let (mut done, mut todo) = (Vec::new(), Vec::new());
+        for frame in frames {
+            match self.row(frame.index, files).filter(|_| !files.video.any()) {
+                Some(row) => done.push(row),
+                None => todo.push(frame),
+            }
+        }
+        Progressed { done, todo }
+    }
+
+    fn row(&self, frame: u64, files: &FrameFiles) -> Option<FrameStats> {
+        let mut row = None;
+        for (folder, finished) in &self.folders {
+            for file in files.in_folder(frame, folder) {
+                let name = file.file_name()?.to_string_lossy();
+                row = Some(finished.whole(frame, folder, &name)?);
+            }
+        }
+        row.cloned()
+    }
+
+    /// Returns the rows of all frames if all are complete, so that nothing needs to be loaded.
+    pub(super) fn finished(
+        &self,
+        settings: &RenderSettings,
+        files: &FrameFiles,
+    ) -> Result<Option<Vec<FrameStats>>, Stop> {
+        let mut others = [&settings.timeline, &settings.rays_out]
+            .into_iter()
+            .flatten();
+        let Some(found) = self.manifest.as_ref().filter(|_| settings.resume) else {
+            return Ok(None);
+        };
+        if files.video.any() || others.any(|file| !file.exists()) {
+            return Ok(None);
+        }
+        let all = all_frames(settings, found.key_times)?;
+        let frames = self.divide(frame_list::of_shard(&all, settings.shard), files);
+        Ok(frames.todo.is_empty().then_some(frames.done))
+    }
+
+    /// Returns the statistics of the earlier run without its frames.
+    pub(super) fn statistics(&self) -> Option<Value> {
+        let (_, finished) = self.folders.first()?;
+        finished.stats.clone()
+    }
+
+    /// Writes the manifest to all folders, and begins a journal in each.
+    pub(super) fn begin(
+        self,
+        settings: &RenderSettings,
+        plan: &RunPlan,
+        stats: &Value,
+    ) -> Result<Vec<Journal>, Stop> {
+        let shard = settings.shard.map(|shard| [shard.number, shard.of]);
+        let begin = |(folder, _): (PathBuf, Finished)| {
+            let found = Manifest::in_folder(&folder).ok().flatten();
+            if settings.overwrite && found.as_ref() != Some(&plan.manifest) {
+                output::clear_run(&folder).map_err(Stop::bad)?;
+            }
+            plan.manifest.write_to(&folder)?;
+            let mut journal = Journal::open(&folder, shard).map_err(Stop::bad)?;
+            journal.begin(plan.list.clone(), stats.clone())?;
+            Ok(journal)
+        };
+        self.folders.into_iter().map(begin).collect()
+    }
+}
+
+/// Returns all frames of a run over a motion with `key_times` key times.
+pub(super) fn all_frames(settings: &RenderSettings, key_times: usize) -> Result<Vec<Frame>, Stop> {
+    let frames = settings.frames.as_ref();
+    frame_list::list(
+        frames,
+        settings.time_range,
+        key_times,
+        is_demo(&settings.scene),
+    )
+}
+
+/// Returns the manifest of a run over a motion with `key_times` key times.
+pub(super) fn manifest(settings: &RenderSettings, key_times: usize) -> Result<Manifest, Stop> {
+    let files = scene::files(&settings.scene)?;
+    // The folder of a file has no effect, but the placement of inputs does.
+    let is_placed = settings.scene.contains(['+', '@']);
+    let name = (files.is_empty() || is_placed).then(|| settings.scene.clone());
+    let files = output::digests(&files).map_err(Stop::bad)?;
+    let camera = serde_json::from_value(json!(settings.camera));
+    let mut options: BTreeMap<_, _> = camera.map_err(Stop::failed)?;
+    options.extend(other_options(settings, key_times));
+    Ok(Manifest {
+        schema: SCHEMA,
+        version: VERSION.to_owned(),
+        scene: SceneId { name, files },
+        key_times,
+        options,
+    })
+}
+
+/// Returns the options, apart from those of the camera, that decide a byte of the files.
+fn other_options(settings: &RenderSettings, key_times: usize) -> BTreeMap<String, Value> {
+    let RenderSettings { source, tracer, .. } = settings;
+    let mut all = vec![
+        ("fps", json!(source.fps)),
+        ("clip", json!(source.clip)),
+        // The default view depends on it.
+        ("key-memory", json!(source.key_memory)),
+        ("frames", frames_value(settings, key_times)),
+        ("intersector", json!(tracer.intersector.name())),
+    ];
+    if source.recentre {
+        all.push(("recentre", json!(true)));
+    }
+    // Other intersectors give the same hits on every backend.
+    if !tracer.intersector.is_equal_across_backends() {
+        all.push(("backend", json!(tracer.device.backend.name())));
+        all.push(("adapter", json!(tracer.device.adapter)));
+    }
+    let owned = |(name, value): (&str, Value)| (name.to_owned(), value);
+    all.into_iter().map(owned).collect()
+}
+
+/// The times of frames at key times do not depend on other frames. The times of other frames depend on their number.
+fn frames_value(settings: &RenderSettings, key_times: usize) -> Value {
+    let frames = settings.frames.as_ref();
+    if let Some(FrameChoice::Keys(_)) = frames {
+        return json!("key times");
+    }
+    let is_demo = is_demo(&settings.scene);
+    let EvenFrames { count, range } =
+        EvenFrames::of(frames, settings.time_range, key_times, is_demo);
+    json!({ "count": count, "from": range.from, "to": range.to })
+}

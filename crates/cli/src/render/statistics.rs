@@ -1,0 +1,34 @@
+//! The JSON of `--stats`.
+
+use crate::console;
+use crate::stop::Stop;
+use output::{FrameStats, Manifest, overview};
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+use std::path::Path;
+
+/// The manifest of a run, and the numbers of all its frames in all shards.
+#[derive(Clone, Serialize, Deserialize)]
+pub(crate) struct RunPlan {
+    pub(crate) manifest: Manifest,
+    pub(crate) list: Vec<u64>,
+}
+
+/// Returns statistics with these rows, in the order of frames.
+pub(crate) fn with_rows(mut stats: Value, rows: &[FrameStats]) -> Value {
+    let mut rows = rows.to_vec();
+    rows.sort_by_key(|row| row.frame);
+    stats["summary"] = json!(overview(&rows));
+    stats["frames"] = json!(rows);
+    stats["command_line"] = json!(crate::machine::command_line());
+    stats
+}
+
+/// Writes statistics to a file, or to standard output for `-`.
+pub(crate) fn write(file: &Path, stats: &Value) -> Result<(), Stop> {
+    if file.as_os_str() == "-" {
+        console::print_json(stats)
+    } else {
+        Ok(output::write_json(file, stats)?)
+    }
+}

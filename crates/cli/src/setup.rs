@@ -1,0 +1,256 @@
+//! Opens the device of a run, makes the choices of `auto`, and loads the scene.
+//!
+//! `render` and `trace` get a tracer of the library. Commands that measure get the driver below it.
+
+use crate::auto::{self, Capabilities, ChosenLayout};
+use crate::devices::{BackendName, DeviceRequest, Opening};
+use crate::stop::Stop;
+use crate::tracer_settings::{ChosenPolicy, TracerSettings, Workload};
+use abvh::{Mesh, Tracer};
+use backend::{Backend, DeviceKind, Method};
+use clap::ValueEnum;
+use geom::Animation;
+use host::Free;
+use output::Taken;
+use pipeline::{BuilderThreads, Driver, DriverOptions, ExpectedMemory, trees_bytes};
+use scene::Scene;
+use serde::Serialize;
+use std::sync::Arc;
+
+/// Device, threads and methods of a run.
+#[derive(Clone, Serialize)]
+pub(crate) struct Setup {
+    pub(crate) backend: &'static str,
+    pub(crate) adapter: String,
+    pub(crate) driver: Option<String>,
+    pub(crate) threads: usize,
+    pub(crate) builder_threads: usize,
+    pub(crate) update: &'static str,
+    /// Fixed number of frames between the request and the adoption of a tree.
+    pub(crate) lockstep: Option<u32>,
+    /// With `async`: whether trees are built for predicted positions.
+    pub(crate) predict: Option<bool>,
+    pub(crate) intersector: &'static str,
+    pub(crate) layout: &'static str,
+    /// Choices of `auto`.
+    pub(crate) auto: Vec<Taken>,
+    #[serde(skip)]
+    pub(crate) memory: Option<ExpectedMemory>,
+    /// All of this in one line.
+    #[serde(skip)]
+    pub(crate) caption: String,
+}
+
+/// A tracer or driver with its scene loaded, and how it was set up.
+pub(crate) struct Started<T> {
+    pub(crate) tracer: T,
+    pub(crate) setup: Setup,
+}
+
+/// Starts to open the backend while the scene is read, if opening takes long.
+pub(crate) fn begin(settings: &TracerSettings) -> Opening {
+    if settings.device.no_cache {
+        backends::keep_no_kernels();
+    }
+    match settings.device.backend {
+        BackendName::Cpu => Opening::default(),
+        _ => Opening::begin(settings.device_request()),
+    }
+}
+
+/// Makes the choices of `auto`, and loads the scene into a tracer on the backend that is being opened.
+pub(crate) fn start_tracer(
+    scene: &Scene,
+    settings: &TracerSettings,
+    workload: Workload<'_>,
+    opening: Opening,
+) -> Result<Started<Tracer>, Stop> {
+    let load = |resolved: Resolved| {
+        let mut scene_of_one = abvh::Scene::new();
+        scene_of_one.add(Mesh::from(scene));
+        let options = resolved.options;
+        let builder = Tracer::builder()
+            .update(options.update)
+            .intersector(options.method.intersector)
+            .layout(options.method.layout)
+            .time_range(options.time_range)
+            .predict(options.predict)
+            .builder_threads(resolved.setup.builder_threads);
+        Ok(builder.build_on(resolved.backend, scene_of_one)?)
+    };
+    start(&scene.animation, settings, workload, opening, load)
+}
+
+/// Makes the choices of `auto`, and loads the scene into a driver on the backend that is being opened.
+pub(crate) fn start_driver(
+    animation: &Arc<Animation>,
+    settings: &TracerSettings,
+    workload: Workload<'_>,
+    opening: Opening,
+) -> Result<Started<Driver>, Stop> {
+    let load = |resolved: Resolved| {
+        let threads = BuilderThreads::new(resolved.setup.builder_threads)?;
+        let animation = Arc::clone(animation);
+        let Resolved {
+            backend, options, ..
+        } = resolved;
+        Ok(Driver::new(backend, animation, options, threads)?)
+    };
+    start(animation, settings, workload, opening, load)
+}
+
+fn start<T>(
+    animation: &Arc<Animation>,
+    settings: &TracerSettings,
+    workload: Workload<'_>,
+    mut opening: Opening,
+    load: impl Fn(Resolved) -> Result<T, Stop>,
+) -> Result<Started<T>, Stop> {
+    check_trees(animation.triangle_count(), workload.rays)?;
+    let ready = |backend: Box<dyn Backend>| {
+        let resolved = resolve(backend, animation, settings, workload)?;
+        let setup = resolved.setup.clone();
+        let tracer = load(resolved)?;
+        Ok(Started { tracer, setup })
+    };
+    let opened = opening.wait().transpose()?;
+    let first = opened.map(|opened| opened.and_then(ready));
+    // If `auto` chose the backend, another one may become ready.
+    let is_auto = settings.device.backend == BackendName::Auto;
+    let first = first.filter(|first| first.is_ok() || !is_auto);
+    let selected = first.unwrap_or_else(|| settings.device_request().open_and(ready))?;
+    let Started { tracer, mut setup } = selected.value;
+    let choice = auto::choice("backend", setup.backend, selected.why);
+    setup.auto.splice(0..0, choice);
+    Ok(Started { tracer, setup })
+}
+
+/// A backend with enough memory for a scene, and the options of a driver on it.
+struct Resolved {
+    backend: Box<dyn Backend>,
+    options: DriverOptions,
+    setup: Setup,
+}
+
+/// Makes all choices on a backend. If the backend computes on another number of threads, opens it again.
+fn resolve(
+    backend: Box<dyn Backend>,
+    animation: &Animation,
+    settings: &TracerSettings,
+    workload: Workload<'_>,
+) -> Result<Resolved, Stop> {
+    let capabilities = Capabilities::of(backend.as_ref());
+    let ChosenLayout {
+        layout,
+        why: why_layout,
+    } = auto::choose_layout(settings.layout, capabilities.device);
+    let ChosenPolicy {
+        policy,
+        why: why_policy,
+    } = auto::choose_policy(capabilities, animation, settings, workload)?;
+    let threads = settings.share(capabilities.device, policy);
+    // 0 threads means that the device computes.
+    let backend = if [0, threads.render].contains(&backend.device().threads) {
+        backend
+    } else {
+        let name = BackendName::from_str(backend.device().backend, true);
+        drop(backend);
+        let request = DeviceRequest {
+            backend: name.unwrap_or(settings.device.backend),
+            adapter: settings.device.adapter.clone(),
+            threads: threads.render,
+        };
+        request.open()?
+    };
+    let method = Method {
+        intersector: settings.intersector,
+        layout,
+    };
+    let (kind, rays) = (capabilities.device, workload.rays);
+    let memory = ExpectedMemory::of(animation, kind, (method, policy), rays);
+    check_device(backend.as_ref(), animation.triangle_count(), memory)?;
+    let device = backend.device().clone();
+    let choices = [
+        auto::choice("update", policy.name(), why_policy),
+        auto::choice("layout", layout.name(), why_layout),
+    ];
+    let mut setup = Setup {
+        backend: device.backend,
+        adapter: device.adapter,
+        driver: Some(device.driver).filter(|driver| !driver.is_empty()),
+        threads: threads.render,
+        builder_threads: threads.build,
+        update: policy.name(),
+        lockstep: policy.lockstep(),
+        predict: policy.builds_beside_frames().then_some(settings.predict),
+        intersector: settings.intersector.name(),
+        layout: layout.name(),
+        auto: choices.into_iter().flatten().collect(),
+        memory: Some(memory),
+        caption: String::new(),
+    };
+    setup.caption = setup.in_one_line(device.threads);
+    let options = DriverOptions {
+        method,
+        update: policy,
+        time_range: workload.time_range(),
+        predict: settings.predict,
+    };
+    Ok(Resolved {
+        backend,
+        options,
+        setup,
+    })
+}
+
+impl Setup {
+    /// Formats the setup. `threads` host threads render.
+    fn in_one_line(&self, threads: usize) -> String {
+        let lockstep = self.lockstep.map(|k| format!(" lockstep {k}"));
+        let lockstep = lockstep.unwrap_or_default();
+        let predict = match self.predict {
+            Some(false) => " without prediction",
+            _ => "",
+        };
+        let work = |n: usize, [one, many]: [&str; 2]| match n {
+            0 => String::new(),
+            1 => format!("1 thread {one}"),
+            n => format!("{n} threads {many}"),
+        };
+        let render = work(threads, ["renders, ", "render, "]);
+        let build = work(self.builder_threads, ["builds", "build"]);
+        let (backend, adapter, update) = (self.backend, &self.adapter, self.update);
+        let device = format!("{backend} ({adapter}; {render}{build})");
+        let method = format!("{}, {}", self.intersector, self.layout);
+        format!("{device}, {update}{lockstep}{predict}, {method}")
+    }
+}
+
+/// Refuses scenes whose trees and rays exceed the host's free memory. Key frames are already loaded.
+pub(crate) fn check_trees(triangles: usize, rays: usize) -> Result<(), Stop> {
+    let checked = host::check(trees_bytes(triangles, rays));
+    checked.map_err(|e| Stop::bad(format!("trees over {triangles} triangles: {e}")))
+}
+
+/// Refuses scenes that exceed the device's free memory, if its driver reports that. For a software device, refuses also
+/// scenes that exceed the host's free memory.
+fn check_device(
+    backend: &dyn Backend,
+    triangles: usize,
+    memory: ExpectedMemory,
+) -> Result<(), Stop> {
+    let Some(need) = memory.device_bytes else {
+        return Ok(());
+    };
+    let by = "memory of the device";
+    let free = backend.free_device_bytes().map(|bytes| Free { bytes, by });
+    let on_host = match backend.device().kind {
+        DeviceKind::Software => host::free(),
+        _ => None,
+    };
+    let checked = host::within(need, free).and_then(|()| host::within(need, on_host));
+    checked.map_err(|e| {
+        let name = &backend.device().adapter;
+        Stop::bad(format!("{triangles} triangles on {name}: {e}"))
+    })
+}

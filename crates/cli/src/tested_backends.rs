@@ -1,0 +1,135 @@
+//! The backends that `conform`, `stability` and `stress` test, and the part that their reports share.
+
+use crate::devices::{BackendName, DeviceRequest};
+use crate::machine::{self, VERSION};
+use crate::parsers;
+use crate::stop::Stop;
+use backend::Backend;
+use clap::{Args, ValueEnum};
+use serde::Serialize;
+use serde_json::{Value, json};
+use std::path::PathBuf;
+
+/// The backends to test, and where results go.
+#[derive(Args, Debug)]
+pub(crate) struct TestSettings {
+    /// Backends; auto is all that are present
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        default_value = "auto"
+    )]
+    pub(crate) backend: Vec<BackendName>,
+    /// Adapter of the backends, by index or by part of its name
+    #[arg(long, value_name = "INDEX|NAME-PART")]
+    pub(crate) adapter: Option<String>,
+    /// JSON file for the results
+    #[arg(long, value_name = "FILE", value_parser = parsers::file())]
+    pub(crate) json: Option<PathBuf>,
+    /// Print no progress
+    #[arg(long, short)]
+    pub(crate) quiet: bool,
+}
+
+/// The machine and the backends of a test report.
+#[derive(Default, Serialize)]
+pub(crate) struct TestedBackends {
+    schema: u32,
+    version: &'static str,
+    command_line: Vec<String>,
+    machine: Value,
+    backends: Vec<Value>,
+    absent: Vec<Value>,
+    /// Names of the backends under test.
+    #[serde(skip)]
+    pub(crate) names: Vec<&'static str>,
+    /// One line for each backend, available or not.
+    #[serde(skip)]
+    pub(crate) text: String,
+}
+
+impl TestedBackends {
+    fn new(opened: &[Box<dyn Backend>], absent: &[AbsentBackend]) -> Self {
+        let mut tested = Self {
+            schema: output::SCHEMA,
+            version: VERSION,
+            command_line: machine::command_line(),
+            machine: json!({
+                "cpu": machine::cpu_model(),
+                "cores": host::cores(),
+                "os": std::env::consts::OS,
+            }),
+            ..Self::default()
+        };
+        for device in opened.iter().map(|backend| backend.device()) {
+            let name = device.backend;
+            let (adapter, own) = (&device.adapter, device.arithmetic.to_string());
+            let driver = match device.driver.trim() {
+                "" => String::new(),
+                driver => format!(" ({driver})"),
+            };
+            tested.text += &format!("{name}: {adapter}{driver}; by itself: {own}\n");
+            tested.names.push(name);
+            tested.backends.push(json!({
+                "backend": name,
+                "adapter": adapter,
+                "driver": device.driver,
+                "kind": device.kind.name(),
+                "threads": device.threads,
+                "arithmetic": own,
+            }));
+        }
+        for AbsentBackend { backend, reason } in absent {
+            tested.text += &format!("{backend}: absent; {reason}\n");
+            tested
+                .absent
+                .push(json!({ "backend": backend, "reason": reason }));
+        }
+        tested
+    }
+}
+
+/// A backend that cannot run.
+struct AbsentBackend {
+    backend: &'static str,
+    reason: String,
+}
+
+/// Backends that are open, and their description.
+pub(crate) struct OpenedBackends {
+    pub(crate) backends: Vec<Box<dyn Backend>>,
+    pub(crate) tested: TestedBackends,
+}
+
+impl TestSettings {
+    /// Opens the backends that were named, or all that are present.
+    pub(crate) fn open(&self) -> Result<OpenedBackends, Stop> {
+        let (mut backends, mut absent) = (Vec::new(), Vec::new());
+        let takes_all = self.backend.contains(&BackendName::Auto);
+        for &one in BackendName::value_variants() {
+            let is_named = self.backend.contains(&one);
+            if one == BackendName::Auto || !(is_named || takes_all) {
+                continue;
+            }
+            let request = DeviceRequest {
+                adapter: self.adapter.clone(),
+                ..DeviceRequest::of(one)
+            };
+            match request.open() {
+                Ok(backend) => backends.push(backend),
+                Err(stop) if is_named => return Err(stop),
+                Err(stop) => absent.push(AbsentBackend {
+                    backend: one.name(),
+                    reason: stop.to_string(),
+                }),
+            }
+        }
+        if backends.is_empty() {
+            let reasons: Vec<_> = absent.into_iter().map(|absent| absent.reason).collect();
+            return Err(Stop::bad(reasons.join("; ")));
+        }
+        let tested = TestedBackends::new(&backends, &absent);
+        Ok(OpenedBackends { backends, tested })
+    }
+}

@@ -1,0 +1,201 @@
+//! How frames are traced: the device, the intersector, and how trees follow the motion.
+
+use crate::command::Requirement;
+use crate::devices::{BackendName, DeviceRequest, DeviceSettings};
+use crate::parsers::{self, AUTO};
+use backend::{DeviceKind, Intersector, Policy};
+use clap::{ArgAction, Args, ValueEnum};
+use pipeline::{Frame, Threads};
+
+/// How frames are traced. [`crate::setup`] makes the choices that these leave to `auto`.
+#[derive(Args, Clone, Debug)]
+pub(crate) struct TracerSettings {
+    #[command(flatten)]
+    pub(crate) device: DeviceSettings,
+    /// How a ray is tested against a triangle
+    #[arg(long, value_name = "NAME", default_value = "watertight", value_parser = parsers::intersector(|_| true))]
+    pub(crate) intersector: Intersector,
+    /// How the tree lies in memory
+    #[arg(long, value_name = "NAME", default_value = "auto")]
+    pub(crate) layout: LayoutName,
+    /// How trees follow the motion
+    #[arg(long, value_name = "POLICY", default_value = AUTO, value_parser = parsers::update(|_| true))]
+    pub(crate) update: PolicyChoice,
+    /// With async: adopt each tree exactly K frames after its request
+    #[arg(long, value_name = "K")]
+    pub(crate) lockstep: Option<u32>,
+    /// With async: time for which each new tree is built. 'on': the middle of the period in which the tree will be
+    /// used, predicted from the key frames. 'off': the time of the frame that requests the tree. Hits are the same;
+    /// predicted trees fit better, so frames are faster
+    #[arg(long, value_name = "on|off", default_value = "on", action = ArgAction::Set, value_parser = parsers::switch())]
+    pub(crate) predict: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum LayoutName {
+    /// Whichever is faster on the backend
+    Auto,
+    /// Breadth-first binary tree, one triangle a leaf
+    Bvh2,
+    /// Whatever measured fastest
+    Fast,
+}
+
+impl LayoutName {
+    /// Returns the name on the command line.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Auto => AUTO,
+            Self::Bvh2 => "bvh2",
+            Self::Fast => "fast",
+        }
+    }
+}
+
+/// An update policy; `None` leaves the choice to `auto`.
+pub(crate) type PolicyChoice = Option<Policy>;
+
+/// Returns the name of a policy on the command line.
+pub(crate) fn policy_name(update: PolicyChoice) -> &'static str {
+    update.map_or(AUTO, Policy::name)
+}
+
+/// A policy, and the reason if `auto` chose it.
+#[derive(Clone, Debug)]
+pub(crate) struct ChosenPolicy {
+    pub(crate) policy: Policy,
+    pub(crate) why: Option<String>,
+}
+
+impl TracerSettings {
+    /// Returns settings with defaults for all that is not named.
+    pub(crate) fn of(backend: BackendName, intersector: Intersector, update: PolicyChoice) -> Self {
+        Self {
+            device: DeviceSettings::of(backend),
+            intersector,
+            layout: LayoutName::Auto,
+            update,
+            lockstep: None,
+            predict: true,
+        }
+    }
+
+    /// Returns the policy, as far as it is known before the scene and the device.
+    pub(crate) fn policy(&self) -> ChosenPolicy {
+        let at_pace = self.lockstep.map_or(Policy::Async, Policy::Lockstep);
+        let (policy, why) = match self.update {
+            Some(named) if named.builds_beside_frames() => (at_pace, None),
+            Some(named) => (named, None),
+            None if self.is_open() => (at_pace, Some("it suits most scenes that deform")),
+            None => (at_pace, Some("--lockstep asks for it")),
+        };
+        let why = why.map(str::to_owned);
+        ChosenPolicy { policy, why }
+    }
+
+    /// Returns whether `auto` chooses the policy, which it can do better once the backend is open.
+    pub(crate) fn is_open(&self) -> bool {
+        self.update.is_none() && self.lockstep.is_none()
+    }
+
+    /// Returns how cores are shared on a kind of device under a policy.
+    pub(crate) fn share(&self, device: DeviceKind, policy: Policy) -> Threads {
+        let requested = [self.device.threads, self.device.builder_threads];
+        Threads::share(host::cores(), device, policy, requested)
+    }
+
+    /// Returns the backend to open. If the host is the device, it traces with its share of the cores.
+    pub(crate) fn device_request(&self) -> DeviceRequest {
+        let host = self.share(DeviceKind::Cpu, self.policy().policy);
+        DeviceRequest {
+            backend: self.device.backend,
+            adapter: self.device.adapter.clone(),
+            threads: host.render,
+        }
+    }
+
+    /// Returns what `--lockstep`, `--predict` and `--builder-threads` require of the policy.
+    pub(crate) fn requirements(&self) -> Vec<Requirement> {
+        vec![
+            needs_async("lockstep", &[self.update]),
+            needs_async("predict", &[self.update]),
+            needs_host_builds(&[self.update]),
+        ]
+    }
+}
+
+/// Requires a policy that builds trees while frames are traced.
+pub(crate) fn needs_async(option: &'static str, updates: &[PolicyChoice]) -> Requirement {
+    let may_be_async = |update: &PolicyChoice| update.is_none_or(Policy::builds_beside_frames);
+    Requirement::new(
+        option,
+        updates.iter().any(may_be_async),
+        "goes only with --update async",
+    )
+}
+
+/// Requires, for `--builder-threads`, a policy whose trees the host builds.
+pub(crate) fn needs_host_builds(updates: &[PolicyChoice]) -> Requirement {
+    let host_builds = |update: &PolicyChoice| !update.is_some_and(Policy::builds_on_device);
+    Requirement::new(
+        "builder_threads",
+        updates.iter().any(host_builds),
+        "goes only with trees that the host builds",
+    )
+}
+
+/// The frames and rays of a run, by which `auto` chooses and memory is estimated.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Workload<'a> {
+    /// Empty if they are not known.
+    pub(crate) frames: &'a [Frame],
+    /// Number of rays of a frame.
+    pub(crate) rays: usize,
+}
+
+impl Workload<'_> {
+    /// Returns the first and the last time of all frames, in key frames, or all times if the frames are not known.
+    pub(crate) fn time_range(&self) -> [f64; 2] {
+        if self.frames.is_empty() {
+            return [0.0, f64::INFINITY];
+        }
+        let times = || self.frames.iter().map(|f| f.time);
+        let last = times().fold(0.0, f64::max);
+        [times().fold(last, f64::min), last]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_mean_what_they_name_and_lockstep_is_async() {
+        let settings = |update, lockstep| TracerSettings {
+            lockstep,
+            ..TracerSettings::of(BackendName::Cpu, Intersector::Watertight, update)
+        };
+        let three = Policy::Lockstep(3);
+        let free = Policy::Async;
+        for (settings, policy, is_named) in [
+            (settings(Some(Policy::Async), Some(3)), three, true),
+            (settings(None, Some(3)), three, false),
+            (settings(None, None), free, false),
+            (settings(Some(Policy::Refit), None), Policy::Refit, true),
+            (settings(Some(Policy::Async), None), free, true),
+        ] {
+            let chosen = settings.policy();
+            let found = (chosen.policy, chosen.why.is_none());
+            assert_eq!(found, (policy, is_named), "{settings:?}");
+        }
+        assert!(settings(None, None).is_open() && !settings(None, Some(3)).is_open());
+    }
+
+    #[test]
+    fn frames_last_from_the_earliest_to_the_latest() {
+        let frames = [3.0, 1.5, 2.0].map(|time| Frame { index: 0, time });
+        let range = |frames| Workload { frames, rays: 0 }.time_range();
+        assert_eq!(range(&frames), [1.5, 3.0]);
+        assert_eq!(range(&[]), [0.0, f64::INFINITY]);
+    }
+}
