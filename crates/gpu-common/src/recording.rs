@@ -34,6 +34,10 @@ pub struct PositionsCopy<B> {
 }
 
 /// A command of a [`Recording`].
+#[expect(
+    clippy::large_enum_variant,
+    reason = "nearly all commands are dispatches"
+)]
 pub enum RecordedCommand<P, N> {
     /// Runs a kernel.
     Dispatch(Dispatch<P>),
