@@ -37,9 +37,9 @@
 
 use crate::loaded::Loaded;
 use crate::step::apart;
-use crate::vertices::copy;
 use crate::{Error, Query, QueryId, Ray, Result, Step, Tracer};
 use backend::Rays;
+use geom::copy_in_parallel;
 use gpu_vulkan::external::ExternalMemory;
 use gpu_vulkan::memory::Buffer;
 use gpu_vulkan::timeline::Timeline;
@@ -189,7 +189,7 @@ impl Loaded {
                 return Ok(());
             };
             if let Some(points) = gpu.read_points(&run).map_err(Error::of_backend)? {
-                copy(self.joined.vertices_of(mesh), &points);
+                copy_in_parallel(self.joined.vertices_of(mesh), &points);
             }
         }
         before.signal()

@@ -62,19 +62,21 @@ impl Tracer {
         state.current.finish_all(&mut state.last)?;
         state.keep_from(u64::MAX);
         let State { current, last, .. } = state;
-        let colours = match wanted.pixels {
-            true => current.host_colours()?,
-            false => None,
+        let colours = if wanted.pixels {
+            current.host_colours()?
+        } else {
+            None
         };
         let query = shading::query(shot);
-        let most = match colours.is_some() && current.joined.is_arriving() {
+        let most = if colours.is_some() && current.joined.is_streamed() {
             // The host shades with the animation's newest vertices, which a later frame would replace.
-            true => 1,
-            false => current.driver.most_under_way(&[query]),
+            1
+        } else {
+            current.driver.most_under_way(&[query])
         };
         let mut answers = Answers::default();
         let mut finish = |loaded: &mut Loaded, frame: Frame| -> Result<(), E> {
-            let mut record = loaded.take((wanted, &mut answers), last)?;
+            let mut record = loaded.take(wanted, &mut answers, last)?;
             if let Some(colours) = &colours {
                 let Answers { hits, pixels } = &mut answers;
                 let time = moment(frame.time);

@@ -1,9 +1,8 @@
 //! Results of queries.
 
-use crate::vertices::copy;
 use crate::{MeshId, SceneHit};
 use backend::HitsPool;
-use geom::lock;
+use geom::{copy_in_parallel, lock};
 use std::fmt;
 use std::sync::{Arc, Mutex};
 
@@ -116,7 +115,7 @@ impl Hits {
     /// the number of closest hits, or the length of `to` if that is smaller.
     pub fn copy_to(&self, to: &mut [SceneHit]) -> usize {
         let count = to.len().min(self.in_scene().len());
-        copy(&mut to[..count], &self.in_scene()[..count]);
+        copy_in_parallel(&mut to[..count], &self.in_scene()[..count]);
         count
     }
 

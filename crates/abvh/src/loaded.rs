@@ -12,7 +12,19 @@ use std::mem::discriminant;
 use std::sync::Arc;
 
 /// The properties of a query that its kernels depend on: the camera, if any, and the kind.
-pub(crate) type Asked = (Option<Camera>, QueryKind);
+#[derive(Clone)]
+pub(crate) struct QueryForm {
+    camera: Option<Camera>,
+    kind: QueryKind,
+}
+
+impl QueryForm {
+    /// Returns whether both need the same kernels. The position of a light does not matter.
+    fn is_like(&self, other: &Self) -> bool {
+        let form = |of: &Self| (of.camera.is_some(), discriminant(&of.kind));
+        form(self) == form(other)
+    }
+}
 
 pub(crate) struct Loaded {
     pub(crate) driver: Driver,
@@ -20,7 +32,7 @@ pub(crate) struct Loaded {
     pub(crate) update: Update,
     pub(crate) builders: BuilderThreads,
     /// One query of each kind that was traced so far.
-    pub(crate) asked: Vec<Asked>,
+    pub(crate) traced_forms: Vec<QueryForm>,
     /// Number of trees of the scenes before this one.
     trees_before: u64,
     /// Submissions that are not known to be done, oldest first.
@@ -32,6 +44,14 @@ pub(crate) struct Loaded {
     /// `None` before the first picture. Then the colours of all triangles if the host shades, or `None` if the device
     /// does.
     pub(crate) host_colours: Option<Option<Arc<[Colour]>>>,
+}
+
+/// Queries of a step that are begun together.
+#[derive(Clone, Copy)]
+pub(crate) struct Batch<'a> {
+    /// One for each query.
+    pub(crate) ids: &'a [QueryId],
+    pub(crate) queries: &'a [Query<'a>],
 }
 
 /// The location of a query's result.
@@ -59,9 +79,10 @@ impl Loaded {
         let mut joined = Joined::of(meshes)?;
         let animation = Arc::clone(&joined.animation);
         // Key frames that arrive are numbered from 0 on, independent of the times of steps.
-        options.time_range = match joined.is_arriving() {
-            true => [0.0, f64::MAX],
-            false => options.time_range.map(|time| time.min(animation.end())),
+        options.time_range = if joined.is_streamed() {
+            [0.0, f64::MAX]
+        } else {
+            options.time_range.map(|time| time.min(animation.end()))
         };
         let driver = Driver::new(backend, animation, options, builders.clone());
         let mut driver = driver.map_err(Error::of_driver)?;
@@ -71,7 +92,7 @@ impl Loaded {
             joined,
             update: options.update,
             builders,
-            asked: Vec::new(),
+            traced_forms: Vec::new(),
             trees_before: 0,
             under_way: VecDeque::new(),
             results: VecDeque::new(),
@@ -86,12 +107,16 @@ impl Loaded {
 
     /// Builds the first tree for `time`, and prepares everything that such queries need, by tracing one ray of each
     /// kind.
-    pub(crate) fn warm_up(&mut self, time: f64, asked: &[Asked]) -> Result<()> {
+    pub(crate) fn warm_up(&mut self, time: f64, forms: &[QueryForm]) -> Result<()> {
         let ray = [Ray::new([0.0; 3], [0.0, 0.0, 1.0])];
         // The first tree is built for the first query.
-        let list = [(None, QueryKind::Closest)];
-        for &(camera, kind) in if asked.is_empty() { &list } else { asked } {
-            let pixel = camera.map(|camera| Camera {
+        let list = [QueryForm {
+            camera: None,
+            kind: QueryKind::Closest,
+        }];
+        for form in if forms.is_empty() { &list } else { forms } {
+            let kind = form.kind;
+            let pixel = form.camera.map(|camera| Camera {
                 width: 1,
                 height: 1,
                 ..camera
@@ -111,7 +136,7 @@ impl Loaded {
         self.follow_on_device(before, but)?;
         #[cfg(feature = "vulkan")]
         self.follow_external(before, but)?;
-        self.asked.clone_from(&before.asked);
+        self.traced_forms.clone_from(&before.traced_forms);
         self.trees_before = before.trees_before + before.driver.generation().0;
         Ok(())
     }
@@ -119,7 +144,7 @@ impl Loaded {
     /// Returns the newest vertices of all meshes, including changes since the last query.
     fn settle(&mut self) -> Result<KeyFrame> {
         let time = self.joined.time;
-        self.joined.tell(self.driver.backend(), time)?;
+        self.joined.push_changes(self.driver.backend(), time)?;
         self.joined.newest()
     }
 
@@ -127,12 +152,14 @@ impl Loaded {
     pub(crate) fn begin(
         &mut self,
         time: f64,
-        (ids, queries): (&[QueryId], &[Query<'_>]),
+        batch: Batch<'_>,
         last: &mut Option<Statistics>,
     ) -> Result<()> {
+        let Batch { ids, queries } = batch;
         if queries.len() > 1 && !self.driver.backend().traces_together(queries) {
             let mut each = ids.chunks(1).zip(queries.chunks(1));
-            return each.try_for_each(|one| self.begin(time, one, last));
+            return each
+                .try_for_each(|(ids, queries)| self.begin(time, Batch { ids, queries }, last));
         }
         while self.under_way.len() >= self.driver.most_under_way(queries) {
             self.finish(last)?;
@@ -175,7 +202,7 @@ impl Loaded {
         }
         self.keep_results();
         let backend = self.driver.backend();
-        let time = self.joined.tell(backend, time)?;
+        let time = self.joined.push_changes(backend, time)?;
         let begun = self.driver.begin(Frame { index: 0, time }, queries);
         let begun = begun.map_err(Error::of_driver);
         #[cfg(any(feature = "vulkan", feature = "wgpu"))]
@@ -205,11 +232,12 @@ impl Loaded {
             Rays::Camera(camera) => Some(*camera),
             Rays::List(_) | Rays::OnDevice(_) => None,
         };
-        // The position of the light does not matter.
-        let form = |(camera, kind): &Asked| (camera.is_some(), discriminant(kind));
-        let asked = (camera, query.kind);
-        if !self.asked.iter().any(|other| form(other) == form(&asked)) {
-            self.asked.push(asked);
+        let form = QueryForm {
+            camera,
+            kind: query.kind,
+        };
+        if !self.traced_forms.iter().any(|other| form.is_like(other)) {
+            self.traced_forms.push(form);
         }
     }
 
@@ -241,14 +269,15 @@ impl Loaded {
 
     /// Waits for the oldest submission in flight.
     fn finish(&mut self, last: &mut Option<Statistics>) -> Result<()> {
-        let finished = self.take((Wanted::default(), &mut Answers::default()), last);
+        let finished = self.take(Wanted::default(), &mut Answers::default(), last);
         finished.map(drop)
     }
 
     /// Waits for the oldest submission in flight, and takes the results selected by `wanted`.
     pub(crate) fn take(
         &mut self,
-        (wanted, answers): (Wanted, &mut Answers),
+        wanted: Wanted,
+        answers: &mut Answers,
         last: &mut Option<Statistics>,
     ) -> Result<FrameRecord> {
         self.under_way.pop_front();
@@ -264,9 +293,9 @@ impl Loaded {
 
     fn statistics(&self, record: &FrameRecord) -> Statistics {
         Statistics {
-            generation: self.trees_before + record.tree_generation.0,
-            age: record.tree_age_frames,
-            cost_ratio: record.sah_ratio,
+            generation: self.trees_before + record.tree.generation.0,
+            age: record.tree.age_frames,
+            cost_ratio: record.tree.sah_ratio,
             building: self.driver.is_building(),
             inactive: record.report.inactive,
             degenerate: record.report.degenerate,
@@ -398,6 +427,6 @@ mod tests {
             step.render(&camera, [i as f32, 1.0, 0.0]).unwrap();
             step.submit().unwrap();
         }
-        assert_eq!(tracer.state().current.asked.len(), 1);
+        assert_eq!(tracer.state().current.traced_forms.len(), 1);
     }
 }

@@ -119,7 +119,7 @@ impl Mesh {
             .map_err(Error::of_reading)?
             .len();
         check_triangles(triangles, first)?;
-        let animation = Animation::streamed(source, [keys, window], triangles.to_vec());
+        let animation = Animation::paged(source, keys, window, triangles.to_vec());
         let animation = animation.map_err(Error::of_reading)?;
         Ok(Self::animated(Arc::new(animation)))
     }
@@ -252,8 +252,8 @@ impl From<&scene::Scene> for Mesh {
 
 /// Copies a slice. Returns [`Error::OutOfMemory`] if the allocation fails.
 fn copied<T: Copy>(from: &[T]) -> Result<Vec<T>> {
-    let room = host::room(from.len());
-    let mut copy = room.map_err(|e| Error::OutOfMemory(format!("no memory for a mesh: {e}")))?;
+    let empty = host::try_with_capacity(from.len());
+    let mut copy = empty.map_err(|e| Error::OutOfMemory(format!("no memory for a mesh: {e}")))?;
     copy.extend_from_slice(from);
     Ok(copy)
 }

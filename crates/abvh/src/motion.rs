@@ -4,10 +4,10 @@
 use crate::device_vertices::DeviceVertices;
 use crate::hits::Numbering;
 use crate::mesh::Colour;
-use crate::vertices::{copy, set};
+use crate::vertices::set;
 use crate::{Error, Mesh, MeshId, Point, Result};
 use backend::Backend;
-use geom::{Animation, KeyFrame, PointBuffer, Pose};
+use geom::{Animation, KeyFrame, PointBuffer, Pose, copy_in_parallel};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -85,7 +85,7 @@ pub(crate) struct Joined {
     #[cfg(any(feature = "vulkan", feature = "wgpu"))]
     pub(crate) on_device: DeviceVertices,
     /// Whether all changes in `next` were passed to the animation.
-    is_told: bool,
+    is_pushed: bool,
     /// Time of the last step.
     pub(crate) time: f64,
     /// Time that all key-framed meshes were last blended for; `None` after an error.
@@ -138,15 +138,15 @@ impl Joined {
             #[cfg(any(feature = "vulkan", feature = "wgpu"))]
             on_device: DeviceVertices::default(),
             meshes,
-            is_told: true,
+            is_pushed: true,
             time: 0.0,
             blended: Some(0.0),
         })
     }
 
     /// Returns whether vertices arrive while the scene is traced.
-    pub(crate) fn is_arriving(&self) -> bool {
-        self.animation.is_arriving()
+    pub(crate) fn is_streamed(&self) -> bool {
+        self.animation.is_streamed()
     }
 
     /// Returns the newest vertices that were passed to the animation.
@@ -159,10 +159,11 @@ impl Joined {
     pub(crate) fn move_to(&mut self, other: &[Point], but: usize) {
         for mesh in (0..self.meshes.len()).filter(|&mesh| mesh != but) {
             if self.meshes[mesh].motion.is_live() {
-                let first = match mesh < but {
-                    true => self.vertices[mesh],
+                let first = if mesh < but {
+                    self.vertices[mesh]
+                } else {
                     // The distance from the end is the same in both scenes.
-                    false => other.len() - (self.next.len() - self.vertices[mesh]),
+                    other.len() - (self.next.len() - self.vertices[mesh])
                 };
                 set(self.vertices_of(mesh), |v| other[first + v]);
             }
@@ -211,7 +212,7 @@ impl Joined {
     /// Returns a mesh's vertices for writing.
     pub(crate) fn vertices_of(&mut self, mesh: usize) -> &mut [Point] {
         let range = self.range_of(mesh);
-        (self.is_told, self.is_fresh[mesh]) = (false, true);
+        (self.is_pushed, self.is_fresh[mesh]) = (false, true);
         #[cfg(any(feature = "vulkan", feature = "wgpu"))]
         self.on_device.leave(mesh, &range);
         &mut self.next[range]
@@ -221,7 +222,7 @@ impl Joined {
     #[cfg(any(feature = "vulkan", feature = "wgpu"))]
     pub(crate) fn is_on_device(&mut self, mesh: usize) {
         let range = self.range_of(mesh);
-        (self.is_told, self.is_fresh[mesh]) = (false, true);
+        (self.is_pushed, self.is_fresh[mesh]) = (false, true);
         self.on_device.come(mesh, &range);
     }
 
@@ -235,7 +236,7 @@ impl Joined {
     /// Allocates the vertices of future steps in memory that the device reads. Allocates all buffers that are in use at
     /// a time, because an allocation takes a driver milliseconds.
     pub(crate) fn prepare(&mut self, backend: &mut dyn Backend) -> Result<()> {
-        if self.is_arriving() {
+        if self.is_streamed() {
             let first = self.animation.first();
             self.next = copy_of(first, backend)?;
             // Besides the kept key frames, the tree builder may read two, and a copy in progress one.
@@ -251,22 +252,22 @@ impl Joined {
     }
 
     /// Passes all changes to the animation. Returns the animation's time for a step at `time`.
-    pub(crate) fn tell(&mut self, backend: &mut dyn Backend, time: f64) -> Result<f64> {
+    pub(crate) fn push_changes(&mut self, backend: &mut dyn Backend, time: f64) -> Result<f64> {
         self.time = time;
-        if !self.is_arriving() {
+        if !self.is_streamed() {
             return Ok(time);
         }
         if self.blended.take() != Some(time) {
             self.blend(time)?;
         }
         self.blended = Some(time);
-        if std::mem::replace(&mut self.is_told, true) {
+        if std::mem::replace(&mut self.is_pushed, true) {
             return Ok(self.animation.end());
         }
         let last = self.newest()?;
         for mesh in (0..self.meshes.len()).filter(|&mesh| !self.is_fresh[mesh]) {
             let range = self.range_of(mesh);
-            copy(&mut self.next[range.clone()], &last[range]);
+            copy_in_parallel(&mut self.next[range.clone()], &last[range]);
         }
         // A reused frame already has the vertices of fixed meshes.
         let spare = match self.animation.spare_frame() {
@@ -305,7 +306,7 @@ impl Joined {
 fn copy_of(points: &[Point], backend: &mut dyn Backend) -> Result<PointBuffer> {
     let made = backend.point_buffer(points.len());
     let mut made = made.map_err(Error::of_backend)?;
-    copy(&mut made, points);
+    copy_in_parallel(&mut made, points);
     Ok(made)
 }
 
@@ -326,7 +327,7 @@ fn joined(meshes: &[Mesh], triangles: Vec<[u32; 3]>) -> Result<Animation> {
         let mark = |m: &Motion| std::iter::repeat_n(m.is_fixed(), m.first().len());
         let marks: Vec<bool> = motions().flat_map(mark).collect();
         let first = motions().flat_map(Motion::first).copied().collect();
-        return Animation::live(first, &marks, triangles).map_err(Error::of_keys);
+        return Animation::streamed(first, &marks, triangles).map_err(Error::of_keys);
     }
     let keys = motions().map(Motion::key_count).max().unwrap_or(1);
     let frame = |key| (motions().flat_map(|motion| motion.key(key)).copied()).collect();

@@ -117,9 +117,9 @@ impl Loaded {
 
     /// Checks that a step with these queries can be encoded, as one submission.
     fn check_encode(&mut self, queries: &[(QueryId, Deferred, Query)]) -> Result<()> {
-        let asked = queries.iter().map(|(_, rays, query)| rays.asked(*query));
-        let asked: Vec<_> = asked.collect();
-        let is_one = asked.len() < 2 || self.driver.backend().traces_together(&asked);
+        let all = queries.iter().map(|(_, rays, query)| rays.query(*query));
+        let all: Vec<_> = all.collect();
+        let is_one = all.len() < 2 || self.driver.backend().traces_together(&all);
         self.wgpu().ok_or_else(no_wgpu)?;
         if !self.has_tree() {
             let why = "the first tree is built before a step is encoded";

@@ -1,6 +1,6 @@
 //! Pictures of a step.
 
-use crate::loaded::{Answer, Loaded, find};
+use crate::loaded::{Answer, Batch, Loaded, find};
 use crate::mesh::Colour;
 use crate::motion::Joined;
 use crate::tracer::State;
@@ -45,7 +45,11 @@ impl Step<'_> {
     fn render_as(&mut self, id: QueryId, shot: (&Camera, Point)) -> Result<()> {
         let State { current, last, .. } = &mut *self.tracer;
         let colours = current.host_colours()?;
-        current.begin(self.time, (&[id], &[shading::query(shot)]), last)?;
+        let batch = Batch {
+            ids: &[id],
+            queries: &[shading::query(shot)],
+        };
+        current.begin(self.time, batch, last)?;
         let answer = current.results.back();
         let (Some(colours), Some(&Answer { ticket, place, .. })) = (colours, answer) else {
             return Ok(());
@@ -114,9 +118,10 @@ impl Joined {
         (camera, light): (&Camera, Point),
         (hits, rgba): (&backend::Hits, &mut Vec<u8>),
     ) -> Result<()> {
-        let time = match self.is_arriving() {
-            true => self.animation.end(),
-            false => time,
+        let time = if self.is_streamed() {
+            self.animation.end()
+        } else {
+            time
         };
         let shot = Shot {
             moment: self.animation.at(time).map_err(Error::of_reading)?,

@@ -168,7 +168,7 @@ impl State {
         let another = current.driver.another_backend();
         let parts = current.joined.parts();
         let (newest, time) = (current.joined.newest()?, current.joined.time);
-        let asked = current.asked.clone();
+        let forms = current.traced_forms.clone();
         let threads = match current.update {
             // Builder threads of this policy use all cores, because steps wait for them. Steps do not wait here.
             Update::Refit => builder.builders(self.kind, Update::Async)?,
@@ -198,7 +198,7 @@ impl State {
                 if is_given_up.load(Ordering::Relaxed) {
                     return Err(Error::Device("it was given up".to_owned()));
                 }
-                loaded.warm_up(time, &asked)?;
+                loaded.warm_up(time, &forms)?;
                 Ok(loaded)
             })
         })

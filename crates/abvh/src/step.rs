@@ -1,11 +1,12 @@
 //! Steps: the positions of meshes at one time, and the queries traced there.
 
+use crate::loaded::Batch;
 use crate::motion::{Motion, moved};
 use crate::tracer::State;
-use crate::vertices::{copy, set};
+use crate::vertices::set;
 use crate::{Error, Matrix, MeshId, Point, Result};
 use backend::{QueryKind, Rays};
-use geom::Camera;
+use geom::{Camera, copy_in_parallel};
 use std::sync::Arc;
 
 /// Kind of result for each ray.
@@ -111,7 +112,7 @@ pub(crate) enum Deferred {
 }
 
 impl Deferred {
-    pub(crate) fn asked(&self, query: Query) -> backend::Query<'_> {
+    pub(crate) fn query(&self, query: Query) -> backend::Query<'_> {
         let rays = match self {
             Self::Camera(camera) => Rays::Camera(camera),
             #[cfg(feature = "wgpu")]
@@ -136,7 +137,7 @@ impl Step<'_> {
             Source::Host(vertices) => {
                 let expected = current.joined.range_of(index).len();
                 check(mesh, "vertices", expected, vertices.len())?;
-                copy(current.joined.vertices_of(index), vertices);
+                copy_in_parallel(current.joined.vertices_of(index), vertices);
                 Ok(())
             }
             #[cfg(feature = "wgpu")]
@@ -215,8 +216,12 @@ impl Step<'_> {
         }
         let id = self.next_id();
         let kind = query.kind();
-        let asked = backend::Query { rays, kind };
-        let begun = self.tracer.begin(self.time, (&[id], &[asked]));
+        let query = backend::Query { rays, kind };
+        let batch = Batch {
+            ids: &[id],
+            queries: &[query],
+        };
+        let begun = self.tracer.begin(self.time, batch);
         self.keep_if(id, begun)
     }
 
@@ -264,13 +269,18 @@ impl Step<'_> {
 
     pub(crate) fn begin_deferred(&mut self) -> Result<()> {
         let deferred = self.deferred.iter();
-        let queries = deferred.map(|(id, rays, query)| (*id, rays.asked(*query)));
+        let queries = deferred.map(|(id, rays, query)| (*id, rays.query(*query)));
         let (ids, queries): (Vec<_>, Vec<_>) = queries.unzip();
         #[cfg(feature = "wgpu")]
         self.tracer.current.lend_rays(&self.deferred);
-        match queries.is_empty() {
-            true => Ok(()),
-            false => self.tracer.begin(self.time, (&ids, &queries)),
+        if queries.is_empty() {
+            Ok(())
+        } else {
+            let batch = Batch {
+                ids: &ids,
+                queries: &queries,
+            };
+            self.tracer.begin(self.time, batch)
         }
     }
 }
@@ -283,13 +293,14 @@ pub(crate) fn apart(are_apart: bool) -> Result<()> {
 }
 
 pub(crate) fn check(mesh: MeshId, what: &'static str, expected: usize, found: usize) -> Result<()> {
-    match expected == found {
-        true => Ok(()),
-        false => Err(Error::Count {
+    if expected == found {
+        Ok(())
+    } else {
+        Err(Error::Count {
             mesh,
             what,
             expected,
             found,
-        }),
+        })
     }
 }

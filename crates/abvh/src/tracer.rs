@@ -1,12 +1,12 @@
 //! The tracer: a scene on a device, with the trees that follow its motion.
 
-use crate::loaded::{Loaded, find};
+use crate::loaded::{Batch, Loaded, find};
 use crate::replacement::Disposal;
 use crate::{
     Device, Error, Hits, Intersector, Layout, Mesh, MeshId, QueryId, Result, Scene, Step, StepId,
     Update,
 };
-use backend::{Backend, DeviceKind, Method, Query};
+use backend::{Backend, DeviceKind, Method};
 use geom::lock;
 use pipeline::{BuilderThreads, DriverOptions, Threads};
 use std::collections::BTreeMap;
@@ -167,8 +167,8 @@ impl Builder {
 
     /// Creates the threads that build trees for a device of this kind.
     pub(crate) fn builders(&self, kind: DeviceKind, update: Update) -> Result<BuilderThreads> {
-        let asked = self.threads.or(self.builder_threads);
-        let threads = match (asked, self.share(kind, update)?.build) {
+        let requested = self.threads.or(self.builder_threads);
+        let threads = match (requested, self.share(kind, update)?.build) {
             // With more builder threads, steps wait for cores longer than better trees save.
             (None, all) if kind == DeviceKind::Gpu => all.div_ceil(2),
             (_, shared) => shared,
@@ -177,13 +177,13 @@ impl Builder {
     }
 
     fn share(&self, kind: DeviceKind, update: Update) -> Result<Threads> {
-        let asked = [self.threads, self.builder_threads];
-        match asked.into_iter().flatten().max() {
+        let requested = [self.threads, self.builder_threads];
+        match requested.into_iter().flatten().max() {
             Some(most) if most > MOST_THREADS => {
                 let why = format!("{most} threads are too many: {MOST_THREADS} may be asked for");
                 Err(Error::Unsupported(why))
             }
-            _ => Ok(Threads::share(host::cores(), kind, update, asked)),
+            _ => Ok(Threads::share(host::cores(), kind, update, requested)),
         }
     }
 }
@@ -295,9 +295,10 @@ impl Tracer {
     /// [`Error::KeyFrame`] if a key frame cannot be read; [`Error::Device`].
     pub fn warm_up(&mut self, time: f64) -> Result<()> {
         let current = &mut self.state().current;
-        match current.has_tree() {
-            true => Ok(()),
-            false => current.warm_up(moment(time), &[]),
+        if current.has_tree() {
+            Ok(())
+        } else {
+            current.warm_up(moment(time), &[])
         }
     }
 
@@ -393,8 +394,8 @@ impl Tracer {
 }
 
 impl State {
-    pub(crate) fn begin(&mut self, time: f64, asked: (&[QueryId], &[Query<'_>])) -> Result<()> {
-        self.current.begin(time, asked, &mut self.last)
+    pub(crate) fn begin(&mut self, time: f64, batch: Batch<'_>) -> Result<()> {
+        self.current.begin(time, batch, &mut self.last)
     }
 
     /// Drops the results of all steps except `step`, which is submitted now, and the step submitted before it.

@@ -1,6 +1,7 @@
 //! Reports of submissions, and positions that builders borrow.
 
 use geom::{Point, lock};
+use serde::{Deserialize, Serialize, Serializer};
 use std::ops::Deref;
 use std::sync::{Arc, Mutex};
 
@@ -9,7 +10,9 @@ use std::sync::{Arc, Mutex};
 pub struct Ticket(pub u64);
 
 /// Number of a tree. Each adopted tree must have a higher one than the tree before.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
+)]
 pub struct Generation(pub u64);
 
 /// Positions on the way to a builder: read-only and sendable. Dropping the snapshot returns its memory.
@@ -66,32 +69,41 @@ impl<T> Drop for LentPositions<T> {
 }
 
 /// Milliseconds of each stage; `None` for a stage that the submission skipped.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StageTimes {
     /// Interpolation of key frames to positions. Also `None` if it ran at the same time as `preprocess`, whose time
     /// then includes both.
+    #[serde(serialize_with = "rounded")]
     pub interpolate_ms: Option<f64>,
     /// Computation of triangle records and boxes of leaves from positions or from key frames.
+    #[serde(serialize_with = "rounded")]
     pub preprocess_ms: Option<f64>,
     /// Tree build on the device, except for records and boxes of leaves.
+    #[serde(serialize_with = "rounded")]
     pub rebuild_ms: Option<f64>,
     /// Computation of the boxes of inner nodes.
+    #[serde(serialize_with = "rounded")]
     pub refit_ms: Option<f64>,
     /// Trace of the primary or given rays. Includes shadow rays if one kernel traces both.
+    #[serde(serialize_with = "rounded")]
     pub trace_primary_ms: Option<f64>,
     /// Trace of shadow rays. Also `None` if `trace_primary_ms` includes it.
+    #[serde(serialize_with = "rounded")]
     pub trace_shadow_ms: Option<f64>,
     /// From the start of the first stage to the end of the last, by the device's clock.
+    #[serde(serialize_with = "rounded")]
     pub device_ms: f64,
     /// Start of the first stage, by the device's clock. The clock's zero is arbitrary but the same for all submissions;
     /// `None` without such a clock.
+    #[serde(skip)]
     pub begun_ms: Option<f64>,
 }
 
-/// Times and counts of one submission.
-#[derive(Clone, Debug, Default, PartialEq)]
+/// Times and counts of one submission. The program writes them to its statistics file under these names.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FrameReport {
     /// Time of each stage.
+    #[serde(flatten)]
     pub times: StageTimes,
     /// Rays that hit a triangle.
     pub hits: u64,
@@ -106,11 +118,25 @@ pub struct FrameReport {
     pub degenerate: u64,
     /// Cost of the refitted tree by the surface area heuristic (traversal 1, intersection 1), if the backend measures
     /// it.
+    #[serde(serialize_with = "rounded")]
     pub sah_cost: Option<f64>,
     /// Cost of the [candidate tree](crate::Backend::evaluate), at the same positions as `sah_cost`.
+    #[serde(skip)]
     pub candidate_cost: Option<f64>,
     /// Bytes copied to the host for a builder.
     pub readback_bytes: u64,
+}
+
+/// Serializes a number, if known, with six decimals: a nanosecond for times in milliseconds.
+///
+/// # Errors
+/// Those of the serializer.
+pub fn rounded<S: Serializer>(
+    number: &(impl Into<Option<f64>> + Copy),
+    to: S,
+) -> Result<S::Ok, S::Error> {
+    let number: Option<f64> = (*number).into();
+    number.map(|x| (x * 1e6).round() / 1e6).serialize(to)
 }
 
 /// Returns a tree's cost by the surface area heuristic (traversal 1, intersection 1; MacDonald, Booth 1990): the sum of

@@ -121,7 +121,7 @@ mod query;
 pub use axes::{Intersector, Policy};
 pub use device::{AdapterInfo, Arithmetic, Device, DeviceBytes, DeviceKind};
 pub use error::{BackendError, Result};
-pub use frame::{FrameReport, Generation, Snapshot, Spares, StageTimes, Ticket, sah_cost};
+pub use frame::{FrameReport, Generation, Snapshot, Spares, StageTimes, Ticket, rounded, sah_cost};
 pub use query::{Hits, HitsPool, Layout, Method, Palette, Query, QueryKind, Rays};
 
 use bvh_layout::Topology;

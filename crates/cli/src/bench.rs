@@ -24,7 +24,7 @@ use serde_json::json;
 use std::path::PathBuf;
 
 /// Options and groups of options that measure.
-const MEASURING: [&str; 20] = [
+const MEASURING: [&str; 19] = [
     "scenes",
     "SceneSettings",
     "CameraSettings",
@@ -44,7 +44,6 @@ const MEASURING: [&str; 20] = [
     "builder_threads",
     "json",
     "csv",
-    "size",
 ];
 
 #[derive(Args, Debug)]

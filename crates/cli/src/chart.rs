@@ -336,7 +336,7 @@ impl ChartRun<'_> {
         }
     }
 
-    /// Traces closed meshes and scenes of mixed range, once for each backend and intersector. Rivals trace none.
+    /// Traces closed meshes and scenes of mixed range, once for each backend and intersector, but not for rivals.
     fn count_hard_rays(&mut self, entries: &mut [Vec<ChartEntry>]) {
         let rays = self.settings.rays;
         let families = hard::families(rays);
@@ -447,7 +447,7 @@ fn tallies(entries: &mut [ChartEntry]) -> Vec<Tally> {
 
 fn timed_point(scene: &str, row: &MeasuredRow, command: String) -> Point {
     let frames = row.later_frames();
-    let spread = || frames.iter().filter_map(measure::frame_ms);
+    let spread = || frames.iter().map(measure::frame_ms);
     let summary = Summary::of(spread());
     let most = |bytes: fn(&FrameStats) -> Option<u64>| frames.iter().filter_map(bytes).max();
     let on_host = (row.setup.backend == "cpu").then(|| most(|f| f.host_bytes));

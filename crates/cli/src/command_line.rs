@@ -136,7 +136,7 @@ fn refused(args: &[OsString], e: &clap::Error) -> Stop {
             format!("{rival} is a rival, not a backend: use bench or chart with --rival {rival}");
         return Stop::bad(why);
     }
-    // clap leaves escape sequences out of what it quotes. Arguments with escaped ones give the same error in full.
+    // clap omits escape sequences when it quotes arguments. Parsing escaped arguments gives the same error in full.
     let escaped = args.iter().map(|arg| {
         console::plain(&arg.to_string_lossy(), &[])
             .into_owned()

@@ -15,6 +15,10 @@
 //! | `stop`, `signals`, `threads` | errors with exit codes; SIGINT and SIGTERM; threads outside the backend |
 //!
 //! A module imports only modules that do not import it.
+//!
+//! An option is read once. For example, `--lockstep 2` is a field of `TracerSettings`. `TracerSettings::policy` turns it into
+//! `Policy::Lockstep(2)`, and `setup` passes that policy to the driver. `--adapter` is a field of `DeviceSettings`, which
+//! becomes part of a `DeviceRequest`, which opens the backend.
 
 mod auto;
 mod bench;

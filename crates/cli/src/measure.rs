@@ -111,7 +111,7 @@ pub(crate) enum Contender {
     Rival(RivalPolicy),
 }
 
-/// What is measured, and remarks on combinations that are left out.
+/// The contenders of a measurement, and remarks on combinations that are left out.
 #[derive(Debug, Default)]
 pub(crate) struct Contenders {
     pub(crate) all: Vec<Contender>,
@@ -328,9 +328,9 @@ pub(crate) struct MeasuredRow {
 /// Quantities that are summarized in addition to [`TIMES`]. `geometry_ms` covers all stages before tracing.
 const MORE: [(&str, Time); 4] = [
     ("geometry_ms", geometry),
-    ("tree_age_frames", |f| Some(f.tree_age_frames as f64)),
-    ("sah_ratio", |f| f.sah_ratio),
-    ("sah_cost", |f| f.sah_cost),
+    ("tree_age_frames", |f| Some(f.tree.age_frames as f64)),
+    ("sah_ratio", |f| f.tree.sah_ratio),
+    ("sah_cost", |f| f.report.sah_cost),
 ];
 
 impl MeasuredRow {
@@ -346,8 +346,8 @@ impl MeasuredRow {
 }
 
 /// Returns the device time of a frame plus its wait for its tree, in milliseconds.
-pub(crate) fn frame_ms(frame: &FrameStats) -> Option<f64> {
-    Some(frame.device_ms? + frame.build_wait_ms.unwrap_or(0.0))
+pub(crate) fn frame_ms(frame: &FrameStats) -> f64 {
+    frame.report.times.device_ms + frame.build_wait_ms.unwrap_or(0.0)
 }
 
 impl MeasuredRow {
@@ -373,8 +373,9 @@ impl MeasuredRow {
         let per_triangle = |name: &str| medians[name].map(|ms| ms * 1e6 / live);
         let is_camera = measuring.rays == RayKind::Camera;
         let rates = stats.iter().filter_map(|f| {
-            let ms = f.trace_primary_ms? + f.trace_shadow_ms.unwrap_or(0.0);
-            let shadows = if is_camera { f.hits as f64 } else { 0.0 };
+            let times = &f.report.times;
+            let ms = times.trace_primary_ms? + times.trace_shadow_ms.unwrap_or(0.0);
+            let shadows = if is_camera { f.report.hits as f64 } else { 0.0 };
             mrays(shot.camera.pixels() as f64 + shadows, ms)
         });
         Self {
@@ -388,8 +389,8 @@ impl MeasuredRow {
             mrays_per_s: Summary::of(rates).map(|s| s.median),
             build_ns_per_triangle: per_triangle("build_ms"),
             convert_ns_per_triangle: per_triangle("convert_ms"),
-            trees: stats.iter().filter(|f| f.adopted).count(),
-            rejected: stats.iter().filter(|f| f.rejected).count(),
+            trees: stats.iter().filter(|f| f.tree.adopted).count(),
+            rejected: stats.iter().filter(|f| f.tree.rejected).count(),
             first_ms: stats.first().and_then(|f| f.wall_ms),
             memory: held.map(|bytes| device_memory(bytes, triangles)),
             device_bytes: held.map(|bytes| bytes.total()),
@@ -413,9 +414,14 @@ fn device_memory(held: DeviceBytes, triangles: usize) -> Value {
 
 /// Returns the milliseconds of a frame's stages before tracing, or `None` if it skipped every stage.
 fn geometry(frame: &FrameStats) -> Option<f64> {
-    let moved = [frame.interpolate_ms, frame.preprocess_ms];
-    let stages = moved.into_iter().chain([frame.rebuild_ms, frame.refit_ms]);
-    stages.flatten().reduce(|a, b| a + b)
+    let times = &frame.report.times;
+    let stages = [
+        times.interpolate_ms,
+        times.preprocess_ms,
+        times.rebuild_ms,
+        times.refit_ms,
+    ];
+    stages.into_iter().flatten().reduce(|a, b| a + b)
 }
 
 #[cfg(test)]
@@ -426,8 +432,8 @@ mod tests {
     fn geometry_is_what_is_known_of_its_stages() {
         let mut frame = FrameStats::default();
         assert_eq!(geometry(&frame), None);
-        frame.refit_ms = Some(2.0);
-        frame.preprocess_ms = Some(0.5);
+        frame.report.times.refit_ms = Some(2.0);
+        frame.report.times.preprocess_ms = Some(0.5);
         assert_eq!(geometry(&frame), Some(2.5));
     }
 }

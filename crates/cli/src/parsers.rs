@@ -38,7 +38,7 @@ pub(crate) fn scene() -> impl TypedValueParser<Value = String> {
 /// Stands for a choice that is left to the program.
 pub(crate) const AUTO: &str = "auto";
 
-/// Parses the name of an intersector, of those that `is_taken` accepts.
+/// Parses the name of an intersector that `is_taken` accepts.
 pub(crate) fn intersector(
     is_taken: fn(Intersector) -> bool,
 ) -> impl TypedValueParser<Value = Intersector> {
@@ -52,12 +52,12 @@ fn policy_names(is_taken: fn(Policy) -> bool) -> impl Iterator<Item = PossibleVa
     taken.map(|p| PossibleValue::new(p.name()).help(p.description()))
 }
 
-/// Parses the name of an update policy, of those that `is_taken` accepts.
+/// Parses the name of an update policy that `is_taken` accepts.
 pub(crate) fn policy(is_taken: fn(Policy) -> bool) -> impl TypedValueParser<Value = Policy> {
     PossibleValuesParser::new(policy_names(is_taken)).try_map(|name| name.parse())
 }
 
-/// Parses the name of an update policy, of those that `is_taken` accepts; `auto` is `None`.
+/// Parses the name of an update policy that `is_taken` accepts. `auto` is `None`.
 pub(crate) fn update(
     is_taken: fn(Policy) -> bool,
 ) -> impl TypedValueParser<Value = Option<Policy>> {
@@ -110,7 +110,7 @@ pub(crate) fn rays() -> impl TypedValueParser<Value = usize> {
     RangedU64ValueParser::new().range(1..=MAX_RAYS)
 }
 
-/// Parses a finite number for which `is_fit` holds. `says` is the message otherwise.
+/// Parses a finite number that `is_fit` accepts. `says` is the message about other numbers.
 pub(crate) fn number<T>(
     is_fit: fn(T) -> bool,
     says: &'static str,

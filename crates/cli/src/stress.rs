@@ -20,6 +20,7 @@ use backend::Policy;
 use clap::Args;
 use clap::builder::RangedU64ValueParser;
 use geom::{Animation, Point};
+use output::Summary;
 use scene::Scene;
 use serde::Serialize;
 use serde_json::json;
@@ -191,35 +192,51 @@ impl<'a> StreamedMotion<'a> {
         (0..self.poses.len()).step_by(stride)
     }
 
-    /// Builds a tracer with this scene as one streamed mesh.
-    fn tracer(&self, builder: Builder) -> Result<(Tracer, MeshId), Stop> {
+    /// Loads this scene as one streamed mesh.
+    fn start(&self, builder: Builder, source: VertexSource) -> Result<StreamedTracer<'_>, Stop> {
         let mut scene = abvh::Scene::new();
         let mesh = scene.add(Mesh::streamed(&self.poses[0], self.animation.triangles())?);
-        Ok((builder.build(scene)?, mesh))
+        Ok(StreamedTracer {
+            motion: self,
+            tracer: builder.build(scene)?,
+            mesh,
+            source,
+        })
     }
 
+    /// Returns the hits of the checked poses, traced on the host with a new tree for each pose.
+    fn expected_hits(&self) -> Result<Vec<Vec<SceneHit>>, Stop> {
+        let host = Tracer::builder().device(Device::Cpu);
+        let mut tracer = self.start(host.update(Policy::Rebuild), VertexSource::Copied)?;
+        self.checked().map(|pose| tracer.hits(pose)).collect()
+    }
+}
+
+/// A tracer whose only mesh is streamed.
+struct StreamedTracer<'a> {
+    motion: &'a StreamedMotion<'a>,
+    tracer: Tracer,
+    mesh: MeshId,
+    source: VertexSource,
+}
+
+impl StreamedTracer<'_> {
     /// Submits one step that moves the mesh to a pose.
-    fn step(
-        &self,
-        tracer: &mut Tracer,
-        mesh: MeshId,
-        pose: usize,
-        source: VertexSource,
-    ) -> Result<SubmittedStep, Stop> {
-        let vertices = &self.poses[pose];
+    fn step(&mut self, pose: usize) -> Result<SubmittedStep, Stop> {
+        let vertices = &self.motion.poses[pose];
         let begun = Instant::now();
         let mut writing = Duration::ZERO;
-        let mut step = tracer.step(0.0);
-        match source {
-            VertexSource::Copied => step.vertices(mesh, Source::Host(vertices))?,
+        let mut step = self.tracer.step(0.0);
+        match self.source {
+            VertexSource::Copied => step.vertices(self.mesh, Source::Host(vertices))?,
             VertexSource::InPlace => {
-                let to = step.vertices_mut(mesh)?;
+                let to = step.vertices_mut(self.mesh)?;
                 let writes = Instant::now();
                 to.copy_from_slice(vertices);
                 writing = writes.elapsed();
             }
         }
-        let query = match &self.rays {
+        let query = match &self.motion.rays {
             StepRays::Camera(shot) => step.trace(&shot.camera, Query::Closest)?,
             StepRays::List(rays) => step.trace(rays, Query::Closest)?,
         };
@@ -229,24 +246,9 @@ impl<'a> StreamedMotion<'a> {
     }
 
     /// Traces one step and returns its hits.
-    fn hits(
-        &self,
-        tracer: &mut Tracer,
-        mesh: MeshId,
-        pose: usize,
-        source: VertexSource,
-    ) -> Result<Vec<SceneHit>, Stop> {
-        let SubmittedStep { id, query, .. } = self.step(tracer, mesh, pose, source)?;
-        Ok(tracer.hits(id, query)?.in_scene().to_vec())
-    }
-
-    /// Returns the hits of the checked poses, traced on the host with a new tree for each pose.
-    fn expected_hits(&self) -> Result<Vec<Vec<SceneHit>>, Stop> {
-        let host = Tracer::builder().device(Device::Cpu);
-        let (mut tracer, mesh) = self.tracer(host.update(Policy::Rebuild))?;
-        self.checked()
-            .map(|pose| self.hits(&mut tracer, mesh, pose, VertexSource::Copied))
-            .collect()
+    fn hits(&mut self, pose: usize) -> Result<Vec<SceneHit>, Stop> {
+        let SubmittedStep { id, query, .. } = self.step(pose)?;
+        Ok(self.tracer.hits(id, query)?.in_scene().to_vec())
     }
 }
 
@@ -335,41 +337,40 @@ impl StressRun {
         expected: &[Vec<SceneHit>],
         steps: usize,
     ) -> Result<StressRow, Stop> {
-        let builder = Tracer::builder().device(self.device.clone());
-        let builder = builder
+        let builder = Tracer::builder()
+            .device(self.device.clone())
             .update(self.update)
             .intersector(Intersector::Watertight);
-        let (mut tracer, mesh) = motion.tracer(builder)?;
+        let mut tracer = motion.start(builder, self.source)?;
         let mut times = Vec::with_capacity(steps);
         for step in 0..WARM_UP_STEPS + steps {
-            let pose = motion.pose_of(step);
-            let submitted = motion.step(&mut tracer, mesh, pose, self.source)?;
+            let submitted = tracer.step(motion.pose_of(step))?;
             if step >= WARM_UP_STEPS {
                 times.push(submitted.ms);
             }
         }
-        let trees = tracer
-            .statistics()
-            .map_or(0, |s| s.generation.saturating_sub(1));
+        let statistics = tracer.tracer.statistics();
         let (mut checked, mut wrong) = (0, 0);
         for (pose, expected) in motion.checked().zip(expected) {
-            let hits = motion.hits(&mut tracer, mesh, pose, self.source)?;
+            let hits = tracer.hits(pose)?;
             checked += hits.len();
             wrong += hits.iter().zip(expected).filter(|(a, b)| a != b).count() as u64;
         }
         times.sort_by(f64::total_cmp);
-        let share = |share: f64| times[((times.len() - 1) as f64 * share).round() as usize];
+        let summary = Summary::of(times.iter().copied());
+        let Summary { median, worst, .. } =
+            summary.ok_or_else(|| Stop::failed("no step is timed"))?;
         Ok(StressRow {
             backend: self.backend,
-            device: tracer.device().to_owned(),
+            device: tracer.tracer.device().to_owned(),
             update: self.update.name(),
             vertices: self.source.name(),
             steps,
             mean_ms: times.iter().sum::<f64>() / times.len() as f64,
-            median_ms: share(0.5),
-            p99_ms: share(0.99),
-            worst_ms: share(1.0),
-            trees,
+            median_ms: median,
+            p99_ms: times[(times.len() * 99).div_ceil(100) - 1],
+            worst_ms: worst,
+            trees: statistics.map_or(0, |s| s.generation.saturating_sub(1)),
             checked,
             wrong,
         })

@@ -99,11 +99,11 @@ mod tests {
 
     #[test]
     fn what_nobody_timed_or_counted_is_not_mentioned() {
-        let frame = FrameStats {
-            refit_ms: Some(2.0),
+        let mut frame = FrameStats {
             host_bytes: Some(3 << 20),
             ..FrameStats::default()
         };
+        frame.report.times.refit_ms = Some(2.0);
         let told = stages(&[frame]);
         let refits = told.contains("refit") && !told.contains("interpolate");
         assert!(refits, "{told}");

@@ -59,10 +59,10 @@ impl Rule {
             return None;
         }
         match self {
-            Self::Closed => line.meet(&corners),
+            Self::Closed => line.intersect(&corners),
             Self::Moved => {
                 let within = |t: f32| line.ray.t_min < t && t < line.ray.t_max;
-                line.meet_moved(&corners).filter(|c| within(c.t()))
+                line.intersect_perturbed(&corners).filter(|c| within(c.t()))
             }
         }
     }

@@ -40,7 +40,7 @@ fn cut<'a>(runs: &[Range<usize>], mut rest: &'a mut [Point]) -> Vec<(usize, &'a 
 
 /// Copies positions in parallel.
 pub(crate) fn copy(from: &[Point], to: &mut [Point]) {
-    copy_in_parallel(to, from, RUN);
+    copy_in_parallel(to, from);
 }
 
 #[cfg(test)]

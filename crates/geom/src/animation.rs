@@ -1,31 +1,30 @@
 //! Key-framed triangles: the part of a scene that determines hits.
 
-use crate::key_frames::{KeyFrames, check_key, read_key};
+use crate::key_frame::{check_key, read_key};
+use crate::key_frames::KeyFrames;
 use crate::key_window::KeyWindow;
-use crate::live_keys::LiveKeys;
 use crate::sizes::Sizes;
+use crate::streamed_keys::StreamedKeys;
 use crate::survey::{Survey, check_triangles};
 use crate::triangle::corners;
 use crate::{
-    Aabb, KeyFrame, KeyFrameError, KeySource, Moment, Point, Pose, Range, StaticParts, Triangle,
-    is_active,
+    Aabb, KeyFrame, KeyFrameError, KeySource, Point, PointBuffer, Pose, Range, StaticParts,
+    Triangle, is_active,
 };
 use std::sync::Arc;
 
 /// One or more key frames over one list of triangles.
 #[derive(Clone, Debug)]
 pub struct Animation {
-    /// First key frame, which always stays in memory.
-    first: KeyFrame,
-    pub(crate) keys: KeyFrames,
-    pub(crate) triangles: Vec<[u32; 3]>,
-    pub(crate) survey: Survey,
-    times: Option<Times>,
+    keys: KeyFrames,
+    triangles: Vec<[u32; 3]>,
+    survey: Survey,
+    times: Option<KeyTimes>,
 }
 
 /// Times of the key frames, if they differ from 0, 1, 2 and so on.
 #[derive(Clone, Debug)]
-struct Times {
+struct KeyTimes {
     keys: Vec<f64>,
     end: f64,
 }
@@ -49,7 +48,7 @@ impl Animation {
         };
         let mut numbered = keys.iter().enumerate();
         numbered.try_for_each(|(key, frame)| check_key(key, frame.len(), first.len()))?;
-        Self::over(Arc::clone(first), KeyFrames::Held(keys), triangles)
+        Self::over(KeyFrames::Held(keys), triangles)
     }
 
     /// Creates an animation of `keys` key frames that reads them during playback.
@@ -59,31 +58,44 @@ impl Animation {
     ///
     /// # Errors
     /// Those of [`Self::new`], or a key frame cannot be read.
-    pub fn streamed(
+    pub fn paged(
         source: Arc<KeySource>,
-        [keys, window]: [usize; 2],
+        keys: usize,
+        window: usize,
         triangles: Vec<[u32; 3]>,
     ) -> Result<Self, KeyFrameError> {
-        let first: KeyFrame = Arc::new(read_key(&*source, 0)?.into());
-        let window = KeyWindow::new(source, Arc::clone(&first), [keys, window])?;
-        Self::over(first, KeyFrames::Streamed(Arc::new(window)), triangles)
+        let first = Arc::new(read_key(&*source, 0)?.into());
+        let window = KeyWindow::new(source, first, keys, window)?;
+        Self::over(KeyFrames::Paged(Arc::new(window)), triangles)
     }
 
-    pub(crate) fn over(
-        first: KeyFrame,
-        keys: KeyFrames,
+    /// Creates an animation whose key frames [arrive](Self::push) during playback, after `first`.
+    ///
+    /// Vertices marked `fixed` have the same bits in all key frames. The others may move anywhere.
+    ///
+    /// # Errors
+    /// Those of [`Self::new`], or `fixed` does not have one mark per vertex.
+    pub fn streamed(
+        first: Vec<Point>,
+        fixed: &[bool],
         triangles: Vec<[u32; 3]>,
     ) -> Result<Self, KeyFrameError> {
-        check_triangles(&triangles, first.len())?;
-        let mut animation = Self {
-            first,
+        check_streamed(fixed.len(), first.len())?;
+        let keys = StreamedKeys::new(Arc::new(first.into()));
+        let mut streamed = Self::over(KeyFrames::Streamed(Arc::new(keys)), triangles)?;
+        let (first, triangles) = (streamed.keys.first(), &streamed.triangles);
+        streamed.survey.expect_others(first, triangles, fixed);
+        Ok(streamed)
+    }
+
+    fn over(keys: KeyFrames, triangles: Vec<[u32; 3]>) -> Result<Self, KeyFrameError> {
+        check_triangles(&triangles, keys.first().len(), Self::MAX_TRIANGLES)?;
+        Ok(Self {
+            survey: Survey::of(&keys, &triangles)?,
             keys,
             triangles,
-            survey: Survey::default(),
             times: None,
-        };
-        animation.survey = Survey::of(&animation)?;
-        Ok(animation)
+        })
     }
 
     /// Assigns a time to each key frame, in the range from 0 to `end`.
@@ -102,7 +114,7 @@ impl Animation {
                 "key frames need one time each, rising from 0 on and none of them after the end";
             return Err(KeyFrameError(cause.to_owned()));
         }
-        let times = Some(Times { keys, end });
+        let times = Some(KeyTimes { keys, end });
         Ok(Self { times, ..self })
     }
 
@@ -119,16 +131,12 @@ impl Animation {
 
     /// Returns the number of key frames.
     pub fn key_count(&self) -> usize {
-        match &self.keys {
-            KeyFrames::Held(all) => all.len(),
-            KeyFrames::Streamed(window) => window.keys,
-            KeyFrames::Live(live) => live.key_count(),
-        }
+        self.keys.count()
     }
 
     /// Returns the first key frame, which is always in memory.
     pub fn first(&self) -> &[Point] {
-        &self.first
+        self.keys.first()
     }
 
     /// Returns key frame `key`, counted from 0. Blocks while the key frame is read.
@@ -139,18 +147,14 @@ impl Animation {
     /// # Panics
     /// If all key frames are in memory and `key` is not less than their number.
     pub fn key(&self, key: usize) -> Result<KeyFrame, KeyFrameError> {
-        match &self.keys {
-            KeyFrames::Held(all) => Ok(Arc::clone(&all[key])),
-            KeyFrames::Streamed(window) => window.get(key),
-            KeyFrames::Live(live) => Ok(live.get(key)),
-        }
+        self.keys.get(key)
     }
 
     /// Returns all key frames, or `None` if they are not all in memory.
     pub fn held_keys(&self) -> Option<&[KeyFrame]> {
         match &self.keys {
             KeyFrames::Held(all) => Some(all),
-            KeyFrames::Streamed(_) | KeyFrames::Live(_) => None,
+            KeyFrames::Paged(_) | KeyFrames::Streamed(_) => None,
         }
     }
 
@@ -166,47 +170,68 @@ impl Animation {
     pub fn window(&self) -> Option<usize> {
         match &self.keys {
             KeyFrames::Held(_) => None,
-            KeyFrames::Streamed(window) => Some(window.capacity),
-            KeyFrames::Live(_) => Some(LiveKeys::KEPT),
+            KeyFrames::Paged(window) => Some(window.capacity),
+            KeyFrames::Streamed(_) => Some(Self::KEPT),
         }
     }
 
     /// Announces the times that will be played next, so that their key frames are read in the background. Never blocks.
     pub fn look_ahead(&self, times: impl IntoIterator<Item = f64>) {
-        if let KeyFrames::Streamed(window) = &self.keys {
-            window.look_ahead(times.into_iter().flat_map(|time| self.pose(time).keys()));
-        }
+        let keys = times.into_iter().flat_map(|time| self.pose(time).keys());
+        self.keys.look_ahead(keys);
     }
 
     /// Returns up to `most` key frames that will be played next, with their numbers, for a device to upload early.
     ///
-    /// Stops at the first key frame that is not read yet. Empty unless the animation is [streamed](Self::streamed).
+    /// Stops at the first key frame that is not read yet. Empty unless the animation is [paged](Self::paged).
     pub fn upcoming(&self, most: usize) -> Vec<(usize, KeyFrame)> {
         match &self.keys {
-            KeyFrames::Held(_) | KeyFrames::Live(_) => Vec::new(),
-            KeyFrames::Streamed(window) => window.upcoming(most),
+            KeyFrames::Held(_) | KeyFrames::Streamed(_) => Vec::new(),
+            KeyFrames::Paged(window) => window.upcoming(most),
         }
     }
 
-    /// Returns the positions at `pose`. Blocks while key frames are read.
-    ///
-    /// # Errors
-    /// Those of [`Self::key`].
-    pub fn moment(&self, pose: Pose) -> Result<Moment<'_>, KeyFrameError> {
-        let earlier = self.key(pose.key as usize)?;
-        let later = match pose.alpha == 0.0 {
-            true => Arc::clone(&earlier),
-            false => self.key(pose.key as usize + 1)?,
-        };
-        Ok(Moment::new(self, pose, [earlier, later]))
+    /// Number of recent key frames that a [streamed](Self::streamed) animation keeps.
+    pub const KEPT: usize = StreamedKeys::KEPT;
+
+    /// Returns whether key frames [arrive](Self::push) during playback.
+    pub fn is_streamed(&self) -> bool {
+        matches!(self.keys, KeyFrames::Streamed(_))
     }
 
-    /// Returns the positions at `time`, measured in key frames. Blocks while key frames are read.
+    /// Appends the next key frame of a [streamed](Self::streamed) animation and returns its time.
+    ///
+    /// Only the last [`Self::KEPT`] key frames are kept, so each must be played before many others are pushed.
     ///
     /// # Errors
-    /// Those of [`Self::key`].
-    pub fn at(&self, time: f64) -> Result<Moment<'_>, KeyFrameError> {
-        self.moment(self.pose(time))
+    /// The number of vertices differs, or the animation is not streamed.
+    pub fn push(&self, frame: impl Into<PointBuffer>) -> Result<f64, KeyFrameError> {
+        let KeyFrames::Streamed(keys) = &self.keys else {
+            let cause = "all key frames of this animation are known";
+            return Err(KeyFrameError(cause.to_owned()));
+        };
+        let frame = Arc::new(frame.into());
+        check_streamed(frame.len(), self.vertex_count())?;
+        Ok(keys.push(frame) as f64)
+    }
+
+    /// Adds memory for a future key frame, which [`Self::spare_frame`] returns.
+    ///
+    /// Ignored if the animation is not [streamed](Self::streamed), or if the number of vertices differs.
+    pub fn add_spare_frame(&self, frame: PointBuffer) {
+        if let KeyFrames::Streamed(keys) = &self.keys
+            && frame.len() == self.vertex_count()
+        {
+            keys.add_spare(frame);
+        }
+    }
+
+    /// Returns memory of a dropped key frame, to fill and [push](Self::push) as the next one.
+    pub fn spare_frame(&self) -> Option<PointBuffer> {
+        match &self.keys {
+            KeyFrames::Streamed(keys) => keys.spare(),
+            KeyFrames::Held(_) | KeyFrames::Paged(_) => None,
+        }
     }
 
     /// Returns the vertex indices of all triangles.
@@ -237,7 +262,7 @@ impl Animation {
     /// Returns the number of live triangles that move, whose leaves every frame must preprocess.
     pub fn moving_count(&self) -> usize {
         match &self.keys {
-            KeyFrames::Held(_) | KeyFrames::Streamed(_) if self.key_count() == 1 => 0,
+            KeyFrames::Held(_) | KeyFrames::Paged(_) if self.key_count() == 1 => 0,
             // Static triangles are finite in all key frames, and therefore live.
             _ => self.live_count() - self.static_parts().triangle_count(),
         }
@@ -251,13 +276,13 @@ impl Animation {
 
     /// Returns the pose at `time`; see [`Pose::at`] and [`Pose::among`].
     ///
-    /// After the last key frame of a [live](Self::live) animation, the pose extrapolates the last two key frames. Such
+    /// After the last key frame of a [streamed](Self::streamed) animation, the pose extrapolates the last two key frames. Such
     /// poses are for tree builds only and are not traced.
     pub fn pose(&self, time: f64) -> Pose {
         let last = self.key_count() - 1;
         match (&self.times, &self.keys) {
             (Some(times), _) => Pose::among(time, &times.keys),
-            (None, KeyFrames::Live(_)) if last > 0 && time > last as f64 => {
+            (None, KeyFrames::Streamed(_)) if last > 0 && time > last as f64 => {
                 Pose::beyond(time, last)
             }
             (None, _) => Pose::at(time, last + 1),
@@ -268,8 +293,8 @@ impl Animation {
     ///
     /// This is its box in the first key frame that has it active, or [`Aabb::EMPTY`] if no key frame has. Rays never
     /// hit an inactive triangle, but the tree needs a leaf for the time when the triangle is active again.
-    pub fn fallback_corner(&self, triangle: u32) -> Aabb {
-        let others = &self.survey.fallback_corners;
+    pub fn fallback_box(&self, triangle: u32) -> Aabb {
+        let others = &self.survey.fallback_boxes;
         if let Ok(i) = others.binary_search_by_key(&triangle, |s| s.0) {
             return others[i].1;
         }
@@ -279,12 +304,12 @@ impl Animation {
 
     /// Returns whether a tree must contain `triangle`, because it is active in some key frame.
     pub fn is_live(&self, triangle: u32) -> bool {
-        self.survey.never_active == 0 || !self.fallback_corner(triangle).is_empty()
+        self.survey.never_active == 0 || !self.fallback_box(triangle).is_empty()
     }
 
     /// Returns the box of `triangle` for a tree build over vertices at `positions`.
     ///
-    /// This is the triangle's own box, or [`Self::fallback_corner`] if the triangle is inactive at `positions`.
+    /// This is the triangle's own box, or [`Self::fallback_box`] if the triangle is inactive at `positions`.
     #[inline]
     pub fn build_box(&self, positions: &[Point], triangle: u32) -> Aabb {
         let own = self.triangles[triangle as usize];
@@ -293,7 +318,7 @@ impl Animation {
 
     #[inline]
     pub(crate) fn box_of(&self, corners: &Triangle, triangle: u32) -> Aabb {
-        active_box(corners).unwrap_or_else(|| self.fallback_corner(triangle))
+        active_box(corners).unwrap_or_else(|| self.fallback_box(triangle))
     }
 
     /// Returns the exponent `k` for which scaling by `2^-k` keeps products from overflow and underflow.
@@ -308,9 +333,10 @@ impl Animation {
     /// Returns the range of coordinates at `pose`.
     pub fn range(&self, pose: Pose) -> Range {
         match &self.keys {
-            KeyFrames::Live(live) if pose.key > 0 => {
-                let look = |frame: &KeyFrame| Range::of(&Sizes::of(frame), self.scale_exponent());
-                live.range(pose.key as usize, look)
+            KeyFrames::Streamed(keys) if pose.key > 0 => {
+                let range_of =
+                    |frame: &KeyFrame| Range::of(&Sizes::of(frame), self.scale_exponent());
+                keys.range(pose.key as usize, range_of)
             }
             _ => Range::at(&self.survey.ranges, pose),
         }
@@ -320,7 +346,7 @@ impl Animation {
     /// [arrived](Self::push).
     pub fn known_range(&self, pose: Pose) -> Option<Range> {
         match &self.keys {
-            KeyFrames::Live(live) if pose.key > 0 => live.known_range(pose.key as usize),
+            KeyFrames::Streamed(keys) if pose.key > 0 => keys.known_range(pose.key as usize),
             _ => Some(Range::at(&self.survey.ranges, pose)),
         }
     }
@@ -329,9 +355,9 @@ impl Animation {
     ///
     /// A range that is already known stays.
     pub fn measure(&self, pose: Pose, vertices: &[Point]) {
-        if let KeyFrames::Live(live) = &self.keys {
+        if let KeyFrames::Streamed(keys) = &self.keys {
             let range = Range::of(&Sizes::of(vertices), self.scale_exponent());
-            live.range(pose.key as usize, |_| range);
+            keys.range(pose.key as usize, |_| range);
         }
     }
 
@@ -350,6 +376,14 @@ impl Animation {
         let all = self.key_bounds().iter();
         all.fold(Aabb::EMPTY, |a, &b| a.union(b))
     }
+}
+
+fn check_streamed(found: usize, vertices: usize) -> Result<(), KeyFrameError> {
+    if found == vertices {
+        return Ok(());
+    }
+    let cause = format!("{found} vertices were given, the scene has {vertices}");
+    Err(KeyFrameError(cause))
 }
 
 #[inline]
@@ -414,5 +448,68 @@ mod tests {
             let e = Animation::new(keys, triangles).unwrap_err();
             assert_eq!(e.to_string(), says);
         }
+    }
+
+    const REST: [Point; 3] = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+
+    fn at(x: f32) -> Vec<Point> {
+        REST.map(|p| [p[0] + x, p[1], p[2]]).to_vec()
+    }
+
+    #[test]
+    fn frames_are_played_as_they_were_pushed_and_trees_look_beyond_the_last() {
+        let streamed = Animation::streamed(at(0.0), &[false; 3], vec![[0, 1, 2]]).unwrap();
+        assert_eq!((streamed.key_count(), streamed.moving_count()), (1, 1));
+        for step in 1..20 {
+            let time = streamed.push(at(step as f32)).unwrap();
+            let moment = streamed.at(time).unwrap();
+            assert_eq!(moment.key_frames()[0], at(step as f32));
+            let beyond = streamed.at(time + 1.5).unwrap();
+            assert_eq!(beyond.vertex(0)[0], step as f32 + 1.5);
+        }
+        // Key frame 2 was dropped, so the blend uses the oldest that is kept.
+        let (key, alpha) = (2, 1.25);
+        let late = streamed.moment(Pose { key, alpha }).unwrap();
+        assert_eq!(late.vertex(0)[0], 16.0);
+        assert_eq!(streamed.at(0.0).unwrap().vertex(1), REST[1]);
+        assert_eq!(streamed.spare_frame().map(|frame| frame.len()), Some(3));
+        let spare = || streamed.spare_frame().map(|frame| frame[0][0]);
+        while spare().is_some() {}
+        streamed.add_spare_frame(at(7.0).into());
+        assert_eq!([spare(), spare()], [Some(7.0), None]);
+    }
+
+    #[test]
+    fn what_comes_may_reach_anywhere_and_become_active() {
+        let mut rest = at(0.0);
+        rest[0] = [f32::NAN; 3];
+        let streamed = Animation::streamed(rest, &[false; 3], vec![[0, 1, 2]]).unwrap();
+        assert!(streamed.is_live(0) && !streamed.fallback_box(0).is_empty());
+        let mut far = at(0.0);
+        far[2][1] = 1e30;
+        let extreme = |frame| {
+            streamed
+                .range(streamed.pose(streamed.push(frame).unwrap()))
+                .extreme
+        };
+        assert_eq!([at(1.0), far, at(2.0)].map(extreme), [false, true, false]);
+    }
+
+    #[test]
+    fn what_does_not_fit_is_refused() {
+        let no = |made: Result<Animation, KeyFrameError>| made.unwrap_err().to_string();
+        let says = "2 vertices were given, the scene has 3";
+        assert_eq!(
+            no(Animation::streamed(at(0.0), &[true; 2], Vec::new())),
+            says
+        );
+        let streamed = Animation::streamed(at(0.0), &[true; 3], vec![[0, 1, 2]]).unwrap();
+        assert_eq!(streamed.static_parts().triangle_count(), 1);
+        assert_eq!(
+            streamed.push(REST[1..].to_vec()).unwrap_err().to_string(),
+            says
+        );
+        let known = Animation::new(vec![at(0.0)], Vec::new()).unwrap();
+        assert!(known.push(at(1.0)).is_err());
     }
 }

@@ -1,13 +1,11 @@
 //! A pinhole camera whose rays every backend reproduces bit for bit.
 
 use crate::{Point, Ray};
-use bytemuck::{Pod, Zeroable};
 
 /// Pinhole camera: ray (x, y) has direction `corner + (x + 0.5) * across + (y + 0.5) * down`.
 ///
 /// Row 0 is the top of the image. Directions are not normalised, so that no square root or division influences a hit.
-#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
     /// Origin of every ray.
     pub eye: Point,
@@ -19,12 +17,8 @@ pub struct Camera {
     pub height: u32,
     /// Vector from one column to the next.
     pub across: Point,
-    /// Padding to 16 bytes; zero.
-    pub pad0: u32,
     /// Vector from one row to the next.
     pub down: Point,
-    /// Padding to 16 bytes; zero.
-    pub pad1: u32,
 }
 
 impl Camera {
@@ -60,9 +54,7 @@ impl Camera {
             corner: std::array::from_fn(|i| rounded(corner(i))),
             height,
             across: std::array::from_fn(|i| rounded(pixel * right[i])),
-            pad0: 0,
             down: std::array::from_fn(|i| rounded(-pixel * up[i])),
-            pad1: 0,
         })
     }
 

@@ -1,6 +1,6 @@
 //! A window of key frames around the playback position, read on its own threads.
 
-use crate::key_frames::{check_key, read_key};
+use crate::key_frame::{check_key, read_key};
 use crate::{KeyFrame, KeyFrameError, KeySource, lock, parallelism};
 use std::collections::BTreeMap;
 use std::fmt;
@@ -19,27 +19,28 @@ pub(crate) struct KeyWindow {
     pub(crate) capacity: usize,
     /// First key frame, held in addition to the window.
     pub(crate) first: KeyFrame,
-    shared: Arc<Shared>,
+    shared: Arc<SharedWindow>,
     pool: rayon::ThreadPool,
 }
 
-struct Shared {
+struct SharedWindow {
     source: Arc<KeySource>,
-    state: Mutex<State>,
+    state: Mutex<WindowState>,
     arrived: Condvar,
 }
 
 #[derive(Default)]
-struct State {
-    entries: BTreeMap<usize, Entry>,
+struct WindowState {
+    entries: BTreeMap<usize, PagedKey>,
     /// Counter that increases with each use.
     clock: u64,
     /// Key frames to be played, in order and without duplicates.
     upcoming: Vec<usize>,
 }
 
+/// A key frame in the window.
 #[derive(Default)]
-struct Entry {
+struct PagedKey {
     /// `None` while the key frame is read.
     read: Option<Result<KeyFrame, KeyFrameError>>,
     used: u64,
@@ -53,14 +54,15 @@ impl KeyWindow {
     pub(crate) fn new(
         source: Arc<KeySource>,
         first: KeyFrame,
-        [keys, capacity]: [usize; 2],
+        keys: usize,
+        capacity: usize,
     ) -> Result<Self, KeyFrameError> {
         let pool = rayon::ThreadPoolBuilder::new()
             .thread_name(|i| format!("key frames {i}"))
             .num_threads(parallelism().div_ceil(2))
             .build()
             .map_err(|e| KeyFrameError(format!("no threads to read key frames: {e}")))?;
-        let shared = Shared {
+        let shared = SharedWindow {
             source,
             state: Mutex::default(),
             arrived: Condvar::new(),
@@ -119,11 +121,11 @@ impl KeyWindow {
     }
 
     /// Starts to read a key frame, unless a read has started already.
-    fn read(&self, state: &mut State, key: usize) {
+    fn read(&self, state: &mut WindowState, key: usize) {
         if state.entries.contains_key(&key) {
             return;
         }
-        state.entries.insert(key, Entry::default());
+        state.entries.insert(key, PagedKey::default());
         let (vertices, capacity) = (self.first.len(), self.capacity);
         let shared = Arc::clone(&self.shared);
         self.pool.spawn(move || {
@@ -134,7 +136,7 @@ impl KeyWindow {
             let mut state = lock(&shared.state);
             state.clock += 1;
             let (read, used) = (Some(read), state.clock);
-            state.entries.insert(key, Entry { read, used });
+            state.entries.insert(key, PagedKey { read, used });
             state.forget_beyond(capacity);
             drop(state);
             shared.arrived.notify_all();
@@ -142,7 +144,7 @@ impl KeyWindow {
     }
 
     /// Returns the result of reading a key frame, or `None` if the read has not finished.
-    fn take(&self, state: &mut State, key: usize) -> Option<Result<KeyFrame, KeyFrameError>> {
+    fn take(&self, state: &mut WindowState, key: usize) -> Option<Result<KeyFrame, KeyFrameError>> {
         if key == 0 {
             return Some(Ok(Arc::clone(&self.first)));
         }
@@ -153,10 +155,10 @@ impl KeyWindow {
     }
 }
 
-impl State {
+impl WindowState {
     /// Drops the least recently used key frames beyond `capacity`.
     fn forget_beyond(&mut self, capacity: usize) {
-        let ready = |(&key, entry): (&usize, &Entry)| match &entry.read {
+        let ready = |(&key, entry): (&usize, &PagedKey)| match &entry.read {
             Some(Ok(_)) => Some((entry.used, key)),
             _ => None,
         };
@@ -194,7 +196,7 @@ mod tests {
             }
         };
         let first = Arc::new(vec![[0.0; 3]].into());
-        let window = KeyWindow::new(Arc::new(source), first, [100, FEW]).unwrap();
+        let window = KeyWindow::new(Arc::new(source), first, 100, FEW).unwrap();
         (reads, window)
     }
 
@@ -224,7 +226,7 @@ mod tests {
     #[test]
     fn a_reader_that_panics_reads_nothing() {
         let first = Arc::new(vec![[0.0; 3]].into());
-        let window = KeyWindow::new(Arc::new(|_| panic!("mine")), first, [9, FEW]).unwrap();
+        let window = KeyWindow::new(Arc::new(|_| panic!("mine")), first, 9, FEW).unwrap();
         let said = window.get(3).unwrap_err().to_string();
         assert_eq!(said, "key frame 3: its reader panicked");
     }

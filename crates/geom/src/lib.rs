@@ -7,13 +7,15 @@ mod aabb;
 mod animation;
 mod camera;
 pub mod exact;
+mod key_frame;
 mod key_frames;
 mod key_window;
-mod live_keys;
+mod moment;
 mod pose;
 mod range;
 mod ray;
 mod sizes;
+mod streamed_keys;
 mod survey;
 mod threads;
 mod triangle;
@@ -21,16 +23,15 @@ mod triangle;
 pub use aabb::Aabb;
 pub use animation::Animation;
 pub use camera::Camera;
-pub use key_frames::{
-    KeyFrame, KeyFrameError, KeySource, Moment, PointBuffer, SharedMemory, read_key,
-};
+pub use key_frame::{KeyFrame, KeyFrameError, KeySource, PointBuffer, SharedMemory, read_key};
+pub use moment::Moment;
 pub use pose::Pose;
 pub use range::Range;
 pub use ray::{Hit, Ray};
 pub use survey::StaticParts;
 pub use threads::{
-    copy_in_parallel, in_parallel, in_parallel_scope, lock, own_pool, parallelism, run_in,
-    set_each, use_global_pool,
+    convert_in_parallel, copy_in_parallel, in_parallel, in_parallel_scope, lock, own_pool,
+    parallelism, run_in, set_each, share_parts, use_global_pool,
 };
 pub use triangle::{Triangle, is_active, is_degenerate, normal_signs, side_of};
 

@@ -55,12 +55,13 @@ impl Pose {
     /// Rounds the weight to `f32`. If the result is 1, returns the next key frame instead.
     fn between(key: usize, alpha: f64) -> Self {
         let (key, alpha) = (key as u32, alpha as f32);
-        match alpha < 1.0 {
-            true => Self { key, alpha },
-            false => Self {
+        if alpha < 1.0 {
+            Self { key, alpha }
+        } else {
+            Self {
                 key: key + 1,
                 alpha: 0.0,
-            },
+            }
         }
     }
 

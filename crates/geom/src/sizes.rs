@@ -19,21 +19,23 @@ pub(crate) struct Sizes {
 
 impl Sizes {
     pub(crate) fn of(key: &[Point]) -> Self {
-        let Extremes { largest, least } = match key.len() <= RUN {
-            true => Extremes::of(key),
-            false => in_parallel(|| {
-                let runs = key.par_chunks(RUN).map(Extremes::of);
-                runs.reduce(|| Extremes::NONE, Extremes::join)
-            }),
+        let SizeExtremes { largest, least } = if key.len() <= RUN {
+            SizeExtremes::of(key)
+        } else {
+            in_parallel(|| {
+                let runs = key.par_chunks(RUN).map(SizeExtremes::of);
+                runs.reduce(|| SizeExtremes::NONE, SizeExtremes::join)
+            })
         };
         let samples = key.iter().step_by(Range::sample_step(key.len()));
         // Vertices that are zero or not finite do not count.
         let samples = samples.map(|&p| size(p));
         let mut samples: Vec<f32> = samples.filter(|x| x.is_finite() && *x > 0.0).collect();
         let quartile = samples.len() / 4;
-        let typical = match samples.is_empty() {
-            true => largest,
-            false => *samples.select_nth_unstable_by(quartile, f32::total_cmp).1,
+        let typical = if samples.is_empty() {
+            largest
+        } else {
+            *samples.select_nth_unstable_by(quartile, f32::total_cmp).1
         };
         Self {
             largest,
@@ -45,15 +47,15 @@ impl Sizes {
 
 /// Largest coordinate and smallest sizes of a set of vertices.
 #[derive(Clone, Copy, Debug)]
-struct Extremes {
+struct SizeExtremes {
     /// The largest finite `|coordinate|`.
     largest: f32,
     /// Sizes of the two vertices closest to the origin but not at it, in ascending order.
     least: [f32; 2],
 }
 
-impl Extremes {
-    /// Extremes of an empty set.
+impl SizeExtremes {
+    /// SizeExtremes of an empty set.
     const NONE: Self = Self {
         largest: 0.0,
         least: [f32::INFINITY; 2],
@@ -67,9 +69,10 @@ impl Extremes {
                 let size = size(p);
                 size.is_nan() | (size > found.largest) | ((size < found.least[1]) & (size > 0.0))
             };
-            match group.iter().fold(false, |any, p| any | has_new(p)) {
-                true => group.iter().fold(found, Self::with),
-                false => found,
+            if group.iter().fold(false, |any, p| any | has_new(p)) {
+                group.iter().fold(found, Self::with)
+            } else {
+                found
             }
         })
     }
@@ -123,7 +126,7 @@ mod tests {
         points.extend(cloud(1e-7));
         for n in 0..points.len() {
             points.rotate_left(1);
-            let found = Extremes::of(&points);
+            let found = SizeExtremes::of(&points);
             let found = (found.largest, found.least);
             assert_eq!(found, (9.0, [1e-9, 1e-7]), "{n}");
         }

@@ -1,8 +1,9 @@
 //! Facts about all key frames of an animation, collected one key frame after another, and the parts that never move.
 
+use crate::key_frames::KeyFrames;
 use crate::sizes::Sizes;
 use crate::triangle::corners;
-use crate::{Aabb, Animation, KeyFrameError, Point, Range, in_parallel, is_active, is_degenerate};
+use crate::{Aabb, KeyFrameError, Point, Range, in_parallel, is_active, is_degenerate};
 use rayon::prelude::*;
 use std::ops;
 
@@ -11,7 +12,7 @@ use std::ops;
 pub(crate) struct Survey {
     /// Triangles that are inactive in the first key frame, with their boxes in the first key frame that has them
     /// active.
-    pub(crate) fallback_corners: Vec<(u32, Aabb)>,
+    pub(crate) fallback_boxes: Vec<(u32, Aabb)>,
     pub(crate) never_active: u32,
     pub(crate) static_parts: StaticParts,
     pub(crate) scale_exponent: i32,
@@ -28,22 +29,22 @@ const RUN: usize = 1 << 16;
 
 impl Survey {
     /// Collects the facts from all key frames in order. Several key frames are read at a time.
-    pub(crate) fn of(animation: &Animation) -> Result<Self, KeyFrameError> {
-        let (first, triangles) = (animation.first(), animation.triangles());
-        let (mut sizes, mut boxes) = (vec![Sizes::of(first)], vec![bounds(first)]);
+    pub(crate) fn of(keys: &KeyFrames, triangles: &[[u32; 3]]) -> Result<Self, KeyFrameError> {
+        let first = &keys.first()[..];
+        let (mut sizes, mut boxes) = (vec![Sizes::of(first)], vec![FiniteBox::of(first)]);
         let mut is_static = vec![true; first.len()];
-        let mut fallback_corners = Vec::new();
+        let mut fallback_boxes = Vec::new();
         // Triangles that are inactive in all key frames so far.
         let mut inactive: Vec<u32> = Vec::new();
-        if !boxes[0].1 {
+        if !boxes[0].has_all {
             let all = 0..triangles.len() as u32;
             let none = |&t: &u32| !is_active(&corners(first, triangles[t as usize]));
             inactive = in_parallel(|| all.into_par_iter().filter(none).collect());
         }
-        let count = animation.key_count();
+        let count = keys.count();
         for key in 1..count {
-            animation.look_ahead((key..count).map(|key| key as f64));
-            let frame = &animation.key(key)?[..];
+            keys.look_ahead(key..count);
+            let frame = &keys.get(key)?[..];
             let is_first_blend = sizes.len() == 1;
             let check = |(is_static, (a, b)): (&mut bool, (&Point, &Point))| {
                 let stays = !is_first_blend || keeps_its_bits(a);
@@ -55,28 +56,29 @@ impl Survey {
                 each.zip(pairs).for_each(check);
             });
             sizes.push(Sizes::of(frame));
-            boxes.push(bounds(frame));
+            boxes.push(FiniteBox::of(frame));
             inactive.retain(|&t| {
                 let corners = corners(frame, triangles[t as usize]);
                 let active = is_active(&corners);
                 if active {
-                    fallback_corners.push((t, Aabb::of_triangle(&corners)));
+                    fallback_boxes.push((t, Aabb::of_triangle(&corners)));
                 }
                 !active
             });
         }
-        fallback_corners.sort_unstable_by_key(|&(t, _)| t);
+        fallback_boxes.sort_unstable_by_key(|&(t, _)| t);
         let (scale_exponent, ranges) = Range::of_keys(&sizes);
         Ok(Self {
-            fallback_corners,
+            fallback_boxes,
             never_active: inactive.len() as u32,
             static_parts: StaticParts::of(is_static, first, triangles),
             scale_exponent,
             ranges,
-            bounds: boxes.iter().map(|b| b.0).collect(),
-            magnitude: match boxes.iter().all(|b| b.1) {
-                true => sizes.iter().fold(0.0, |m, s| f32::max(m, s.largest)),
-                false => f32::INFINITY,
+            bounds: boxes.iter().map(|b| b.bounds).collect(),
+            magnitude: if boxes.iter().all(|b| b.has_all) {
+                sizes.iter().fold(0.0, |m, s| f32::max(m, s.largest))
+            } else {
+                f32::INFINITY
             },
         })
     }
@@ -97,7 +99,7 @@ impl Survey {
         let absent = triangles.iter().zip(0..);
         let absent = absent.filter(|&(&t, _)| !is_active(&corners(first, t)));
         let absent = absent.take(self.never_active as usize);
-        self.fallback_corners = absent.map(|(_, t)| (t, point)).collect();
+        self.fallback_boxes = absent.map(|(_, t)| (t, point)).collect();
         self.never_active = 0;
         let marks = first.iter().zip(fixed);
         let is_static = marks.map(|(p, &fixed)| fixed && keeps_its_bits(p));
@@ -105,25 +107,55 @@ impl Survey {
     }
 }
 
-/// Returns the box of a key frame's finite vertices, and whether all vertices are finite.
-fn bounds(frame: &[Point]) -> (Aabb, bool) {
-    let none = || (Aabb::EMPTY, true);
-    let add = |(bounds, all): (Aabb, bool), &p: &Point| match p.iter().all(|x| x.is_finite()) {
-        true => (bounds.with_point(p), all),
-        false => (bounds, false),
-    };
-    in_parallel(|| {
-        let boxes = frame.par_iter().with_min_len(RUN).fold(none, add);
-        boxes.reduce(none, |a, b| (a.0.union(b.0), a.1 && b.1))
-    })
+/// Box of a key frame's finite vertices.
+#[derive(Clone, Copy)]
+struct FiniteBox {
+    bounds: Aabb,
+    /// Whether all vertices are finite.
+    has_all: bool,
 }
 
-/// Checks that every triangle names existing vertices, and that there are not too many triangles.
+impl FiniteBox {
+    const EMPTY: Self = Self {
+        bounds: Aabb::EMPTY,
+        has_all: true,
+    };
+
+    fn of(frame: &[Point]) -> Self {
+        in_parallel(|| {
+            let parts = frame.par_iter().with_min_len(RUN);
+            let boxes = parts.fold(|| Self::EMPTY, Self::with_point);
+            boxes.reduce(|| Self::EMPTY, Self::union)
+        })
+    }
+
+    fn with_point(self, p: &Point) -> Self {
+        if p.iter().all(|x| x.is_finite()) {
+            let bounds = self.bounds.with_point(*p);
+            Self { bounds, ..self }
+        } else {
+            Self {
+                has_all: false,
+                ..self
+            }
+        }
+    }
+
+    fn union(self, other: Self) -> Self {
+        Self {
+            bounds: self.bounds.union(other.bounds),
+            has_all: self.has_all && other.has_all,
+        }
+    }
+}
+
+/// Checks that every triangle names existing vertices, and that there are at most `limit` triangles.
 pub(crate) fn check_triangles(
     triangles: &[[u32; 3]],
     vertices: usize,
+    limit: usize,
 ) -> Result<(), KeyFrameError> {
-    let (count, limit) = (triangles.len(), Animation::MAX_TRIANGLES);
+    let count = triangles.len();
     if count > limit {
         let cause = format!("{count} triangles are more than the limit of {limit}");
         return Err(KeyFrameError(cause));

@@ -133,13 +133,78 @@ pub fn set_each<T: Send>(to: &mut [T], of: impl Fn(usize) -> T + Sync) {
     });
 }
 
-/// Copies `from` to `to` in parallel, `run` values at a time.
+/// Number of threads that help the calling thread to copy. More would not be faster, and a concurrent tree build would
+/// delay them.
+const HELPERS: usize = 3;
+/// Bytes that a thread copies at a time.
+const COPY_RUN: usize = 96 << 10;
+/// Bytes that the calling thread copies faster alone than with helpers, which must wake first.
+const FEW_BYTES: usize = 512 << 10;
+
+/// Copies `from` to `to` with a few threads.
 ///
 /// # Panics
-/// If `run` is 0.
-pub fn copy_in_parallel<T: Copy + Send + Sync>(to: &mut [T], from: &[T], run: usize) {
-    in_parallel(|| {
-        let runs = to.par_chunks_mut(run).zip(from.par_chunks(run));
-        runs.for_each(|(to, from)| to.copy_from_slice(from));
+/// If the slices differ in length.
+pub fn copy_in_parallel<T: Copy + Send + Sync>(to: &mut [T], from: &[T]) {
+    convert_in_parallel(to, from, |value| value);
+}
+
+/// Sets each value of `to` to `of` the value of `from` at the same index, with a few threads. For conversions as cheap
+/// as a copy.
+///
+/// # Panics
+/// If the slices differ in length.
+pub fn convert_in_parallel<T, U>(to: &mut [U], from: &[T], of: impl Fn(T) -> U + Sync)
+where
+    T: Copy + Sync,
+    U: Send,
+{
+    assert_eq!(to.len(), from.len());
+    let convert = |(to, from): (&mut [U], &[T])| {
+        let values = to.iter_mut().zip(from);
+        values.for_each(|(to, from)| *to = of(*from));
+    };
+    if size_of_val(from) <= FEW_BYTES {
+        return convert((to, from));
+    }
+    let run = COPY_RUN / size_of::<T>();
+    share_parts(to.chunks_mut(run).zip(from.chunks(run)), convert);
+}
+
+/// Passes each part to `work`, on the calling thread and a few helpers. A helper that starts late finds no part left.
+pub fn share_parts<P: Send>(parts: impl Iterator<Item = P> + Send, work: impl Fn(P) + Sync) {
+    let parts = Mutex::new(parts);
+    let next = || lock(&parts).next();
+    let work_on = || {
+        while let Some(part) = next() {
+            work(part);
+        }
+    };
+    in_parallel_scope(|scope| {
+        (0..HELPERS).for_each(|_| scope.spawn(|_| work_on()));
+        work_on();
     });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn copies_slices_of_any_length() {
+        let many = FEW_BYTES / size_of::<u32>();
+        let from: Vec<u32> = (0..many as u32 * 3 + 5).collect();
+        for count in [0, 3, many, many + 1, from.len()] {
+            let mut to = vec![0; count];
+            copy_in_parallel(&mut to, &from[..count]);
+            assert!(to == from[..count]);
+            let mut to = vec![0_u8; count];
+            convert_in_parallel(&mut to, &from[..count], |x| x as u8 ^ 1);
+            assert!(
+                to.iter()
+                    .zip(&from)
+                    .all(|(to, from)| *to == *from as u8 ^ 1)
+            );
+        }
+    }
 }

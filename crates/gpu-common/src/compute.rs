@@ -7,7 +7,7 @@ use crate::tree::TreeBuffers;
 use crate::{Engine, GpuDevice, LastUse, PendingWork, Stage, Stale, check_kernels};
 use backend::{
     Backend, Device, DeviceBytes, FrameReport, Generation, Hits, Inspect, Intersector, Method,
-    Opener, Palette, Query, Rays, Result, Snapshot, Ticket, TreeWriter,
+    Opener, Palette, Query, Result, Snapshot, Ticket, TreeWriter,
 };
 use bvh_layout::Topology;
 use geom::{Animation, PointBuffer, Pose, Range};
@@ -171,7 +171,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         let usual = KERNELS.iter().filter(|k| k.precedes_traces());
         let usual = usual.filter(|k| k.serves(intersector) && k.suits(traits));
         engine.pipelines.begin(&engine.gpu, usual);
-        if animation.is_arriving() {
+        if animation.is_streamed() {
             let later = work::kernels_of_arriving_keys(intersector);
             let copies = engine.info.copies_points.then(|| common("copy_points"));
             engine.pipelines.begin(&engine.gpu, later.chain(copies));
@@ -316,7 +316,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     }
 
     fn prepare(&mut self, query: Query<'_>, makes_trees: bool) {
-        let rays = as_given(&query, matches!(query.rays, Rays::OnDevice(_)));
+        let rays = as_given(&query);
         let leaves = self.engine.scene().animation.live_count() as u32;
         let shape = match makes_trees {
             true => Shape::made_on_device(leaves),

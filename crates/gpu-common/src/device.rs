@@ -235,14 +235,9 @@ pub trait GpuDevice: Send + Sized + 'static {
     /// buffers.
     fn upload(&mut self, all: &[(&[u8], &Self::Buffer)]) -> Result<()>;
 
-    /// Writes `count` rows of a buffer of rays, or of lent results, for the next submission. Runs on several threads.
-    /// No unfinished submission may use the buffer.
-    fn write<T: Pod + Send>(
-        &mut self,
-        to: &mut Self::Buffer,
-        count: usize,
-        row: impl Fn(usize) -> T + Sync,
-    ) -> Result<()>;
+    /// Writes the first rows of a buffer of rays, or of lent results, for the next submission. No unfinished submission
+    /// may use the buffer.
+    fn write<T: Pod + Send + Sync>(&mut self, to: &mut Self::Buffer, rows: &[T]) -> Result<()>;
 
     /// Passes the first `count` elements of a buffer to `each` in parts, each with the index of its first element. A
     /// part is processed while later parts are copied. The work that fills the buffer must have finished.

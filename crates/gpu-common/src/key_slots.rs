@@ -8,7 +8,7 @@ use geom::{Animation, KeyFrame, Point, Pose};
 use shaders::BufferName;
 use std::ops::Range;
 
-/// Key frames of a stream that are kept: the two that are blended and two upcoming ones, or one if they are large. Two
+/// Paged or streamed key frames that are kept: the two that are blended and two upcoming ones, or one if they are large. Two
 /// more may wait for their last use to finish.
 const KEPT: usize = 4;
 const LARGE_KEPT: usize = 3;
@@ -22,7 +22,7 @@ pub(crate) struct KeySlots<D: GpuDevice> {
     slots: Vec<KeySlot<D>>,
     /// Buffers of evicted key frames.
     free: Pool<D::Buffer>,
-    /// Maximum number of key frames of a stream.
+    /// Maximum number of paged or streamed key frames.
     kept: usize,
     /// Increases with each use.
     clock: u64,
@@ -46,7 +46,7 @@ struct KeySlot<D: GpuDevice> {
 }
 
 impl<D: GpuDevice> KeySlots<D> {
-    /// Uploads the key frames that the host holds. Those of a stream follow later.
+    /// Uploads the key frames that the host holds. Paged and streamed ones follow later.
     pub(crate) fn new(gpu: &mut D, animation: &Animation) -> Result<Self> {
         let slot = |(key, frame): (usize, &KeyFrame)| {
             Ok(KeySlot {
@@ -137,7 +137,7 @@ impl<D: GpuDevice> KeySlots<D> {
         }
     }
 
-    /// Uploads a key frame of a stream, in place of the least recently used one.
+    /// Uploads a paged or streamed key frame, in place of the least recently used one.
     fn send(&mut self, gpu: &mut D, (key, frame): (usize, &KeyFrame)) -> Result<()> {
         // Lent positions may be copied from the previous key frame.
         if let Some(before) = self.slots.last_mut() {

@@ -3,12 +3,8 @@
 use crate::{BufferTable, GpuDevice, LentRays, refuse_above};
 use backend::{BackendError, Hits, Intersector, Query, QueryKind, Rays, Result};
 use bytemuck::Pod;
-use geom::{Hit, Ray, copy_in_parallel, set_each};
+use geom::{Hit, Ray, convert_in_parallel, copy_in_parallel, set_each};
 use shaders::{BufferName, work};
-use std::sync::atomic::{AtomicBool, Ordering};
-
-/// Bytes that one task copies.
-const RUN: usize = 1 << 18;
 
 /// Buffers of one trace: its output, and its rays if kernels do not generate them.
 pub struct Trace<D: GpuDevice> {
@@ -18,8 +14,6 @@ pub struct Trace<D: GpuDevice> {
     pub kind: QueryKind,
     /// Whether there is a tree. Without one every ray misses.
     pub has_tree: bool,
-    /// Whether any given ray may be extreme.
-    pub extremes: bool,
     /// Whether pixels were shaded.
     shaded: bool,
     /// Buffers of this and earlier queries that used the same memory.
@@ -39,7 +33,6 @@ impl<D: GpuDevice> Trace<D> {
         query: &Query<'_>,
         (intersector, has_tree): (Intersector, bool),
         old: Option<Self>,
-        is_extreme: impl Fn(&Ray) -> bool + Sync,
     ) -> Result<Self> {
         let (mut buffers, found) = match old {
             Some(old) => (old.buffers, old.found),
@@ -57,15 +50,14 @@ impl<D: GpuDevice> Trace<D> {
         if let Some(answers) = room.filter(|_| !has_tree) {
             // No kernel writes the results.
             match kind {
-                QueryKind::Any => gpu.write(answers, count, |_| 0_u32)?,
-                _ => gpu.write(answers, count, |_| Hit::MISS)?,
+                QueryKind::Any => gpu.write(answers, &vec![0_u32; count])?,
+                _ => gpu.write(answers, &vec![Hit::MISS; count])?,
             }
         }
         let bytes = |each: usize| (count * each) as u64;
-        let mut extremes = lent.is_some();
         if has_tree && lent.is_none() && are_given(query) {
             let rays = buffers.fit(gpu, BufferName::Rays, bytes(size_of::<Ray>()))?;
-            extremes = send(gpu, query.rays, rays, is_extreme)?;
+            write_rays(gpu, query.rays, rays)?;
         }
         if has_tree && kind != QueryKind::Any && !has_room {
             buffers.fit(gpu, BufferName::Hits, bytes(size_of::<Hit>()))?;
@@ -83,7 +75,6 @@ impl<D: GpuDevice> Trace<D> {
             count,
             kind,
             has_tree,
-            extremes,
             shaded: false,
             buffers,
             lent,
@@ -132,7 +123,7 @@ impl<D: GpuDevice> Trace<D> {
         out.resize(4 * self.count, 0);
         gpu.read(pixels, 4 * self.count, |before, bytes: &[u8]| {
             let to = &mut out[before..][..bytes.len()];
-            copy_in_parallel(to, bytes, RUN);
+            copy_in_parallel(to, bytes);
         })?;
         Ok(true)
     }
@@ -186,7 +177,7 @@ impl<D: GpuDevice> Trace<D> {
         };
         to.resize(self.count, miss);
         gpu.read(found, self.count, |before, part: &[T]| {
-            set_each(&mut to[before..][..part.len()], |i| of(part[i]));
+            convert_in_parallel(&mut to[before..][..part.len()], part, &of);
         })
     }
 }
@@ -206,37 +197,27 @@ pub fn are_given(query: &Query<'_>) -> bool {
     !matches!(query.rays, Rays::Camera(_)) || query.kind == QueryKind::Any
 }
 
-/// Returns a query's rays in the form that kernels read. `extremes` states whether a given ray may be extreme.
-pub(crate) fn as_given<'a>(query: &Query<'a>, extremes: bool) -> work::Rays<'a> {
+/// Returns a query's rays in the form that kernels read.
+pub(crate) fn as_given<'a>(query: &Query<'a>) -> work::Rays<'a> {
     match query.rays {
         Rays::Camera(camera) if !are_given(query) => work::Rays::Camera(camera),
-        rays => work::Rays::Given(rays.count() as u32, extremes),
+        rays => work::Rays::Given(rays.count() as u32),
     }
 }
 
-/// Writes rays to a buffer and returns whether any ray is extreme.
-fn send<D: GpuDevice>(
-    gpu: &mut D,
-    rays: Rays<'_>,
-    to: &mut D::Buffer,
-    is_extreme: impl Fn(&Ray) -> bool + Sync,
-) -> Result<bool> {
-    let extremes = AtomicBool::new(false);
-    let row = |ray: Ray| {
-        let row = if ray.is_valid() { ray } else { Ray::VOID };
-        if is_extreme(&row) {
-            extremes.store(true, Ordering::Relaxed);
-        }
-        row
-    };
+/// Writes the rays that the host knows to a buffer. Kernels find out which of them are invalid or extreme.
+fn write_rays<D: GpuDevice>(gpu: &mut D, rays: Rays<'_>, to: &mut D::Buffer) -> Result<()> {
     match rays {
-        Rays::List(list) => gpu.write(to, list.len(), |i| row(list[i]))?,
+        Rays::List(list) => gpu.write(to, list),
         Rays::Camera(camera) => {
+            let mut list = vec![Ray::VOID; camera.pixels()];
             let pixel = |i: usize| [i as u32 % camera.width, i as u32 / camera.width];
-            let ray = |[x, y]: [u32; 2]| row(camera.ray(x, y));
-            gpu.write(to, camera.pixels(), |i| ray(pixel(i)))?;
+            set_each(&mut list, |i| {
+                let [x, y] = pixel(i);
+                camera.ray(x, y)
+            });
+            gpu.write(to, &list)
         }
-        Rays::OnDevice(_) => (),
+        Rays::OnDevice(_) => Ok(()),
     }
-    Ok(extremes.into_inner())
 }

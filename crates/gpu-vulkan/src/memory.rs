@@ -9,7 +9,7 @@ use crate::raw_buffer::create_buffer;
 use ash::vk;
 use backend::{BackendError, Result};
 use bytemuck::Pod;
-use geom::set_each;
+use geom::copy_in_parallel;
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::Allocation;
 use gpu_common::BufferSize;
@@ -188,17 +188,13 @@ impl Buffer {
         bytemuck::cast_slice_mut(&mut bytes[..whole])
     }
 
-    /// Sets the first `count` rows in parallel, for buffers of [`BufferUse::Upload`].
-    pub(crate) fn set_rows<T: Pod + Send>(
-        &mut self,
-        count: usize,
-        row: impl Fn(usize) -> T + Sync,
-    ) {
-        set_each(&mut self.view_mut()[..count], row);
+    /// Writes the first rows with several threads, for buffers of [`BufferUse::Upload`].
+    pub(crate) fn set_rows<T: Pod + Send + Sync>(&mut self, rows: &[T]) {
+        copy_in_parallel(&mut self.view_mut()[..rows.len()], rows);
     }
 
     /// Writes at a byte offset, for buffers of [`BufferUse::Upload`] and [`BufferUse::Staging`].
-    pub fn write<T: Pod>(&mut self, at: u64, data: &[T]) {
+    pub fn write<T: Pod + Send + Sync>(&mut self, at: u64, data: &[T]) {
         let data: &[u8] = bytemuck::cast_slice(data);
         self.view_mut()[at as usize..][..data.len()].copy_from_slice(data);
     }

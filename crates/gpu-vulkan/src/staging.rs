@@ -11,9 +11,6 @@ use std::collections::VecDeque;
 use std::ops::{Deref, DerefMut, Range};
 use std::sync::Arc;
 
-/// Words that one task copies.
-const RUN: usize = 1 << 17;
-
 /// A buffer in host memory from which data is uploaded.
 pub struct StagingBuffer {
     buffer: Buffer,
@@ -30,7 +27,7 @@ impl Staging for StagingBuffer {
         }
         for part in parts {
             let (of_part, rest) = to.split_at_mut(part.len());
-            copy_in_parallel(of_part, part, RUN);
+            copy_in_parallel(of_part, part);
             to = rest;
         }
         self.filled = (words * size_of::<u32>()) as u64;

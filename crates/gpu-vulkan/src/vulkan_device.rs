@@ -154,18 +154,13 @@ impl VulkanDevice {
     }
 
     /// Fills a lent buffer, in the order of submissions.
-    fn write_lent<T: Pod + Send>(
-        &mut self,
-        to: &Buffer,
-        count: usize,
-        row: impl Fn(usize) -> T + Sync,
-    ) -> Result<()> {
-        let bytes = (count * size_of::<T>()) as u64;
+    fn write_lent<T: Pod + Send + Sync>(&mut self, to: &Buffer, rows: &[T]) -> Result<()> {
+        let bytes = size_of_val(rows) as u64;
         if bytes == 0 {
             return Ok(());
         }
         let mut staging = Buffer::new(&self.gpu, "answers", bytes, BufferUse::Upload)?;
-        staging.set_rows(count, row);
+        staging.set_rows(rows);
         let region = vk::BufferCopy::default().size(bytes);
         let copy = ([staging.vk, to.vk], vec![region]);
         self.answers_at = self.upload.start_in_order(&[copy], &self.lent.waits)?;
@@ -296,16 +291,11 @@ impl GpuDevice for VulkanDevice {
         load(&self.gpu, &mut self.upload, all)
     }
 
-    fn write<T: Pod + Send>(
-        &mut self,
-        to: &mut Buffer,
-        count: usize,
-        row: impl Fn(usize) -> T + Sync,
-    ) -> Result<()> {
+    fn write<T: Pod + Send + Sync>(&mut self, to: &mut Buffer, rows: &[T]) -> Result<()> {
         if to.is_lent() {
-            return self.write_lent(to, count, row);
+            return self.write_lent(to, rows);
         }
-        to.set_rows(count, row);
+        to.set_rows(rows);
         Ok(())
     }
 

@@ -7,16 +7,15 @@ use crate::buffers::{Mapping, copy_part, unreadable, write};
 use crate::gpu::{OpenGpu, STAGING, make, unmap};
 use backend::Result;
 use bytemuck::Pod;
-use geom::{in_parallel, set_each};
+use geom::share_parts;
 use gpu_common::{Staging, with_slack};
-use rayon::prelude::*;
 use wgpu::{Buffer, MapMode, WriteOnly};
 
-/// Bytes that a task writes at a time: a multiple of the sizes of points, rays and hits.
-const RUN: usize = 12 << 10;
+/// Bytes that a thread writes at a time.
+const RUN: usize = 96 << 10;
 
 /// Maximum bytes per copy. The next piece is written while the device copies.
-const PIECE: usize = 512 * RUN;
+const PIECE: usize = 64 * RUN;
 
 /// Bytes up to which writes through the queue are equally fast.
 const FEW: usize = 1 << 20;
@@ -92,58 +91,42 @@ impl MappedPool {
     }
 
     /// Writes the first rows of a buffer on several threads, before all later submissions.
-    pub(crate) fn write<T: Pod + Send>(
+    pub(crate) fn write<T: Pod + Send + Sync>(
         &mut self,
         gpu: &OpenGpu,
         to: &Buffer,
-        count: usize,
-        row: impl Fn(usize) -> T + Sync,
+        rows: &[T],
     ) -> Result<()> {
-        const { assert!(RUN.is_multiple_of(size_of::<T>())) };
-        if count * size_of::<T>() <= FEW {
-            let mut rows = vec![T::zeroed(); count];
-            set_each(&mut rows, row);
-            return write(gpu, to, 0, &rows);
+        if size_of_val(rows) <= FEW {
+            return write(gpu, to, 0, rows);
         }
+        let bytes: &[u8] = bytemuck::cast_slice(rows);
         // A lent device may not allow larger buffers than it was requested with.
         let limit = usize::try_from(gpu.limits.max_buffer_size).unwrap_or(PIECE);
-        let bytes = PIECE.min(limit) / RUN * RUN;
-        let most = bytes / size_of::<T>();
-        for begin in (0..count).step_by(most) {
-            let piece = self.take(gpu, bytes as u64)?;
-            let rows = most.min(count - begin);
-            fill_rows(&piece, rows, |i| row(begin + i))?;
-            let [filled, at] = [rows, begin].map(|rows| (rows * size_of::<T>()) as u64);
-            let piece = MappedStaging {
-                buffer: piece,
-                filled,
-            };
-            self.send(gpu, piece, (to, at))?;
+        let most = PIECE.min(limit) / RUN * RUN;
+        let mut at = 0;
+        for from in bytes.chunks(most) {
+            let buffer = self.take(gpu, most as u64)?;
+            fill_piece(&buffer, from)?;
+            let filled = from.len() as u64;
+            self.send(gpu, MappedStaging { buffer, filled }, (to, at))?;
+            at += filled;
         }
         Ok(())
     }
 }
 
-/// Writes `count` rows on several threads.
-fn fill_rows<T: Pod + Send>(
-    to: &Buffer,
-    count: usize,
-    row: impl Fn(usize) -> T + Sync,
-) -> Result<()> {
-    let mapped = to.get_mapped_range_mut(..(count * size_of::<T>()) as u64);
+/// Copies bytes to a mapped buffer on several threads.
+fn fill_piece(to: &Buffer, from: &[u8]) -> Result<()> {
+    let mapped = to.get_mapped_range_mut(..from.len() as u64);
     let mut view = mapped.map_err(unreadable)?;
     let (runs, mut rest) = view.slice(..).into_chunks::<RUN>();
-    let each = RUN / size_of::<T>();
+    let (whole, last) = from.split_at(from.len() / RUN * RUN);
     let runs: Vec<_> = runs.into_iter().collect();
-    in_parallel(|| {
-        let runs = runs.into_par_iter().enumerate();
-        runs.for_each_init(Vec::new, |rows: &mut Vec<T>, (i, run)| {
-            rows.clear();
-            rows.extend((i * each..(i + 1) * each).map(&row));
-            WriteOnly::<[u8]>::from(run).copy_from_slice(bytemuck::cast_slice(rows));
-        });
+    let parts = runs.into_iter().zip(whole.chunks(RUN));
+    share_parts(parts, |(to, from)| {
+        WriteOnly::<[u8]>::from(to).copy_from_slice(from);
     });
-    let last: Vec<T> = (count / each * each..count).map(&row).collect();
-    rest.copy_from_slice(bytemuck::cast_slice(&last));
+    rest.copy_from_slice(last);
     Ok(())
 }

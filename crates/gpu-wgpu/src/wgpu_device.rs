@@ -228,13 +228,8 @@ impl GpuDevice for WgpuDevice {
         upload(&self.gpu, all)
     }
 
-    fn write<T: Pod + Send>(
-        &mut self,
-        to: &mut Buffer,
-        count: usize,
-        row: impl Fn(usize) -> T + Sync,
-    ) -> Result<()> {
-        self.scene.staging.write(&self.gpu, to, count, row)
+    fn write<T: Pod + Send + Sync>(&mut self, to: &mut Buffer, rows: &[T]) -> Result<()> {
+        self.scene.staging.write(&self.gpu, to, rows)
     }
 
     fn read<T: Pod>(

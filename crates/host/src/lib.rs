@@ -8,7 +8,7 @@ use std::fmt;
 use std::fs::{self, File, FileType, Metadata, OpenOptions};
 use std::io::{self, ErrorKind, Read};
 use std::num::NonZero;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Libraries of NVIDIA's Vulkan driver. The first one works without display libraries.
 pub const NVIDIA_LIBRARIES: [&str; 2] = ["libEGL_nvidia.so.0", "libGLX_nvidia.so.0"];
@@ -57,7 +57,7 @@ pub fn within(need: u64, free: Option<Free>) -> Result<(), NotEnough> {
 }
 
 /// Returns an empty list with capacity for `count` elements, or an error if the allocator refuses.
-pub fn room<T>(count: usize) -> Result<Vec<T>, TryReserveError> {
+pub fn try_with_capacity<T>(count: usize) -> Result<Vec<T>, TryReserveError> {
     let mut list = Vec::new();
     list.try_reserve_exact(count)?;
     Ok(list)
@@ -103,7 +103,7 @@ pub fn read(path: &Path) -> io::Result<Vec<u8>> {
     let mut file = open(path)?;
     let size = usize::try_from(file.metadata()?.len()).unwrap_or(usize::MAX);
     check(size as u64).map_err(|e| io::Error::new(ErrorKind::OutOfMemory, e))?;
-    let mut bytes = room(size).map_err(io::Error::from)?;
+    let mut bytes = try_with_capacity(size).map_err(io::Error::from)?;
     file.read_to_end(&mut bytes)?;
     refuse_pointer(&bytes)?;
     Ok(bytes)
@@ -162,47 +162,6 @@ pub fn parent(file: &Path) -> &Path {
     match file.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
-    }
-}
-
-/// Folder of a file that refers to other files.
-#[derive(Clone, Debug)]
-pub struct Folder {
-    folder: PathBuf,
-    allow_outside: bool,
-}
-
-impl Folder {
-    /// Returns the folder of `file`. With `allow_outside`, references may lead to files anywhere.
-    #[must_use]
-    pub fn of(file: &Path, allow_outside: bool) -> Self {
-        Self {
-            folder: parent(file).to_owned(),
-            allow_outside,
-        }
-    }
-
-    /// Returns the path of a name relative to the folder.
-    pub fn path(&self, name: &str) -> PathBuf {
-        self.folder.join(name)
-    }
-
-    /// Reads a regular file by its name relative to the folder.
-    ///
-    /// # Errors
-    /// Returns errors of [`read`], and [`ErrorKind::PermissionDenied`] for a file that is outside the folder after
-    /// following links, unless that is allowed.
-    pub fn read(&self, name: &str) -> io::Result<Vec<u8>> {
-        let path = self.path(name);
-        if self.allow_outside {
-            return read(&path);
-        }
-        let (file, folder) = (fs::canonicalize(&path)?, fs::canonicalize(&self.folder)?);
-        if !file.starts_with(&folder) {
-            let message = "it lies outside the scene's folder (--allow-outside reads it)";
-            return Err(io::Error::new(ErrorKind::PermissionDenied, message));
-        }
-        read(&file)
     }
 }
 
@@ -306,7 +265,7 @@ mod tests {
         assert!(check(1 << 22).is_ok());
         let e = check(1 << 60).unwrap_err();
         assert!(e.free.bytes < 1 << 60 && e.need == 1 << 60);
-        assert!(room::<u64>(usize::MAX / 8).is_err());
+        assert!(try_with_capacity::<u64>(usize::MAX / 8).is_err());
     }
 
     #[cfg(target_os = "linux")]
@@ -346,27 +305,6 @@ mod tests {
             let e = read(path).unwrap_err();
             assert_eq!(e.kind(), ErrorKind::InvalidInput);
             assert!(e.to_string().contains(says), "{e}");
-        }
-    }
-
-    #[cfg(unix)]
-    #[test]
-    fn a_file_outside_the_folder_is_read_only_if_that_is_allowed() {
-        let all = tempfile::tempdir().unwrap();
-        let inside = all.path().join("scene");
-        fs::create_dir_all(inside.join("sub")).unwrap();
-        fs::write(all.path().join("outside"), "out").unwrap();
-        fs::write(inside.join("inside"), "in").unwrap();
-        std::os::unix::fs::symlink("../outside", inside.join("link")).unwrap();
-        let scene = inside.join("a.obj");
-        let outside = all.path().join("outside").display().to_string();
-        for name in ["../outside", "link", outside.as_str()] {
-            let e = Folder::of(&scene, false).read(name).unwrap_err();
-            assert_eq!(e.kind(), ErrorKind::PermissionDenied, "{name}");
-            assert_eq!(Folder::of(&scene, true).read(name).unwrap(), b"out");
-        }
-        for name in ["inside", "sub/../inside", "../scene/inside"] {
-            assert_eq!(Folder::of(&scene, false).read(name).unwrap(), b"in");
         }
     }
 }

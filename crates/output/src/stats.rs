@@ -1,9 +1,9 @@
 //! Statistics file: one JSON object with schema version 1. Unknown values are `null`.
 
 use crate::{OutputError, write_whole};
-use backend::{DeviceBytes, FrameReport};
-use pipeline::{Frame, FrameRecord};
-use serde::{Deserialize, Serialize, Serializer};
+use backend::{DeviceBytes, FrameReport, rounded};
+use pipeline::{Frame, FrameRecord, TreeStats};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::Path;
@@ -13,41 +13,27 @@ pub const SCHEMA: u32 = 1;
 
 /// Statistics of one frame. Times are in milliseconds, except that `time` is the frame's time in the animation.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-#[expect(
-    missing_docs,
-    reason = "the names are the schema's, listed in the manual"
-)]
 pub struct FrameStats {
+    /// Number of the frame.
     pub frame: usize,
+    /// Time in key frames.
+    #[serde(serialize_with = "rounded")]
     pub time: f64,
-    pub interpolate_ms: Option<f64>,
-    pub preprocess_ms: Option<f64>,
-    pub rebuild_ms: Option<f64>,
-    pub refit_ms: Option<f64>,
-    pub trace_primary_ms: Option<f64>,
-    pub trace_shadow_ms: Option<f64>,
-    pub device_ms: Option<f64>,
+    /// Report of the backend.
+    #[serde(flatten)]
+    pub report: FrameReport,
+    /// Facts about the tree.
+    #[serde(flatten)]
+    pub tree: TreeStats,
+    /// See [`FrameRecord::wall_ms`].
+    #[serde(serialize_with = "rounded")]
     pub wall_ms: Option<f64>,
+    /// See [`FrameRecord::build_wait_ms`].
+    #[serde(serialize_with = "rounded")]
     pub build_wait_ms: Option<f64>,
-    pub tree_generation: u64,
-    pub tree_age_frames: u64,
-    pub adopted: bool,
-    /// Whether a finished tree was rejected, because it was no better than the current one or its target time was too
-    /// far off.
-    pub rejected: bool,
-    pub build_ms: Option<f64>,
-    pub convert_ms: Option<f64>,
-    pub upload_bytes: u64,
-    pub readback_bytes: u64,
-    pub sah_ratio: Option<f64>,
-    pub sah_cost: Option<f64>,
-    pub hits: u64,
-    pub blocked: u64,
-    pub inactive: u64,
-    pub degenerate: u64,
-    /// Number of rays that were decided by exact arithmetic.
-    pub settled: u64,
+    /// Resident bytes of this process.
     pub host_bytes: Option<u64>,
+    /// Bytes of device memory.
     pub device_bytes: Option<u64>,
 }
 
@@ -55,46 +41,22 @@ impl FrameStats {
     /// Returns the statistics of a frame that has just finished. `host_bytes` is measured by this call.
     #[must_use]
     pub fn of(record: &FrameRecord) -> Self {
-        let (times, report) = (&record.report.times, &record.report);
-        let adopted = record.adopted;
-        let build_ms = adopted.map(|a| a.build_ms).or(times.rebuild_ms);
         Self {
-            build_wait_ms: Some(rounded(record.build_wait_ms)),
-            tree_generation: record.tree_generation.0,
-            tree_age_frames: record.tree_age_frames,
-            adopted: adopted.is_some() || record.made,
-            rejected: record.rejected.is_some(),
-            build_ms: build_ms.map(rounded),
-            convert_ms: adopted.map(|a| rounded(a.convert_ms)),
-            upload_bytes: adopted.map_or(0, |a| a.upload_bytes),
-            sah_ratio: record.sah_ratio.map(rounded),
+            tree: record.tree,
+            build_wait_ms: Some(record.build_wait_ms),
             device_bytes: record.device_bytes.map(DeviceBytes::total),
-            ..Self::of_report(record.frame, report, record.wall_ms)
+            ..Self::of_report(record.frame, record.report.clone(), record.wall_ms)
         }
     }
 
-    /// Returns the row of a frame that is done just now, of which only a report is known.
+    /// Returns the statistics of a frame that has just finished, of which only a report is known.
     #[must_use]
-    pub fn of_report(frame: Frame, report: &FrameReport, wall_ms: f64) -> Self {
-        let times = &report.times;
+    pub fn of_report(frame: Frame, report: FrameReport, wall_ms: f64) -> Self {
         Self {
             frame: frame.index as usize,
-            time: rounded(frame.time),
-            interpolate_ms: times.interpolate_ms.map(rounded),
-            preprocess_ms: times.preprocess_ms.map(rounded),
-            rebuild_ms: times.rebuild_ms.map(rounded),
-            refit_ms: times.refit_ms.map(rounded),
-            trace_primary_ms: times.trace_primary_ms.map(rounded),
-            trace_shadow_ms: times.trace_shadow_ms.map(rounded),
-            device_ms: Some(rounded(times.device_ms)),
-            wall_ms: Some(rounded(wall_ms)),
-            readback_bytes: report.readback_bytes,
-            sah_cost: report.sah_cost.map(rounded),
-            hits: report.hits,
-            blocked: report.blocked,
-            inactive: report.inactive,
-            degenerate: report.degenerate,
-            settled: report.settled,
+            time: frame.time,
+            report,
+            wall_ms: Some(wall_ms),
             host_bytes: host::resident(),
             ..Self::default()
         }
@@ -123,13 +85,13 @@ impl fmt::Display for Taken {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Summary {
     /// Median. For an even number of values, the mean of the middle two.
-    #[serde(serialize_with = "short")]
+    #[serde(serialize_with = "rounded")]
     pub median: f64,
     /// 95th percentile by nearest rank.
-    #[serde(serialize_with = "short")]
+    #[serde(serialize_with = "rounded")]
     pub p95: f64,
     /// Maximum.
-    #[serde(serialize_with = "short")]
+    #[serde(serialize_with = "rounded")]
     pub worst: f64,
 }
 
@@ -154,17 +116,17 @@ pub type Time = fn(&FrameStats) -> Option<f64>;
 
 /// Times that are summarized, in stage order.
 pub const TIMES: [(&str, Time); 11] = [
-    ("interpolate_ms", |f| f.interpolate_ms),
-    ("preprocess_ms", |f| f.preprocess_ms),
-    ("rebuild_ms", |f| f.rebuild_ms),
-    ("refit_ms", |f| f.refit_ms),
-    ("trace_primary_ms", |f| f.trace_primary_ms),
-    ("trace_shadow_ms", |f| f.trace_shadow_ms),
-    ("device_ms", |f| f.device_ms),
+    ("interpolate_ms", |f| f.report.times.interpolate_ms),
+    ("preprocess_ms", |f| f.report.times.preprocess_ms),
+    ("rebuild_ms", |f| f.report.times.rebuild_ms),
+    ("refit_ms", |f| f.report.times.refit_ms),
+    ("trace_primary_ms", |f| f.report.times.trace_primary_ms),
+    ("trace_shadow_ms", |f| f.report.times.trace_shadow_ms),
+    ("device_ms", |f| Some(f.report.times.device_ms)),
     ("wall_ms", |f| f.wall_ms),
     ("build_wait_ms", |f| f.build_wait_ms),
-    ("build_ms", |f| f.build_ms),
-    ("convert_ms", |f| f.convert_ms),
+    ("build_ms", |f| f.tree.build_ms),
+    ("convert_ms", |f| f.tree.convert_ms),
 ];
 
 /// Memory that is summarized: the resident bytes of this process, and the bytes that the backend has allocated.
@@ -189,24 +151,18 @@ pub fn write_json(path: &Path, value: &impl Serialize) -> Result<(), OutputError
     write_whole(path, &bytes)
 }
 
-/// Rounds to six decimals, which is one nanosecond for times in milliseconds.
-fn rounded(x: f64) -> f64 {
-    (x * 1e6).round() / 1e6
-}
-
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde's signature")]
-fn short<S: Serializer>(x: &f64, s: S) -> Result<S::Ok, S::Error> {
-    s.serialize_f64(rounded(*x))
-}
-
 /// Returns a line of text about adopted and rejected trees and their age.
 #[must_use]
 pub fn trees(frames: &[FrameStats]) -> String {
-    let adopted = frames.iter().filter(|f| f.adopted).count();
-    let newest = frames.iter().map(|f| f.tree_generation).max().unwrap_or(0);
-    let ages = Summary::of(frames.iter().map(|f| f.tree_age_frames as f64));
-    let ratios = Summary::of(frames.iter().filter_map(|f| f.sah_ratio));
-    let rejected = frames.iter().filter(|f| f.rejected).count();
+    let adopted = frames.iter().filter(|f| f.tree.adopted).count();
+    let newest = frames
+        .iter()
+        .map(|f| f.tree.generation.0)
+        .max()
+        .unwrap_or(0);
+    let ages = Summary::of(frames.iter().map(|f| f.tree.age_frames as f64));
+    let ratios = Summary::of(frames.iter().filter_map(|f| f.tree.sah_ratio));
+    let rejected = frames.iter().filter(|f| f.tree.rejected).count();
     let mut text =
         format!("trees: {adopted} adopted, {rejected} rejected, newest generation {newest}");
     if let Some(s) = ages {
@@ -234,10 +190,12 @@ pub fn rates(frames: &[FrameStats], pixels: usize) -> String {
     };
     let show = |r: Option<f64>| r.map_or("-".to_owned(), |r| format!("{r:.2}"));
     let pixels = pixels as u64;
-    let primary = rate(&|_| pixels, |f| f.trace_primary_ms);
-    let shadow = rate(&|f| f.hits, |f| f.trace_shadow_ms);
-    if shadow.is_none() && frames.iter().any(|f| f.blocked > 0) {
-        let both = rate(&|f| pixels + f.hits, |f| f.trace_primary_ms);
+    let primary = rate(&|_| pixels, |f| f.report.times.trace_primary_ms);
+    let shadow = rate(&|f| f.report.hits, |f| f.report.times.trace_shadow_ms);
+    if shadow.is_none() && frames.iter().any(|f| f.report.blocked > 0) {
+        let both = rate(&|f| pixels + f.report.hits, |f| {
+            f.report.times.trace_primary_ms
+        });
         return format!("rays: {} M/s, primary and shadow together\n", show(both));
     }
     let [primary, shadow] = [primary, shadow].map(show);
@@ -261,13 +219,14 @@ mod tests {
 
     #[test]
     fn unknown_numbers_are_null_and_summaries_are_rounded() {
-        let frame = FrameStats {
-            refit_ms: Some(1.0 / 3.0),
-            sah_ratio: Some(f64::NAN),
-            ..FrameStats::default()
-        };
+        let mut frame = FrameStats::default();
+        frame.report.times.refit_ms = Some(1.0 / 3.0);
+        frame.tree.sah_ratio = Some(f64::NAN);
         let json = serde_json::to_value(&frame).unwrap();
         assert!(json["build_ms"].is_null() && json["sah_ratio"].is_null());
+        assert_eq!(json["refit_ms"], 0.333_333);
+        let read: FrameStats = serde_json::from_value(json.clone()).unwrap();
+        assert_eq!(serde_json::to_value(&read).unwrap(), json);
         let summary = serde_json::to_value(overview(&[frame])).unwrap();
         assert_eq!(summary["refit_ms"]["median"], 0.333_333);
         assert!(summary["build_ms"].is_null() && summary["device_bytes"].is_null());
@@ -284,18 +243,20 @@ mod tests {
 
     #[test]
     fn rates_count_what_was_timed() {
-        let frame = |ms, hits| FrameStats {
-            trace_primary_ms: Some(ms),
-            trace_shadow_ms: (hits > 0).then_some(1.0),
-            hits,
-            ..FrameStats::default()
+        let frame = |ms, hits| {
+            let mut frame = FrameStats::default();
+            frame.report.times.trace_primary_ms = Some(ms);
+            frame.report.times.trace_shadow_ms = (hits > 0).then_some(1.0);
+            frame.report.hits = hits;
+            frame
         };
         let text = rates(&[frame(1.0, 500), frame(3.0, 0)], 4000);
         assert_eq!(text, "rays: 2.00 M/s primary, 0.50 M/s shadow\n");
-        let together = |blocked| FrameStats {
-            trace_shadow_ms: None,
-            blocked,
-            ..frame(2.0, 1000)
+        let together = |blocked| {
+            let mut frame = frame(2.0, 1000);
+            frame.report.times.trace_shadow_ms = None;
+            frame.report.blocked = blocked;
+            frame
         };
         let text = rates(&[together(7)], 4000);
         assert_eq!(text, "rays: 2.50 M/s, primary and shadow together\n");

@@ -188,19 +188,19 @@ impl Chart {
         let begin = json!({
             "frame": record.frame.index,
             "time": record.frame.time,
-            "tree_generation": record.tree_generation.0,
+            "tree_generation": record.tree.generation.0,
             "build_wait_ms": record.build_wait_ms,
         });
         self.span(FRAMES, "begin", [m.begun, m.submitted], &begin);
         self.span(FRAMES, "wait", [m.waited, m.seen], &frame);
         self.span(FRAMES, "read hits", [m.seen, m.read], &frame);
         self.span(FRAMES, "wait for files", waited, &frame);
-        if let Some(generation) = record.asked {
+        if let Some(generation) = record.requested {
             let args = json!({ "frame": record.frame.index, "generation": generation.0 });
             self.mark("ask", m.begun, &args);
         }
-        self.counter("tree age", m.begun, record.tree_age_frames as f64);
-        if let Some(ratio) = record.sah_ratio {
+        self.counter("tree age", m.begun, record.tree.age_frames as f64);
+        if let Some(ratio) = record.tree.sah_ratio {
             self.counter("SAH ratio", m.begun, ratio);
         }
     }
@@ -218,23 +218,23 @@ impl Chart {
 
     /// Adds the read-back, build and upload of the tree that a frame adopted.
     fn tree(&mut self, record: &FrameRecord, tree: &Adopted) {
-        let generation = record.tree_generation.0;
+        let generation = record.tree.generation.0;
         let (m, build) = (tree.moments, tree.moments.build);
         let built = json!({ "generation": generation, "triangles": tree.triangles });
         let moved = |bytes: u64| json!({ "generation": generation, "bytes": bytes });
         if tree.snapshot_bytes > 0 {
             let vertices = moved(tree.snapshot_bytes);
-            self.span(READBACK, "vertices", [m.asked, m.arrived], &vertices);
+            self.span(READBACK, "vertices", [m.requested, m.arrived], &vertices);
         }
         self.span(BUILDER, "build", [build.begun, build.built], &built);
         self.span(BUILDER, "cost", [build.built, build.weighed], &built);
         self.span(BUILDER, "convert", [build.weighed, build.ended], &built);
-        let sent = moved(tree.upload_bytes);
+        let sent = moved(record.tree.upload_bytes);
         self.span(UPLOAD, "tree", [m.taken, m.adopted], &sent);
         let args = json!({
             "frame": record.frame.index,
             "generation": generation,
-            "age_frames": record.tree_age_frames,
+            "age_frames": record.tree.age_frames,
         });
         self.mark("adopt", m.adopted, &args);
     }

@@ -1,11 +1,9 @@
 //! The builder: a pool of threads, and a thread that runs one job at a time in the pool while frames are rendered.
 
-use crate::driver::PipelineError;
-use crate::tree_builder::{Built, Forms, TreeBuilder, Vertices};
-use backend::{Snapshot, TreeWriter};
+use crate::error::PipelineError;
+use crate::tree_builder::{Built, Forms, Job, TreeBuilder};
 use bvh_build::{BuildError, Cancel};
-use bvh_layout::Spare;
-use geom::{Point, Pose, lock, own_pool, run_in};
+use geom::{lock, own_pool, run_in};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex};
@@ -13,37 +11,6 @@ use std::thread::JoinHandle;
 
 /// Result of a build, or the reason for its failure.
 pub(crate) type BuildResult<T> = Result<T, String>;
-
-/// Input of a build. See [`TreeBuilder::rebuild`].
-pub(crate) struct BuildInput {
-    /// Source of the vertices.
-    pub(crate) vertices: Vertices,
-    /// Poses at the middles of both halves of the tree's expected use, if known.
-    pub(crate) halves: Option<[Pose; 2]>,
-    /// Positions that all poses refer to, if they do not refer to key frames.
-    pub(crate) observed: Option<Observed>,
-}
-
-/// Positions of two frames that were read back, and the times of these frames.
-pub(crate) struct Observed {
-    pub(crate) frames: [Snapshot; 2],
-    pub(crate) times: [f64; 2],
-}
-
-/// Input and options of one build.
-pub(crate) struct Job {
-    pub(crate) input: BuildInput,
-    /// Whether the tree is adopted only if it costs less than the current one.
-    pub(crate) weighs: bool,
-    /// Common end point of the any-hit rays, if they have one.
-    pub(crate) toward: Option<Point>,
-    /// Memory of an old topology, or empty.
-    pub(crate) spare: Spare,
-    /// Whether the previous job's tree was never used.
-    pub(crate) left_last: bool,
-    /// Writes the tree in the device's format, if the backend provides a writer.
-    pub(crate) writer: Option<TreeWriter>,
-}
 
 /// A builder thread, which starts with the first job. Dropping it cancels the current build.
 pub(crate) struct BuilderThread {
@@ -187,18 +154,15 @@ impl BuilderPool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::tree_builder::{BuildInput, Vertices};
+    use bvh_layout::Spare;
 
-    fn job(left_last: bool) -> Job {
+    fn job(discarded_last: bool) -> Job {
         Job {
-            input: BuildInput {
-                vertices: Vertices::ReadBack(Box::new(vec![[0.0; 3]])),
-                halves: None,
-                observed: None,
-            },
-            weighs: false,
+            input: BuildInput::of(Vertices::ReadBack(Box::new(vec![[0.0; 3]]))),
             toward: None,
             spare: Spare::default(),
-            left_last,
+            discarded_last,
             writer: None,
         }
     }
@@ -206,12 +170,12 @@ mod tests {
     #[test]
     fn a_panic_of_a_build_is_a_failed_one_and_the_next_job_goes_on() {
         let mut thread = BuilderThread::new(|job: Job, _: &Cancel| {
-            assert!(job.left_last, "planted");
+            assert!(job.discarded_last, "planted");
             Err("planted".into())
         });
         assert!(!thread.is_open() && thread.try_take().is_none());
-        for (left_last, why) in [(false, "the builder panicked"), (true, "planted")] {
-            thread.start(job(left_last)).unwrap();
+        for (discarded_last, why) in [(false, "the builder panicked"), (true, "planted")] {
+            thread.start(job(discarded_last)).unwrap();
             assert_eq!(thread.take().unwrap_err(), why);
         }
     }

@@ -1,45 +1,32 @@
 //! The frame loop: follows the schedule's plan for each frame and never waits for the builder thread.
 
-mod candidate;
-mod patience;
+mod adoption;
+mod next_tree;
+mod pause;
 mod read_back;
 mod run;
 mod trees;
 mod warm_up;
 
-use crate::builder_thread::{BuilderPool, BuilderThread, BuilderThreads};
+use crate::builder_thread::BuilderThreads;
+use crate::error::PipelineError;
 use crate::frame::{Frame, FrameRecord};
+use crate::host_builder::HostBuilder;
 use crate::latency::LatencyPredictor;
-use crate::schedule::plan;
 use crate::tree_builder::Forms;
+use adoption::AdoptionRule;
 use backend::{
     Backend, BackendError, FRAMES_IN_FLIGHT, Generation, Method, Opener, Palette, Policy, Query,
     Ticket,
 };
-use bvh_layout::Spare;
-use candidate::Candidate;
 use geom::{Animation, Point, Pose};
-use patience::Patience;
+use next_tree::Event;
 pub use run::{Answers, LOOK_AHEAD, Wanted};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
-use trees::{FIRST, Tree};
+use trees::{CurrentTree, FIRST, Trees};
 pub use warm_up::{WarmUp, Warmed, warm_up};
-
-/// Reason why rendering stopped.
-#[derive(Debug, thiserror::Error)]
-pub enum PipelineError {
-    /// The backend failed.
-    #[error(transparent)]
-    Backend(#[from] BackendError),
-    /// The first tree could not be built.
-    #[error("the first tree: {0}")]
-    FirstTree(String),
-    /// The builder's threads could not be started.
-    #[error("no builder threads: {0}")]
-    Threads(String),
-}
 
 /// Options of a [`Driver`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,8 +46,22 @@ pub struct DriverOptions {
 struct Pending {
     ticket: Ticket,
     record: FrameRecord,
-    /// Divisor of the refitted cost in [`FrameRecord::sah_ratio`]; `None` if the tree was built for the frame's pose.
+    /// Divisor of the refitted cost in [`TreeStats::sah_ratio`](crate::TreeStats::sah_ratio); `None` if the tree was built for the frame's pose.
     cost_before: Option<f64>,
+}
+
+/// The frame that is being recorded.
+struct Recording {
+    /// Number of frames begun before it.
+    number: u64,
+    /// Pose of the backend's positions; `None` if unknown.
+    pose: Option<Pose>,
+    /// Target of the frame's shadow rays. Builders order the children of nodes for these rays.
+    light: Option<Point>,
+    /// Statistics of the frame.
+    record: FrameRecord,
+    /// Whether the frame's positions and boxes are recorded, but the backend refused its queries.
+    is_refused: bool,
 }
 
 /// Owns a backend and renders frames with it.
@@ -68,37 +69,15 @@ pub struct Driver {
     backend: Box<dyn Backend>,
     animation: Arc<Animation>,
     options: DriverOptions,
-    predictor: LatencyPredictor,
-    builder_pool: Arc<BuilderPool>,
-    builder_thread: BuilderThread,
-    /// Whether the backend shades frames.
-    shades: bool,
     /// Whether the animation contains the key frames that the backend interpolates.
     knows_key_frames: bool,
-    /// Current tree; `None` before the first frame.
-    tree: Option<Tree>,
-    /// Tree that was requested and is neither adopted nor rejected yet.
-    candidate: Option<Candidate>,
-    /// Generation of the last requested tree. Generations only increase.
-    newest: Generation,
-    /// Pause between requests after trees were rejected.
-    patience: Patience,
-    /// Memory of the last adopted topology, for reuse by the next build.
-    spare: Spare,
-    /// Pose for which the last build made no better tree than the current one.
-    has_best_for: Option<Pose>,
-    /// Whether the builder's last tree was dropped unused. The next job reports this to the builder.
-    left_last: bool,
-    /// Pose of the backend's positions; `None` if unknown.
-    pose: Option<Pose>,
-    /// Target of the current frame's shadow rays. Builders order the children of nodes for these rays.
-    light: Option<Point>,
-    /// Statistics of the current frame.
-    record: FrameRecord,
+    /// Whether the backend shades frames.
+    shades: bool,
+    predictor: LatencyPredictor,
+    builder: HostBuilder,
+    trees: Trees,
+    recording: Recording,
     pending: VecDeque<Pending>,
-    /// Whether a frame's positions and boxes are recorded, but the backend refused its queries.
-    has_refused: bool,
-    frames: u64,
 }
 
 impl Driver {
@@ -120,36 +99,23 @@ impl Driver {
             treelets: backend.wants_treelets(),
             blocks: backend.wants_blocks(),
         };
-        let builder_pool = Arc::new(BuilderPool::new(threads, forms));
-        let builder_thread = {
-            let (builder_pool, animation) = (Arc::clone(&builder_pool), Arc::clone(&animation));
-            BuilderThread::new(move |job, cancel| {
-                builder_pool.with(|builder| builder.carry_out(&animation, job, cancel))
-            })
-        };
-        let agreed = options.update.lockstep();
         Ok(Self {
+            builder: HostBuilder::new(&animation, threads, forms),
+            predictor: LatencyPredictor::new(options.time_range, options.update.lockstep()),
             backend,
             animation,
             options,
-            predictor: LatencyPredictor::new(options.time_range, agreed),
-            builder_pool,
-            builder_thread,
-            shades: false,
             knows_key_frames: true,
-            tree: None,
-            candidate: None,
-            patience: Patience::default(),
-            newest: FIRST,
-            spare: Spare::default(),
-            has_best_for: None,
-            left_last: false,
-            pose: None,
-            light: None,
-            record: FrameRecord::begin(Frame::default(), Instant::now()),
+            shades: false,
+            trees: Trees::default(),
+            recording: Recording {
+                number: 0,
+                pose: None,
+                light: None,
+                record: FrameRecord::begin(Frame::default(), Instant::now()),
+                is_refused: false,
+            },
             pending: VecDeque::with_capacity(FRAMES_IN_FLIGHT),
-            has_refused: false,
-            frames: 0,
         })
     }
 
@@ -189,13 +155,8 @@ impl Driver {
     pub fn give_up(&mut self, dropped: &[Ticket]) {
         self.pending
             .retain(|frame| !dropped.contains(&frame.ticket));
-        self.pose = None;
-        self.candidate.take_if(|candidate| {
-            candidate.is_building() && candidate.request.vertices_arrived.is_none()
-        });
-        if let Some(candidate) = &mut self.candidate {
-            candidate.advance(candidate::State::Arrived);
-        }
+        self.recording.pose = None;
+        self.trees.next.advance(Event::FramesDropped);
     }
 
     /// Returns the backend, which can load another scene. Cancels a build in progress.
@@ -205,12 +166,13 @@ impl Driver {
 
     /// Returns the generation of the current tree, or 0 before the first frame.
     pub fn generation(&self) -> Generation {
-        self.tree.as_ref().map_or(Generation(0), |t| t.generation)
+        let current = self.trees.current.as_ref();
+        current.map_or(Generation(0), |tree| tree.generation)
     }
 
     /// Returns whether a tree is requested and is neither adopted nor rejected yet.
     pub fn is_building(&self) -> bool {
-        self.candidate.is_some()
+        !self.trees.next.is_idle()
     }
 
     /// Submits one frame and returns the ticket of its results. Accepts one query, or several that the backend
@@ -223,10 +185,8 @@ impl Driver {
         let begun = self.record_and_submit(frame, queries);
         if begun.is_err() {
             // The last call that the backend completed is unknown.
-            self.pose = None;
-            if let Some(candidate) = &mut self.candidate {
-                candidate.abandoned();
-            }
+            self.recording.pose = None;
+            self.trees.next.advance(Event::FrameFailed);
         }
         begun
     }
@@ -238,21 +198,21 @@ impl Driver {
     ) -> Result<Ticket, PipelineError> {
         let begun = Instant::now();
         self.submit_refused()?;
-        self.record = FrameRecord::begin(frame, begun);
+        self.recording.record = FrameRecord::begin(frame, begun);
+        self.recording.light = queries[0].kind.light();
         let pose = self.animation.pose(frame.time);
-        self.light = queries[0].kind.light();
         self.predictor.frame(frame.time, begun);
         self.poll_builder()?;
-        self.look(pose, queries)?;
-        let stale = if self.has_device_trees() {
+        self.measure_range(pose, queries)?;
+        let is_stale = if self.has_device_trees() {
             self.record_device_tree(pose)?
         } else {
-            self.bring_tree(pose)?;
-            let is_stale = self.record_geometry(pose)?;
+            self.update_trees(pose)?;
+            let is_stale = self.record_positions(pose)?;
             self.record_evaluation()?;
             is_stale
         };
-        if stale {
+        if is_stale {
             self.backend.preprocess()?;
             self.backend.refit()?;
         }
@@ -261,34 +221,40 @@ impl Driver {
         if let Err(PipelineError::Backend(e)) = &recorded
             && !matches!(e, BackendError::KeyFrame(_))
         {
-            self.has_refused = true;
+            self.recording.is_refused = true;
             // Its submission delivers the positions that it requested.
-            self.frames += 1;
+            self.recording.number += 1;
         }
         recorded?;
-        self.record.traced.handed_in = Instant::now();
+        self.recording.record.traced.handed_in = Instant::now();
         let ticket = self.backend.submit()?;
-        if let Some(candidate) = &mut self.candidate {
-            candidate.submitted(ticket);
-        }
+        self.trees.next.submitted(ticket);
         self.poll_builder()?;
-        let tree = self.tree.as_ref().expect("a frame is traced with a tree");
-        self.record.tree_generation = tree.generation;
-        self.record.tree_age_frames = self.frames - tree.frame;
-        self.record.moments.submitted = Instant::now();
+        self.push_pending(ticket);
+        Ok(ticket)
+    }
+
+    /// Stores the statistics of the submitted frame until its results are returned.
+    fn push_pending(&mut self, ticket: Ticket) {
+        let current = self.trees.current.as_ref();
+        let tree = current.expect("a frame is traced with a tree");
+        let recording = &mut self.recording;
+        let mut record = recording.record.clone();
+        record.tree.generation = tree.generation;
+        record.tree.age_frames = recording.number - tree.frame;
+        record.moments.submitted = Instant::now();
         self.pending.push_back(Pending {
             ticket,
-            cost_before: (Some(tree.pose) != self.pose).then_some(tree.cost),
-            record: std::mem::replace(&mut self.record, FrameRecord::begin(frame, begun)),
+            cost_before: (Some(tree.pose) != recording.pose).then_some(tree.cost),
+            record,
         });
-        self.frames += 1;
-        Ok(ticket)
+        recording.number += 1;
     }
 
     /// Submits the frame whose queries were refused. Otherwise the next frame would add its commands to the same
     /// recording, and no tree could be adopted.
     fn submit_refused(&mut self) -> Result<(), PipelineError> {
-        if std::mem::take(&mut self.has_refused) {
+        if std::mem::take(&mut self.recording.is_refused) {
             let ticket = self.backend.submit()?;
             self.backend.release(ticket);
         }
@@ -301,41 +267,24 @@ impl Driver {
             return Ok(self.backend.trace_together(queries)?);
         };
         self.backend.trace(query)?;
-        match self.shades {
-            true => Ok(self.backend.shade(query)?),
-            false => Ok(()),
+        if self.shades {
+            self.backend.shade(query)?;
         }
-    }
-
-    /// Provides a tree for the frame: the current one, or another if the schedule swaps trees.
-    fn bring_tree(&mut self, pose: Pose) -> Result<(), PipelineError> {
-        let Some(tree) = &self.tree else {
-            return self.first_tree(pose);
-        };
-        let newest = self
-            .candidate
-            .as_ref()
-            .map_or(tree.pose, |c| c.request.pose);
-        let in_flight = self.in_flight()?;
-        let wanted = self.wanted(pose);
-        let is_best = newest == wanted || self.has_best_for == Some(wanted);
-        let outdated = !is_best && self.may_ask();
-        let plan = plan(self.options.update, self.frames, in_flight, outdated);
-        self.follow(plan, wanted)
+        Ok(())
     }
 
     /// Brings the backend's positions to `pose`. Returns whether `preprocess` and `refit` must follow.
-    fn record_geometry(&mut self, pose: Pose) -> Result<bool, PipelineError> {
-        let moved = self.pose != Some(pose);
-        let asked = self.wants_positions(moved);
+    fn record_positions(&mut self, pose: Pose) -> Result<bool, PipelineError> {
+        let moved = self.recording.pose != Some(pose);
+        let is_requested = self.wants_positions(moved);
         if moved {
             self.backend.interpolate(pose)?;
-            self.pose = Some(pose);
+            self.recording.pose = Some(pose);
         }
-        if asked {
+        if is_requested {
             self.backend.request_positions()?;
         }
-        Ok(moved || self.record.adopted.is_some())
+        Ok(moved || self.recording.record.adopted.is_some())
     }
 
     /// Returns whether the device builds the trees.
@@ -343,21 +292,25 @@ impl Driver {
         self.options.update.builds_on_device()
     }
 
+    fn adoption_rule(&self) -> AdoptionRule {
+        AdoptionRule::of(self.options.update, self.options.predict)
+    }
+
     /// Records positions at `pose` and, if they moved, a tree over them. Returns whether a refit must follow.
     fn record_device_tree(&mut self, pose: Pose) -> Result<bool, PipelineError> {
-        let moved = self.record_geometry(pose)?;
-        let generation = match &self.tree {
+        let moved = self.record_positions(pose)?;
+        let generation = match &self.trees.current {
             None => FIRST,
             Some(tree) if moved => Generation(tree.generation.0 + 1),
             Some(_) => return Ok(moved),
         };
         self.backend.rebuild(generation)?;
-        self.record.made = true;
-        self.tree = Some(Tree {
+        self.recording.record.tree.adopted = true;
+        self.trees.current = Some(CurrentTree {
             generation,
-            frame: self.frames,
+            frame: self.recording.number,
             pose,
-            middle: f64::NAN,
+            target_time: f64::NAN,
             cost: 0.0,
         });
         Ok(true)

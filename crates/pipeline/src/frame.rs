@@ -1,8 +1,9 @@
 //! The request for a frame, and its statistics.
 
 use crate::tree_builder::BuildMoments;
-use backend::{DeviceBytes, FrameReport, Generation, StageTimes};
+use backend::{DeviceBytes, FrameReport, Generation, StageTimes, rounded};
 use geom::Pose;
+use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
 /// A frame to render.
@@ -21,29 +22,20 @@ pub struct FrameRecord {
     pub frame: Frame,
     /// Report of the backend.
     pub report: FrameReport,
+    /// Facts about the tree that the frame was traced with.
+    pub tree: TreeStats,
     /// Milliseconds that the driver spent on the frame: from its start to the end of its submission, plus the wait for
     /// its results.
     pub wall_ms: f64,
     /// Milliseconds of `wall_ms` in which the driver was blocked by a build. 0 for every frame but the first with
     /// `async` and `refit`.
     pub build_wait_ms: f64,
-    /// Generation of the tree that the frame was traced with.
-    pub tree_generation: Generation,
-    /// Number of frames since the one that requested the tree. The tree was built from that frame's vertices, unless
-    /// [`DriverOptions::predict`](crate::DriverOptions::predict) selected a later time.
-    pub tree_age_frames: u64,
     /// Generation of the tree that this frame requested, if any.
-    pub asked: Option<Generation>,
+    pub requested: Option<Generation>,
     /// Tree that this frame adopted, if any.
     pub adopted: Option<Adopted>,
-    /// Whether the backend built the tree within this frame.
-    pub made: bool,
-    /// Generation of the finished tree that this frame rejected, if any. The tree cost no less than the current one, or
-    /// a newer tree would arrive before its time of use.
+    /// Generation of the finished tree that this frame rejected, if any.
     pub rejected: Option<Generation>,
-    /// Refitted cost divided by the cost of a fresh tree at the same time, if known, otherwise by the cost when the
-    /// tree was built. `None` if the backend measures no cost.
-    pub sah_ratio: Option<f64>,
     /// Bytes of device memory that the backend held when the frame was finished, if known.
     pub device_bytes: Option<DeviceBytes>,
     /// Times of the driver's steps.
@@ -60,15 +52,12 @@ impl FrameRecord {
         Self {
             frame,
             report: FrameReport::default(),
+            tree: TreeStats::default(),
             wall_ms: 0.0,
             build_wait_ms: 0.0,
-            tree_generation: Generation(0),
-            tree_age_frames: 0,
-            asked: None,
+            requested: None,
             adopted: None,
-            made: false,
             rejected: None,
-            sah_ratio: None,
             device_bytes: None,
             moments: FrameMoments {
                 begun,
@@ -94,11 +83,41 @@ impl FrameRecord {
         times.interpolate_ms = times.interpolate_ms.or(fetched.interpolate_ms);
         times.device_ms += fetched.device_ms;
         report.readback_bytes += self.report.readback_bytes;
+        self.tree.build_ms = self.tree.build_ms.or(report.times.rebuild_ms);
         self.report = report;
         let moments = &mut self.moments;
         (moments.waited, moments.seen, moments.read) = (waited, seen, read);
         self.wall_ms = ms((moments.submitted - moments.begun) + (seen - waited));
     }
+}
+
+/// Facts about the tree of a frame. The program writes them to its statistics file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct TreeStats {
+    /// Generation of the tree that the frame was traced with.
+    #[serde(rename = "tree_generation")]
+    pub generation: Generation,
+    /// Number of frames since the one that requested the tree. The tree was built from that frame's vertices, unless
+    /// [`DriverOptions::predict`](crate::DriverOptions::predict) selected a later time.
+    #[serde(rename = "tree_age_frames")]
+    pub age_frames: u64,
+    /// Whether this frame adopted the tree, or the backend built it within this frame.
+    pub adopted: bool,
+    /// Whether a finished tree was rejected. It cost no less than the current one, or a newer tree would arrive before
+    /// its time of use.
+    pub rejected: bool,
+    /// Milliseconds from vertices to the binary tree, if this frame adopted it.
+    #[serde(serialize_with = "rounded")]
+    pub build_ms: Option<f64>,
+    /// Milliseconds from the binary tree to the topology, with its lists of moving nodes.
+    #[serde(serialize_with = "rounded")]
+    pub convert_ms: Option<f64>,
+    /// Bytes of the adopted topology that are uploaded.
+    pub upload_bytes: u64,
+    /// Refitted cost divided by the cost of a fresh tree at the same time, if known, otherwise by the cost when the
+    /// tree was built. `None` if the backend measures no cost.
+    #[serde(serialize_with = "rounded")]
+    pub sah_ratio: Option<f64>,
 }
 
 /// Returns a duration in milliseconds.
@@ -136,14 +155,6 @@ pub struct Submission {
 /// Statistics of a tree that a frame adopted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Adopted {
-    /// Number of frames from the request to the frame that found the tree finished. It may have been adopted later.
-    pub latency_frames: u64,
-    /// Milliseconds from vertices to the binary tree.
-    pub build_ms: f64,
-    /// Milliseconds from the binary tree to the topology, with its lists of moving nodes.
-    pub convert_ms: f64,
-    /// Bytes of the topology that are uploaded.
-    pub upload_bytes: u64,
     /// Bytes of vertices that were read back for the build.
     pub snapshot_bytes: u64,
     /// Number of triangles.
@@ -158,7 +169,7 @@ pub struct Adopted {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TreeMoments {
     /// A frame requested it.
-    pub asked: Instant,
+    pub requested: Instant,
     /// Its vertices were on the host; at once, if it was built from key frames.
     pub arrived: Instant,
     /// Times of the build.

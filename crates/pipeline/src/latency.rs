@@ -16,7 +16,7 @@ pub(crate) const LATER_BUILD: f64 = 0.4;
 /// Number of key frames that the first tree is built for. Motion is nearly straight within one.
 const FIRST_USE: f64 = 1.0;
 /// Duration of a build from subtrees relative to a build from scratch.
-const GROUPS: f64 = 0.5;
+const SUBTREES: f64 = 0.5;
 
 /// Observes frames and builds, and predicts when the next tree will be used.
 #[derive(Clone, Debug, Default)]
@@ -70,7 +70,7 @@ impl LatencyPredictor {
     }
 
     /// Records the duration of the first tree's build.
-    pub(crate) fn first_took(&mut self, build: Duration) {
+    pub(crate) fn observe_first_build(&mut self, build: Duration) {
         self.first_build = Some(build);
     }
 
@@ -80,7 +80,7 @@ impl LatencyPredictor {
     }
 
     /// Returns whether the latency is fixed, was observed or can be estimated.
-    pub(crate) fn has_ground(&self) -> bool {
+    pub(crate) fn has_estimate(&self) -> bool {
         self.latency().or(self.guess).is_some()
     }
 
@@ -105,7 +105,7 @@ impl LatencyPredictor {
 
     /// Returns whether a tree for the time `new` should replace one for the time `last`: `new` is at least as near as
     /// `last`, or time does not approach `new`.
-    pub(crate) fn should_adopt(&self, last: f64, new: f64) -> bool {
+    pub(crate) fn is_nearer_than(&self, last: f64, new: f64) -> bool {
         let nearer = |left| left <= (last - self.time).abs();
         self.approach(new).is_none_or(nearer)
     }
@@ -117,9 +117,9 @@ impl LatencyPredictor {
     }
 
     /// Returns whether a tree for the time `new` should be evaluated: for the first time, or again because the distance
-    /// has halved since `dearer_at`, where it cost too much, or because time does not approach `new`.
-    pub(crate) fn is_nearer(&self, new: f64, dearer_at: Option<f64>) -> bool {
-        match self.approach(new).zip(dearer_at) {
+    /// has halved since `costlier_at`, where it cost too much, or because time does not approach `new`.
+    pub(crate) fn has_halved(&self, new: f64, costlier_at: Option<f64>) -> bool {
+        match self.approach(new).zip(costlier_at) {
             Some((left, before)) => left <= 0.5 * before,
             None => true,
         }
@@ -133,7 +133,7 @@ impl LatencyPredictor {
 
     /// Returns the middle of the time in which a tree requested now is used. Assumes that the next tree is requested
     /// when this one is adopted, and that its build takes as long.
-    pub(crate) fn middle_of_use(&self) -> f64 {
+    pub(crate) fn target_time(&self) -> f64 {
         self.in_use(0.5)
     }
 
@@ -162,10 +162,12 @@ impl LatencyPredictor {
 
     /// Returns the latency of the next tree in frames, if it is fixed or was observed.
     fn latency(&self) -> Option<f64> {
-        let [scratch, groups] = self.seen;
+        let [scratch, subtrees] = self.seen;
         let seen = match self.next {
-            BuildStrategy::Scratch => scratch.or(groups.map(|frames| frames / GROUPS)),
-            BuildStrategy::Subtrees => groups.or(scratch.map(|frames| (frames * GROUPS).max(1.0))),
+            BuildStrategy::Scratch => scratch.or(subtrees.map(|frames| frames / SUBTREES)),
+            BuildStrategy::Subtrees => {
+                subtrees.or(scratch.map(|frames| (frames * SUBTREES).max(1.0)))
+            }
         };
         self.agreed.or(seen)
     }
@@ -192,32 +194,32 @@ mod tests {
     #[test]
     fn a_steady_motion_is_continued_to_the_middle_of_the_trees_use() {
         let mut f = watching([0.0, 100.0], None, &[0.0, 0.5, 1.0]);
-        assert_eq!(f.middle_of_use(), 1.0);
+        assert_eq!(f.target_time(), 1.0);
         f.observe_latency(4, BuildStrategy::Scratch);
         // The tree is adopted after 4 frames and used for frames 4 to 7 from now.
-        assert_eq!(f.middle_of_use(), 1.0 + 5.5 * 0.5);
+        assert_eq!(f.target_time(), 1.0 + 5.5 * 0.5);
         assert_eq!(f.halves_of_use(), [1.0 + 4.75 * 0.5, 1.0 + 6.25 * 0.5]);
         // The mean latency is 6: the tree is used for frames 6 to 11.
         f.observe_latency(8, BuildStrategy::Scratch);
-        assert_eq!(f.middle_of_use(), 1.0 + 8.5 * 0.5);
+        assert_eq!(f.target_time(), 1.0 + 8.5 * 0.5);
     }
 
     #[test]
     fn trees_of_groups_and_trees_from_scratch_are_told_apart() {
         let mut f = watching([0.0, 1000.0], None, &[0.0, 1.0]);
         f.observe_latency(40, BuildStrategy::Scratch);
-        assert_eq!(f.middle_of_use(), 1.0 + 40.0 + 19.5);
+        assert_eq!(f.target_time(), 1.0 + 40.0 + 19.5);
         // No build from subtrees was observed, so it is assumed to take half as long.
         f.next_strategy_is(BuildStrategy::Subtrees);
-        assert_eq!(f.middle_of_use(), 1.0 + 20.0 + 9.5);
+        assert_eq!(f.target_time(), 1.0 + 20.0 + 9.5);
         f.observe_latency(10, BuildStrategy::Subtrees);
-        assert_eq!(f.middle_of_use(), 1.0 + 10.0 + 4.5);
+        assert_eq!(f.target_time(), 1.0 + 10.0 + 4.5);
         f.observe_latency(20, BuildStrategy::Subtrees);
-        assert_eq!(f.middle_of_use(), 1.0 + 15.0 + 7.0);
+        assert_eq!(f.target_time(), 1.0 + 15.0 + 7.0);
         f.observe_latency(8, BuildStrategy::Subtrees);
-        assert_eq!(f.middle_of_use(), 1.0 + 8.0 + 3.5);
+        assert_eq!(f.target_time(), 1.0 + 8.0 + 3.5);
         f.next_strategy_is(BuildStrategy::Scratch);
-        assert_eq!(f.middle_of_use(), 1.0 + 40.0 + 19.5);
+        assert_eq!(f.target_time(), 1.0 + 40.0 + 19.5);
     }
 
     #[test]
@@ -234,7 +236,7 @@ mod tests {
             ([8.0, 7.0], 8.5, 6.0, true),
         ] {
             let f = watching([0.0, 100.0], None, &times);
-            assert_eq!(f.should_adopt(last, new), ripe, "{times:?}");
+            assert_eq!(f.is_nearer_than(last, new), ripe, "{times:?}");
         }
     }
 
@@ -270,28 +272,28 @@ mod tests {
         let start = Instant::now();
         let mut f = LatencyPredictor::new([0.0, 1000.0], None);
         f.frame(0.0, start);
-        f.first_took(ms(200));
+        f.observe_first_build(ms(200));
         // Neither the wait for the first tree nor a frame submitted immediately counts for the frame rate.
         f.frame(1.0, start + ms(900));
         f.frame(2.0, start + ms(901));
-        assert!(!f.has_ground());
-        assert_eq!(f.middle_of_use(), 2.0);
+        assert!(!f.has_estimate());
+        assert_eq!(f.target_time(), 2.0);
         // A frame takes 10 ms and the next build 80 ms: the tree is used for frames 8 to 15.
         f.frame(3.0, start + ms(911));
-        assert!(f.has_ground());
-        assert!((f.middle_of_use() - (3.0 + 11.5)).abs() < 1e-9);
+        assert!(f.has_estimate());
+        assert!((f.target_time() - (3.0 + 11.5)).abs() < 1e-9);
         // Frames of 10 and 22 ms take 16 ms in the mean, so the build takes 5 frames.
         f.frame(4.0, start + ms(933));
-        assert!((f.middle_of_use() - (4.0 + 7.0)).abs() < 1e-9);
+        assert!((f.target_time() - (4.0 + 7.0)).abs() < 1e-9);
         // An observed latency replaces the estimate.
         f.observe_latency(3, BuildStrategy::Scratch);
         f.frame(5.0, start + ms(940));
-        assert_eq!(f.middle_of_use(), 5.0 + 4.0);
+        assert_eq!(f.target_time(), 5.0 + 4.0);
         // A tree takes at least one frame, however fast it is built.
         let mut f = LatencyPredictor::new([0.0, 1000.0], None);
-        f.first_took(Duration::ZERO);
+        f.observe_first_build(Duration::ZERO);
         (0..4).for_each(|i| f.frame(f64::from(i), start));
-        assert_eq!(f.middle_of_use(), 4.0);
+        assert_eq!(f.target_time(), 4.0);
     }
 
     #[test]
@@ -305,9 +307,9 @@ mod tests {
             ([2.0, 9.0], 10, &[3.0], 3.0),
         ] {
             let mut f = watching(range, Some(agreed), times);
-            assert!(f.has_ground());
+            assert!(f.has_estimate());
             f.observe_latency(50, BuildStrategy::Scratch);
-            assert_eq!(f.middle_of_use(), middle, "{times:?}");
+            assert_eq!(f.target_time(), middle, "{times:?}");
         }
         let back = watching([2.0, 9.0], Some(10), &[4.0, 3.0]);
         assert_eq!(back.halves_of_use(), [2.0; 2]);

@@ -9,7 +9,9 @@
 mod builder_thread;
 mod device_clock;
 mod driver;
+mod error;
 mod frame;
+mod host_builder;
 mod latency;
 mod motion;
 mod policy;
@@ -19,10 +21,9 @@ mod tree_builder;
 
 pub use builder_thread::BuilderThreads;
 pub use device_clock::{Span, place_on_host};
-pub use driver::{
-    Answers, Driver, DriverOptions, LOOK_AHEAD, PipelineError, Wanted, WarmUp, Warmed, warm_up,
-};
-pub use frame::{Adopted, Frame, FrameMoments, FrameRecord, Submission, TreeMoments};
+pub use driver::{Answers, Driver, DriverOptions, LOOK_AHEAD, Wanted, WarmUp, Warmed, warm_up};
+pub use error::PipelineError;
+pub use frame::{Adopted, Frame, FrameMoments, FrameRecord, Submission, TreeMoments, TreeStats};
 pub use motion::{Decay, Motion, RefitDecay, Spread, decay, motion, unhittable, unhittable_at};
 pub use policy::RunFacts;
 pub use resources::{ExpectedMemory, TREE_BYTES, Threads, trees_bytes};

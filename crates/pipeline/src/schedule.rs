@@ -6,9 +6,9 @@ use backend::Policy;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct InFlight {
     /// Number of the frame that requested it.
-    pub(crate) asked_at: u64,
-    /// Whether its tree is finished and may be adopted.
-    pub(crate) is_adoptable: bool,
+    pub(crate) requested_at: u64,
+    /// Whether its tree is finished, and is adopted or rejected at the next frame boundary.
+    pub(crate) is_decided: bool,
 }
 
 /// Steps of a frame that concern trees.
@@ -19,7 +19,7 @@ pub(crate) struct FramePlan {
     /// The tree may be unfinished, so the driver must wait for it.
     pub(crate) wait: bool,
     /// Request a tree for this frame.
-    pub(crate) ask: bool,
+    pub(crate) request: bool,
 }
 
 /// Returns when to request and when to swap trees. At most one build is in flight. `outdated` is set if the newest tree
@@ -30,16 +30,16 @@ pub(crate) fn plan(
     build: Option<InFlight>,
     outdated: bool,
 ) -> FramePlan {
-    let is_adoptable = build.is_some_and(|build| build.is_adoptable);
+    let is_decided = build.is_some_and(|build| build.is_decided);
     let swap = match policy.lockstep() {
-        Some(k) => build.is_some_and(|build| frame >= build.asked_at + u64::from(k)),
-        None => is_adoptable,
+        Some(k) => build.is_some_and(|build| frame >= build.requested_at + u64::from(k)),
+        None => is_decided,
     };
     FramePlan {
         swap,
-        wait: swap && !is_adoptable,
+        wait: swap && !is_decided,
         // A tree that is swapped in now was built for an earlier frame. It is outdated unless nothing has moved since.
-        ask: policy.requests_trees() && outdated && (swap || build.is_none()),
+        request: policy.requests_trees() && outdated && (swap || build.is_none()),
     }
 }
 
@@ -50,34 +50,34 @@ mod tests {
     const FREE: Policy = Policy::Async;
     const LOCKSTEP: Policy = Policy::Lockstep(3);
 
-    /// Returns the plan of a frame whose newest tree is outdated, as letters: swap, wait, ask. A build was requested in
+    /// Returns the plan of a frame whose newest tree is outdated, as letters: swap, wait, request. A build was requested in
     /// frame 5.
-    fn letters(policy: Policy, frame: u64, is_adoptable: Option<bool>) -> String {
-        let build = is_adoptable.map(|is_adoptable| InFlight {
-            asked_at: 5,
-            is_adoptable,
+    fn letters(policy: Policy, frame: u64, is_decided: Option<bool>) -> String {
+        let build = is_decided.map(|is_decided| InFlight {
+            requested_at: 5,
+            is_decided,
         });
         let [found, current] = [true, false].map(|outdated| plan(policy, frame, build, outdated));
         assert_eq!(
             current,
             FramePlan {
-                ask: false,
+                request: false,
                 ..found
             }
         );
-        let letters = [(found.swap, 's'), (found.wait, 'w'), (found.ask, 'a')];
+        let letters = [(found.swap, 's'), (found.wait, 'w'), (found.request, 'r')];
         letters.iter().filter(|l| l.0).map(|l| l.1).collect()
     }
 
     #[test]
     fn one_build_is_in_flight_and_swapped_to_once_it_is_finished_or_due() {
         for (policy, frame, [none, under_way, adoptable]) in [
-            (FREE, 6, ["a", "", "sa"]),
-            (FREE, 99, ["a", "", "sa"]),
-            (LOCKSTEP, 7, ["a", "", ""]),
-            (LOCKSTEP, 8, ["a", "swa", "sa"]),
-            (LOCKSTEP, 9, ["a", "swa", "sa"]),
-            (Policy::Rebuild, 6, ["a", "", "sa"]),
+            (FREE, 6, ["r", "", "sr"]),
+            (FREE, 99, ["r", "", "sr"]),
+            (LOCKSTEP, 7, ["r", "", ""]),
+            (LOCKSTEP, 8, ["r", "swr", "sr"]),
+            (LOCKSTEP, 9, ["r", "swr", "sr"]),
+            (Policy::Rebuild, 6, ["r", "", "sr"]),
             (Policy::Refit, 6, ["", "", "s"]),
             (Policy::DeviceRebuild, 6, ["", "", "s"]),
         ] {

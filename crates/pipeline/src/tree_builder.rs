@@ -2,10 +2,10 @@
 
 mod degradation;
 mod extrapolation;
-mod moments;
+mod job;
+mod pose_source;
 mod warm_up;
 
-use crate::builder_thread::{BuildInput, Job, Observed};
 use backend::Snapshot;
 use bvh_build::{
     BinaryTree, BlockSize, Boxes, BuildError, Builder, Cancel, Costs, SubtreeRebuilder, sah_cost,
@@ -15,8 +15,9 @@ pub(crate) use degradation::BuildStrategy;
 use degradation::DegradationMonitor;
 use extrapolation::ExtrapolationMonitor;
 use geom::{Aabb, Animation, KeyFrame, KeyFrameError, Point, Pose};
-pub(crate) use moments::pose_between;
-use moments::{Moments, blend, keep};
+pub(crate) use job::{BuildInput, Job, Observed};
+pub(crate) use pose_source::pose_between;
+use pose_source::{PoseSource, blend, store};
 use rayon::prelude::*;
 use std::time::Instant;
 
@@ -116,24 +117,20 @@ impl TreeBuilder {
         std::mem::swap(&mut self.tree, &mut self.in_use);
     }
 
-    /// Builds and converts a tree from vertices. With two poses, it is built over boxes that contain each triangle at
+    /// Builds a tree from scratch and converts it. With two poses, it is built over boxes that contain each triangle at
     /// both. In either case, its cost refers to the vertices.
     pub(crate) fn build(
         &mut self,
         animation: &Animation,
-        from: (Vertices, Option<[Pose; 2]>),
+        input: BuildInput,
         cancel: &Cancel,
     ) -> Result<Built, BuildError> {
         let begun = Instant::now();
-        self.make(
-            &Moments::of(animation),
-            from,
-            BuildStrategy::Scratch,
-            cancel,
-        )?;
+        let strategy = BuildStrategy::Scratch;
+        self.build_tree(&PoseSource::of(animation), &input, strategy, cancel)?;
         let built = Instant::now();
         let cost = sah_cost(&self.tree, &self.boxes[..]);
-        Ok(self.send(animation, [begun, built], cost, BuildStrategy::Scratch))
+        Ok(self.finish(animation, [begun, built], cost, strategy))
     }
 
     /// Builds a tree for a job. See [`TreeBuilder::rebuild`].
@@ -145,10 +142,10 @@ impl TreeBuilder {
     ) -> Result<Built, BuildError> {
         self.order_toward(job.toward);
         self.reuse(job.spare);
-        if job.left_last {
+        if job.discarded_last {
             self.revert();
         }
-        let built = self.rebuild(animation, (job.input, job.weighs), cancel)?;
+        let built = self.rebuild(animation, job.input, cancel)?;
         if let Some(write) = job.writer {
             write(&built.topology);
         }
@@ -156,50 +153,52 @@ impl TreeBuilder {
     }
 
     /// Stores observed positions as key frames.
-    fn keep(&mut self, seen: Observed) -> [KeyFrame; 2] {
+    fn store(&mut self, seen: Observed) -> [KeyFrame; 2] {
         seen.frames
             .into_iter()
             .zip(&mut self.observed)
-            .for_each(keep);
+            .for_each(|(seen, frame)| store(&seen, frame));
         self.observed.clone()
     }
 
     /// Builds a tree from `input` and converts it.
     ///
-    /// If `weighed` is set, the tree is built from subtrees of the last one, which is faster. It is built from scratch
+    /// A tree that is compared with the last one is built from its subtrees, which is faster. It is built from scratch
     /// if trees degrade so slowly that build time does not matter. If trees degrade fast, the tree is built over boxes
     /// that contain each triangle at both halves of its use. The tree then separates triangles that move apart.
     pub(crate) fn rebuild(
         &mut self,
         animation: &Animation,
-        (mut input, weighed): (BuildInput, bool),
+        mut input: BuildInput,
         cancel: &Cancel,
     ) -> Result<Built, BuildError> {
         let begun = Instant::now();
         let times = input.observed.as_ref().map(|observed| observed.times);
-        let observed = input.observed.take().map(|seen| self.keep(seen));
-        let moments = &Moments {
+        let observed = input.observed.take().map(|seen| self.store(seen));
+        let source = &PoseSource {
             animation,
             observed,
         };
-        let gave_up_extrapolation = self.check_extrapolation(moments, &mut input, times)?;
-        let weighed = weighed && self.holds_all_of(animation);
-        let strategy = match weighed {
-            true => self.degradation.strategy(),
-            false => BuildStrategy::Scratch,
+        let gave_up_extrapolation = self.check_extrapolation(source, &mut input, times)?;
+        let is_compared = input.is_compared && self.has_all_triangles_of(animation);
+        let strategy = if is_compared {
+            self.degradation.strategy()
+        } else {
+            BuildStrategy::Scratch
         };
-        let halves = input.halves.filter(|_| self.degradation.parts);
-        let costs = self.make(moments, (input.vertices, halves), strategy, cancel)?;
-        let built = Instant::now();
-        let costs = match weighed {
-            true => Some(costs.unwrap_or_else(|| self.costs())),
-            false => costs,
-        };
-        let cost = costs.map_or_else(|| sah_cost(&self.tree, &self.boxes[..]), |c| c.new);
-        if let Some(costs) = costs.filter(|_| weighed) {
-            self.degradation.note(costs);
+        if !self.degradation.is_fast {
+            input.halves = None;
         }
-        let built = self.send(animation, [begun, built], cost, strategy);
+        let costs = self.build_tree(source, &input, strategy, cancel)?;
+        let built = Instant::now();
+        let cost = if is_compared {
+            let costs = costs.unwrap_or_else(|| self.costs());
+            self.degradation.observe(costs);
+            costs.new
+        } else {
+            sah_cost(&self.tree, &self.boxes[..])
+        };
+        let built = self.finish(animation, [begun, built], cost, strategy);
         Ok(Built {
             gave_up_extrapolation,
             ..built
@@ -209,7 +208,7 @@ impl TreeBuilder {
     /// If extrapolation failed before, replaces extrapolated positions by the last observed ones and returns `true`.
     fn check_extrapolation(
         &mut self,
-        moments: &Moments<'_>,
+        source: &PoseSource<'_>,
         input: &mut BuildInput,
         times: Option<[f64; 2]>,
     ) -> Result<bool, KeyFrameError> {
@@ -219,7 +218,7 @@ impl TreeBuilder {
         if pose.alpha <= 1.0 {
             return Ok(false);
         }
-        let seen = moments.at(*pose)?;
+        let seen = source.at(*pose)?;
         let times = times.unwrap_or([0.0, 1.0].map(|after| f64::from(pose.key) + after));
         if self.extrapolation.observe(seen.key_frames(), times) {
             return Ok(false);
@@ -229,7 +228,7 @@ impl TreeBuilder {
     }
 
     /// Returns whether the last tree contains all live triangles, so that the next one can be built from its subtrees.
-    fn holds_all_of(&self, animation: &Animation) -> bool {
+    fn has_all_triangles_of(&self, animation: &Animation) -> bool {
         let leaves = self.in_use.leaf_count();
         leaves > 0 && leaves == animation.live_count()
     }
@@ -237,37 +236,36 @@ impl TreeBuilder {
     /// Builds a tree from the vertices or, with two poses, over boxes that contain each triangle at both. Then the
     /// boxes are those of the vertices. A build from subtrees leaves the old boxes, unless blocks need new ones.
     /// Returns the costs at the vertices if the build computed them.
-    fn make(
+    fn build_tree(
         &mut self,
-        moments: &Moments<'_>,
-        (vertices, halves): (Vertices, Option<[Pose; 2]>),
+        source: &PoseSource<'_>,
+        input: &BuildInput,
         strategy: BuildStrategy,
         cancel: &Cancel,
     ) -> Result<Option<Costs>, BuildError> {
-        if let Some(halves) = halves {
-            self.sweep(moments, halves)?;
+        let vertices = &input.vertices;
+        if let Some(halves) = input.halves {
+            self.compute_swept_boxes(source, halves)?;
             self.build_over_boxes(strategy, cancel)?;
-            self.take_in(moments, &vertices)?;
+            self.compute_boxes(source, vertices)?;
             return Ok(None);
         }
         if strategy == BuildStrategy::Subtrees && !self.forms.blocks {
-            return self
-                .rebuild_subtrees_at(moments, &vertices, cancel)
-                .map(Some);
+            return self.rebuild_subtrees_at(source, vertices, cancel).map(Some);
         }
-        self.take_in(moments, &vertices)?;
+        self.compute_boxes(source, vertices)?;
         self.build_over_boxes(strategy, cancel)
     }
 
     /// Builds a tree from subtrees of the last one. Each box is read once, so boxes are computed but not stored.
     fn rebuild_subtrees_at(
         &mut self,
-        moments: &Moments<'_>,
+        source: &PoseSource<'_>,
         vertices: &Vertices,
         cancel: &Cancel,
     ) -> Result<Costs, BuildError> {
-        let positions = moments.stand(vertices, &mut self.positions)?;
-        let from = (&self.in_use, &(moments.animation, positions));
+        let positions = source.positions(vertices, &mut self.positions)?;
+        let from = (&self.in_use, &(source.animation, positions));
         self.subtree_rebuilder
             .build(&mut self.builder, from, cancel, &mut self.tree)
     }
@@ -279,17 +277,25 @@ impl TreeBuilder {
     }
 
     /// Computes boxes that contain each triangle at both poses.
-    fn sweep(&mut self, moments: &Moments<'_>, [a, b]: [Pose; 2]) -> Result<(), KeyFrameError> {
-        self.take_in(moments, &Vertices::KeyFrames(a))?;
-        blend(&moments.at(b)?, &mut self.positions);
-        grow(&mut self.boxes, &(moments.animation, &self.positions[..]));
+    fn compute_swept_boxes(
+        &mut self,
+        source: &PoseSource<'_>,
+        [a, b]: [Pose; 2],
+    ) -> Result<(), KeyFrameError> {
+        self.compute_boxes(source, &Vertices::KeyFrames(a))?;
+        blend(&source.at(b)?, &mut self.positions);
+        grow(&mut self.boxes, &(source.animation, &self.positions[..]));
         Ok(())
     }
 
     /// Computes the boxes of the triangles at `vertices`.
-    fn take_in(&mut self, moments: &Moments<'_>, vertices: &Vertices) -> Result<(), KeyFrameError> {
-        let positions = moments.stand(vertices, &mut self.positions)?;
-        fill(&mut self.boxes, &(moments.animation, positions));
+    fn compute_boxes(
+        &mut self,
+        source: &PoseSource<'_>,
+        vertices: &Vertices,
+    ) -> Result<(), KeyFrameError> {
+        let positions = source.positions(vertices, &mut self.positions)?;
+        fill(&mut self.boxes, &(source.animation, positions));
         Ok(())
     }
 
@@ -310,7 +316,7 @@ impl TreeBuilder {
     }
 
     /// Converts the new tree, which then becomes the last one.
-    fn send(
+    fn finish(
         &mut self,
         animation: &Animation,
         [begun, built]: [Instant; 2],
@@ -339,9 +345,10 @@ impl TreeBuilder {
     /// Returns the new tree as a topology, in the requested forms, with lists of moving nodes.
     fn convert(&mut self, animation: &Animation) -> Topology {
         let spare = std::mem::take(&mut self.spare);
-        let convert = match self.forms.treelets {
-            true => Converter::convert_with_treelets,
-            false => Converter::convert,
+        let convert = if self.forms.treelets {
+            Converter::convert_with_treelets
+        } else {
+            Converter::convert
         };
         let triangles = animation.triangle_count();
         let mut topology = convert(&mut self.converter, &self.tree, triangles, spare);

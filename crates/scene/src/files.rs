@@ -1,55 +1,12 @@
-//! Encoding of paths as strings, and the list of files that a scene depends on.
+//! The list of files that a scene depends on.
 
 use crate::join::inputs;
-use crate::source::{entries, exists, extension, matches};
+use crate::paths::{entries, exists, extension, is_pattern, matches, path};
 use crate::text::lines;
 use crate::{Result, SceneError};
-use std::ffi::OsStr;
-use std::fmt::Write;
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
-
-/// Escape character before a byte that is not UTF-8. Paths never contain it.
-const NUL: char = '\0';
-
-/// Encodes a path, or several joined by `+`, as a scene name for [`crate::open`] and [`crate::files`]. Each byte that
-/// is not UTF-8 becomes a NUL and two hexadecimal digits. All other characters are unchanged.
-#[must_use]
-pub fn word(path: &OsStr) -> String {
-    let mut word = String::new();
-    for chunk in path.as_encoded_bytes().utf8_chunks() {
-        word += chunk.valid();
-        for byte in chunk.invalid() {
-            // Writing to a string cannot fail.
-            let _ = write!(word, "{NUL}{byte:02x}");
-        }
-    }
-    word
-}
-
-/// Decodes a path from a scene name.
-#[cfg(unix)]
-pub(crate) fn path(word: &str) -> PathBuf {
-    use std::os::unix::ffi::OsStringExt;
-    let decoded = || {
-        let mut parts = word.split(NUL);
-        let mut bytes = parts.next()?.as_bytes().to_vec();
-        for part in parts {
-            let byte = u8::from_str_radix(part.get(..2)?, 16).ok()?;
-            bytes.push(Some(byte).filter(|byte| !byte.is_ascii())?);
-            bytes.extend(&part.as_bytes()[2..]);
-        }
-        Some(std::ffi::OsString::from_vec(bytes).into())
-    };
-    // A malformed escape is no path. Opening the undecoded string reports the error.
-    decoded().unwrap_or_else(|| word.into())
-}
-
-#[cfg(not(unix))]
-pub(crate) fn path(word: &str) -> PathBuf {
-    word.into()
-}
 
 /// Returns all files that determine the content of the scene `spec`: key frames, materials, buffers and times.
 ///
@@ -71,7 +28,7 @@ fn of_input(spec: &str, all: &mut Vec<PathBuf>) -> Result<()> {
     match fs::metadata(path) {
         Ok(about) if about.is_dir() => in_folder(path, all),
         Ok(_) => with_companions(path, all),
-        Err(_) if spec.contains(['*', '?', '[']) => {
+        Err(_) if is_pattern(spec) => {
             let files = matches(spec)?.filter_map(Result::ok);
             let mut files = files.filter(|f| f.is_file());
             files.try_for_each(|f| with_companions(&f, all))
@@ -160,25 +117,5 @@ mod tests {
         assert_eq!(files(&both).unwrap(), [b, y, d, g]);
         assert!(files("demo:twist").unwrap().is_empty());
         assert!(files("nowhere.obj").is_err());
-    }
-
-    #[cfg(unix)]
-    #[test]
-    fn every_path_comes_back_from_its_word() {
-        use std::os::unix::ffi::OsStrExt;
-        for bytes in [
-            &b"plain \xc3\xa9.obj"[..],
-            b"\xff",
-            b"a\xe9b.obj+c\xff\xfe.ply@1,2,3",
-            b"cut\xc3",
-            b"",
-        ] {
-            let name = OsStr::from_bytes(bytes);
-            assert_eq!(path(&word(name)).as_os_str(), name);
-        }
-        assert_eq!(word(OsStr::from_bytes(b"a\xff.obj")), "a\0ff.obj");
-        for none in ["a\0", "a\0zz", "a\x0041"] {
-            assert_eq!(path(none), Path::new(none));
-        }
     }
 }

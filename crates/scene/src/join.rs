@@ -4,9 +4,11 @@
 //! frame of a static input is repeated.
 
 use crate::mesh::joined_triangles;
+use crate::paths::{exists, has_clips};
 use crate::rounding::Position;
-use crate::stream::{check_keys, within};
-use crate::{Facts, Options, Result, Scene, SceneError, source, stream};
+use crate::source::{open_one, refuse_clip};
+use crate::stream::{KeySize, check_keys, within};
+use crate::{Facts, Options, Result, Scene, SceneError, stream};
 use geom::{Animation, Point};
 use std::sync::Arc;
 
@@ -20,17 +22,17 @@ pub(crate) struct Input<'a> {
     /// Name of the input without its placement.
     pub(crate) spec: &'a str,
     /// `None` if the input has no placement.
-    pub(crate) place: Option<Placement>,
+    pub(crate) place: Option<InputPlacement>,
 }
 
 /// Maps a point `p` to `p * scale + at`. Each operation rounds once. Even for the identity, -0 becomes +0.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Placement {
+pub(crate) struct InputPlacement {
     at: Position,
     scale: f32,
 }
 
-impl Placement {
+impl InputPlacement {
     const AS_IT_IS: Self = Self {
         at: [0.0; 3],
         scale: 1.0,
@@ -93,28 +95,36 @@ fn input<'a>(text: &'a str, exists: &dyn Fn(&str) -> bool) -> Result<Input<'a>> 
 }
 
 /// Parses `x,y,z` or `x,y,z*scale`.
-fn parse(text: &str) -> Option<Placement> {
+fn parse(text: &str) -> Option<InputPlacement> {
     let number = |t: &str| t.parse::<f64>().ok().filter(|x| (*x as f32).is_finite());
     let (at, scale) = text.split_once('*').unwrap_or((text, "1"));
     let numbers: Vec<f64> = at.split(',').map(number).collect::<Option<_>>()?;
-    Some(Placement {
+    Some(InputPlacement {
         at: numbers.try_into().ok()?,
         scale: number(scale).map(|s| s as f32).filter(|&s| s > 0.0)?,
     })
 }
 
+/// Opens the scene that `spec` names.
+pub fn open(spec: &str, options: &Options) -> Result<Scene> {
+    match inputs(spec, &exists)?.as_slice() {
+        [Input { spec, place: None }] => open_one(spec, options),
+        inputs => join(spec, inputs, options),
+    }
+}
+
 /// Opens and joins all inputs. Moving inputs must have the same number of key frames.
-pub(crate) fn open(spec: &str, inputs: &[Input<'_>], options: &Options) -> Result<Scene> {
-    if !inputs.iter().any(|i| source::has_clips(i.spec)) {
-        source::refuse_clip(spec, options)?;
+fn join(spec: &str, inputs: &[Input<'_>], options: &Options) -> Result<Scene> {
+    if !inputs.iter().any(|i| has_clips(i.spec)) {
+        refuse_clip(spec, options)?;
     }
     let still = Options {
         clip: None,
         ..options.clone()
     };
     let open = |input: &Input<'_>| {
-        let has_clips = source::has_clips(input.spec);
-        source::open_one(input.spec, if has_clips { options } else { &still })
+        let has_clips = has_clips(input.spec);
+        open_one(input.spec, if has_clips { options } else { &still })
     };
     let scenes = inputs.iter().map(open).collect::<Result<Vec<_>, _>>()?;
     let animations = || scenes.iter().map(|s| &s.animation);
@@ -123,11 +133,12 @@ pub(crate) fn open(spec: &str, inputs: &[Input<'_>], options: &Options) -> Resul
     let names: Vec<_> = scenes.iter().map(|s| s.name.as_str()).collect();
     let name = names.join("+");
     let keys = key_count(&scenes)?;
-    check_keys(&name, (keys, vertices, triangles), options)?;
+    let size = KeySize { keys, vertices };
+    check_keys(&name, size, triangles, options)?;
     within(spec.as_ref(), "vertices", vertices, u32::MAX as usize)?;
     let places = inputs
         .iter()
-        .map(|i| i.place.unwrap_or(Placement::AS_IT_IS));
+        .map(|i| i.place.unwrap_or(InputPlacement::AS_IT_IS));
     let mut places: Vec<_> = places.collect();
     let offset = options.recentre.then(|| recentre(&mut places, &scenes));
     let placed: Vec<_> = animations().map(Arc::clone).zip(places).collect();
@@ -140,7 +151,7 @@ pub(crate) fn open(spec: &str, inputs: &[Input<'_>], options: &Options) -> Resul
         Ok(all)
     };
     let triangles = joined_triangles(animations().map(|a| (a.triangles(), a.vertex_count())));
-    let animation = stream::animation(source, (keys, vertices), triangles, options)?;
+    let animation = stream::animation(source, size, triangles, options)?;
     Ok(Scene {
         name,
         animation: Arc::new(timed(spec, animation, &scenes)?),
@@ -157,7 +168,7 @@ pub(crate) fn open(spec: &str, inputs: &[Input<'_>], options: &Options) -> Resul
 
 /// Makes all placements relative to one common offset, since each input was recentred by its own offset. Returns the
 /// common offset: the centre of the first input.
-fn recentre(places: &mut [Placement], scenes: &[Scene]) -> Position {
+fn recentre(places: &mut [InputPlacement], scenes: &[Scene]) -> Position {
     let mut common = None;
     for (place, scene) in places.iter_mut().zip(scenes) {
         let centre = place.put_exactly(scene.facts.offset.unwrap_or_default());
@@ -216,8 +227,8 @@ fn facts(scenes: &[Scene]) -> Facts {
     formats.dedup();
     let clips: Vec<&str> = facts().filter_map(|f| f.clip.as_deref()).collect();
     let notes = scenes.iter().flat_map(|s| {
-        let told = s.facts.notes.iter();
-        told.map(|note| format!("{}: {note}", s.name))
+        let notes = s.facts.notes.iter();
+        notes.map(|note| format!("{}: {note}", s.name))
     });
     Facts {
         format: formats.join("+"),
@@ -239,36 +250,45 @@ mod tests {
     const THERE: [&str; 6] = ["a.obj", "b.glb", "a+b.obj", "b@1,2,3", "c+", "demo:hall"];
 
     /// Name of an input, and its placement as translation and scale.
-    type Told<'a> = (&'a str, Option<(Position, f32)>);
+    type ParsedInput<'a> = (&'a str, Option<(Position, f32)>);
 
     fn exists(name: &str) -> bool {
         THERE.contains(&name)
     }
 
-    fn told(spec: &str) -> Vec<Told<'_>> {
+    fn parsed(spec: &str) -> Vec<ParsedInput<'_>> {
         let inputs = inputs(spec, &exists).unwrap();
-        let place = |p: Placement| (p.at, p.scale);
-        let told = inputs.iter().map(|i| (i.spec, i.place.map(place)));
-        told.collect()
+        let place = |p: InputPlacement| (p.at, p.scale);
+        let parsed = inputs.iter().map(|i| (i.spec, i.place.map(place)));
+        parsed.collect()
     }
 
     #[test]
     fn what_exists_wins_and_else_plus_and_at_part_names() {
-        assert_eq!(told("a.obj"), [("a.obj", None)]);
-        assert_eq!(told("a.obj+b.glb"), [("a.obj", None), ("b.glb", None)]);
-        assert_eq!(told("a+b.obj"), [("a+b.obj", None)]);
-        assert_eq!(told("a+b.obj+a.obj"), [("a+b.obj", None), ("a.obj", None)]);
-        assert_eq!(told("a.obj+a+b.obj"), [("a.obj", None), ("a+b.obj", None)]);
-        assert_eq!(told("c++b.glb"), [("c+", None), ("b.glb", None)]);
-        assert_eq!(told("b@1,2,3"), [("b@1,2,3", None)]);
+        assert_eq!(parsed("a.obj"), [("a.obj", None)]);
+        assert_eq!(parsed("a.obj+b.glb"), [("a.obj", None), ("b.glb", None)]);
+        assert_eq!(parsed("a+b.obj"), [("a+b.obj", None)]);
+        assert_eq!(
+            parsed("a+b.obj+a.obj"),
+            [("a+b.obj", None), ("a.obj", None)]
+        );
+        assert_eq!(
+            parsed("a.obj+a+b.obj"),
+            [("a.obj", None), ("a+b.obj", None)]
+        );
+        assert_eq!(parsed("c++b.glb"), [("c+", None), ("b.glb", None)]);
+        assert_eq!(parsed("b@1,2,3"), [("b@1,2,3", None)]);
         let at = Some(([1.0, -2.5, 300.0], 1.0));
-        assert_eq!(told("a.obj@1,-2.5,3e+2"), [("a.obj", at)]);
+        assert_eq!(parsed("a.obj@1,-2.5,3e+2"), [("a.obj", at)]);
         let placed = [("demo:hall", None), ("b.glb", Some(([0.0, 1.0, 0.0], 0.5)))];
-        assert_eq!(told("demo:hall+b.glb@0,1,0*0.5"), placed);
+        assert_eq!(parsed("demo:hall+b.glb@0,1,0*0.5"), placed);
         let again = [("b@1,2,3", Some(([4.0, 5.0, 6.0], 1.0))), ("a.obj", None)];
-        assert_eq!(told("b@1,2,3@4,5,6+a.obj"), again);
+        assert_eq!(parsed("b@1,2,3@4,5,6+a.obj"), again);
         // Inputs that do not exist keep their names as written, for the error message.
-        assert_eq!(told("x.obj+y@z.obj"), [("x.obj", None), ("y@z.obj", None)]);
+        assert_eq!(
+            parsed("x.obj+y@z.obj"),
+            [("x.obj", None), ("y@z.obj", None)]
+        );
         for nameless in ["a.obj+", "+", "+a.obj", "a.obj++b.glb", "@1,2,3"] {
             refused(inputs(nameless, &exists), &[nameless, "has no name"]);
         }

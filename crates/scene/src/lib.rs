@@ -9,10 +9,12 @@
 mod clip;
 mod demo;
 mod files;
+mod folder;
 mod join;
 pub mod keys;
 mod mesh;
 mod obj;
+mod paths;
 mod ply;
 mod polygon;
 mod rounding;
@@ -21,9 +23,10 @@ mod source;
 mod stream;
 mod text;
 
-pub use files::{files, word};
+pub use files::files;
+pub use join::open;
+pub use paths::word;
 pub use ply::write_ply;
-pub use source::open;
 use std::fmt::Display;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -148,7 +151,7 @@ impl SceneError {
 
 #[cfg(test)]
 mod testing {
-    use crate::mesh::{Mesh, compact};
+    use crate::mesh::{PolygonMesh, compact};
     use crate::rounding::Rounding;
     use crate::{Options, Result, Scene, polygon};
     use geom::Point;
@@ -170,8 +173,8 @@ mod testing {
         pub(crate) triangles: Vec<[u32; 3]>,
     }
 
-    pub(crate) fn surface(mesh: &Mesh) -> Surface {
-        let mut triangles = polygon::triangulate(&mesh.topology, &mesh.points).triangles;
+    pub(crate) fn surface(mesh: &PolygonMesh) -> Surface {
+        let mut triangles = polygon::triangulate(&mesh.polygons, &mesh.points).triangles;
         let kept = compact(&mut triangles, mesh.points.len());
         let points = kept.iter().map(|&v| mesh.points[v as usize]);
         let points = points.map(|p| Rounding::default().point(p)).collect();

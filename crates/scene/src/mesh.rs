@@ -1,25 +1,22 @@
 //! A mesh file of any format: vertices, faces and colours, and the comparison with the next key frame.
 
-use crate::ply::Pattern;
 use crate::rounding::Position;
 use crate::stream::check_counts;
 use crate::{Location, Result, Rgb, SceneError};
 use std::path::Path;
 
-pub(crate) struct Mesh {
+pub(crate) struct PolygonMesh {
     /// Positions of all vertices in the file, used or not.
     pub(crate) points: Vec<Position>,
     /// Faces, which must be equal in all key frames.
-    pub(crate) topology: Topology,
+    pub(crate) polygons: Polygons,
     pub(crate) paint: Paint,
     pub(crate) notes: Vec<String>,
-    /// Bytes that later key frames repeat. `None` if the file cannot be compared without parsing.
-    pub(crate) pattern: Option<Pattern>,
 }
 
 /// Vertices and faces as numbered in the file. Faces with fewer than three vertices are dropped.
 #[derive(Debug, Default, PartialEq, Eq)]
-pub(crate) struct Topology {
+pub(crate) struct Polygons {
     /// Number of vertices in the file, used or not.
     pub(crate) vertices: usize,
     /// Concatenated vertex indices of all faces, counted from 0.
@@ -35,15 +32,25 @@ pub(crate) enum Paint {
     Vertices(Vec<Rgb>),
     /// One sRGB colour per face.
     Faces(Vec<Rgb>),
-    /// Material names, with the libraries that define them.
-    Materials {
-        libraries: Vec<String>,
-        /// Pairs of first face and material name, one per change of material.
-        uses: Vec<(usize, String)>,
-    },
+    Materials(Materials),
 }
 
-impl Topology {
+/// Names of the materials of a file, and of the libraries that define them.
+#[derive(Default)]
+pub(crate) struct Materials {
+    pub(crate) libraries: Vec<String>,
+    /// One item per change of material.
+    pub(crate) uses: Vec<MaterialUse>,
+}
+
+/// Material of all faces from `first_face` up to the next use.
+#[derive(Debug, PartialEq)]
+pub(crate) struct MaterialUse {
+    pub(crate) first_face: usize,
+    pub(crate) name: String,
+}
+
+impl Polygons {
     /// Adds a face of at least three vertices.
     pub(crate) fn push(&mut self, corners: impl IntoIterator<Item = u32>) {
         self.corners.extend(corners);
@@ -77,9 +84,9 @@ impl Topology {
         check_counts(path, [self.vertices, self.triangle_count()], &hint)
     }
 
-    /// Checks that the key frame in `path` has the topology of the `first` one.
-    pub(crate) fn check_same(&self, path: &Path, first: (&Path, &Self)) -> Result<()> {
-        let (first, expected) = (first.0.display(), first.1);
+    /// Checks that the key frame in `path` has the topology of the first one, in the file `first`.
+    pub(crate) fn check_same(&self, path: &Path, first: &Path, expected: &Self) -> Result<()> {
+        let first = first.display();
         let bad = |cause: String| {
             let cause = format!("{cause}; all key frames must have the same topology");
             Err(SceneError::unusable(path, cause))
@@ -141,13 +148,33 @@ pub(crate) fn from_display(colour: [f32; 3]) -> Rgb {
     colour.map(|c| (c.clamp(0.0, 1.0) * 255.0 + 0.5) as u8)
 }
 
-/// Returns a remark about faces that were skipped because they have fewer than three vertices.
-pub(crate) fn short_faces_note(path: &Path, count: usize, first: Location) -> Option<String> {
-    let (file, (what, at)) = (path.display(), first);
-    let note =
-        format!("{file}: skipped {count} faces of fewer than 3 vertices, the first in {what} {at}");
-    (count > 0).then_some(note)
+/// Items that were skipped, such as faces of fewer than three vertices.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Skipped {
+    pub(crate) count: usize,
+    first: Option<Location>,
+    pub(crate) last: Option<Location>,
 }
+
+impl Skipped {
+    pub(crate) fn add(&mut self, location: Location) {
+        self.count += 1;
+        self.first.get_or_insert(location);
+        self.last = Some(location);
+    }
+
+    /// Returns a remark, if anything was skipped. `what` names the items.
+    pub(crate) fn note(&self, path: &Path, what: &str) -> Option<String> {
+        let (file, count) = (path.display(), self.count);
+        let (kind, at) = self.first?;
+        Some(format!(
+            "{file}: skipped {count} {what}, the first in {kind} {at}"
+        ))
+    }
+}
+
+/// Description of faces that are skipped.
+pub(crate) const SHORT_FACES: &str = "faces of fewer than 3 vertices";
 
 /// Colours as stored in a file.
 #[derive(Default)]

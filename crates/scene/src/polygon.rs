@@ -3,7 +3,7 @@
 //! A polygon that is covered by the fan from its first vertex becomes that fan. This includes every convex polygon.
 //! Other polygons are triangulated by ear clipping in their plane. Both methods keep the polygon's orientation.
 
-use crate::mesh::Topology;
+use crate::mesh::Polygons;
 use crate::rounding::Position;
 use earcut::Earcut;
 
@@ -19,8 +19,8 @@ pub(crate) struct Triangulation {
     pub(crate) fanned: usize,
 }
 
-/// Triangulates all faces of a topology with vertex positions `points`.
-pub(crate) fn triangulate(topology: &Topology, points: &[Position]) -> Triangulation {
+/// Triangulates all polygons with vertex positions `points`.
+pub(crate) fn triangulate(polygons: &Polygons, points: &[Position]) -> Triangulation {
     let mut clipper = Clipper {
         points,
         earcut: Earcut::new(),
@@ -29,10 +29,10 @@ pub(crate) fn triangulate(topology: &Topology, points: &[Position]) -> Triangula
         ears: Vec::new(),
     };
     let mut found = Triangulation {
-        triangles: Vec::with_capacity(topology.triangle_count()),
+        triangles: Vec::with_capacity(polygons.triangle_count()),
         fanned: 0,
     };
-    for corners in topology.faces() {
+    for corners in polygons.faces() {
         match corners {
             &[a, b, c] => found.triangles.push([a, b, c]),
             _ => clipper.polygon(corners, &mut found),

@@ -14,12 +14,12 @@ pub(crate) struct Rounding {
 }
 
 /// Bounds of the positions that are finite in single precision.
-struct Bounds {
+struct PositionBounds {
     min: Position,
     max: Position,
 }
 
-impl Bounds {
+impl PositionBounds {
     fn of(points: &[Position]) -> Option<Self> {
         let is_finite = |p: &&Position| p.iter().all(|x| (*x as f32).is_finite());
         let mut finite = points.iter().filter(is_finite);
@@ -45,8 +45,8 @@ impl Rounding {
     /// Returns the rounding for a scene: its offset is the centre of the first key frame if the scene is recentred,
     /// else 0.
     pub(crate) fn of(first: &[Position], options: &Options) -> Self {
-        let bounds = Bounds::of(first).filter(|_| options.recentre);
-        let centre = |b: Bounds| std::array::from_fn(|i| b.min[i].midpoint(b.max[i]));
+        let bounds = PositionBounds::of(first).filter(|_| options.recentre);
+        let centre = |b: PositionBounds| std::array::from_fn(|i| b.min[i].midpoint(b.max[i]));
         Self {
             offset: bounds.map(centre).unwrap_or_default(),
         }
@@ -73,7 +73,7 @@ impl Rounding {
         options: &Options,
     ) -> Option<String> {
         const SHARE: f64 = 1e-3;
-        let size = Bounds::of(first)?.size();
+        let size = PositionBounds::of(first)?.size();
         let error = |p: &Position| {
             let rounded = self.point(*p);
             let errors = (0..3).map(|i| (f64::from(rounded[i]) - (p[i] - self.offset[i])).abs());
@@ -83,9 +83,10 @@ impl Rounding {
         if loss <= size * SHARE {
             return None;
         }
-        let hint = match options.recentre {
-            true => "",
-            false => "; --recentre subtracts the centre before rounding",
+        let hint = if options.recentre {
+            ""
+        } else {
+            "; --recentre subtracts the centre before rounding"
         };
         let (file, loss, size) = (path.display(), figure(loss), figure(size));
         Some(format!(

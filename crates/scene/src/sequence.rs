@@ -1,14 +1,14 @@
 //! Key frames from mesh files of equal topology, one per file, with optional times from `times.json`.
 
-use crate::mesh::{CLAY, Mesh, Paint, Topology, compact, mean};
-use crate::ply::Pattern;
+use crate::folder::Folder;
+use crate::mesh::{CLAY, Paint, Polygons, compact, mean};
+use crate::paths::extension;
+use crate::ply::{Pattern, Ply};
 use crate::polygon::{self, Triangulation};
 use crate::rounding::{Position, Rounding};
-use crate::source::extension;
-use crate::stream::check_keys;
+use crate::stream::{KeySize, check_keys};
 use crate::{Facts, Options, Result, Rgb, Scene, SceneError, obj, ply, stream};
 use geom::{Point, lock};
-use host::Folder;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::fs;
@@ -18,9 +18,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, OnceLock};
 use std::time::SystemTime;
 
-fn read(path: &Path) -> Result<Mesh> {
+fn read(path: &Path) -> Result<Ply> {
     match extension(path).as_str() {
-        "obj" => obj::read(path),
+        "obj" => Ok(Ply {
+            mesh: obj::read(path)?,
+            pattern: None,
+        }),
         _ => ply::read(path),
     }
 }
@@ -30,12 +33,12 @@ fn read(path: &Path) -> Result<Mesh> {
 /// The first key frame determines the triangulation of polygons. Later ones have equal faces, so equal triangles.
 pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &Options) -> Result<Scene> {
     let path = files[0].as_path();
-    let mesh = read(path)?;
-    mesh.topology.check(path)?;
+    let Ply { mesh, pattern } = read(path)?;
+    mesh.polygons.check(path)?;
     let Triangulation {
         mut triangles,
         fanned,
-    } = polygon::triangulate(&mesh.topology, &mesh.points);
+    } = polygon::triangulate(&mesh.polygons, &mesh.points);
     let folder = Folder::of(path, options.allow_outside);
     let mut notes = mesh.notes;
     if fanned > 0 {
@@ -45,11 +48,12 @@ pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &Options) -> Resu
         ));
     }
     let surface = Surface {
-        topology: &mesh.topology,
+        path,
+        polygons: &mesh.polygons,
         triangles: &triangles,
     };
-    let colours = colours((path, &folder), &surface, mesh.paint, &mut notes);
-    let kept = compact(&mut triangles, mesh.topology.vertices);
+    let colours = surface.colours(&folder, mesh.paint, &mut notes);
+    let kept = compact(&mut triangles, mesh.polygons.vertices);
     let exact = pick(&mesh.points, &kept);
     drop(mesh.points);
     let rounding = Rounding::of(&exact, options);
@@ -57,13 +61,14 @@ pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &Options) -> Resu
     let first = rounding.points(&exact);
     drop(exact);
     let (keys, vertices) = (files.len(), kept.len());
-    check_keys(path, (keys, vertices, triangles.len()), options)?;
+    let size = KeySize { keys, vertices };
+    check_keys(path, size, triangles.len(), options)?;
     let sequence = Arc::new(Sequence {
         stamps: files.iter().map(|_| OnceLock::new()).collect(),
         alike: files.iter().map(|_| AtomicBool::new(false)).collect(),
         files: files.clone(),
-        topology: mesh.topology,
-        pattern: mesh.pattern,
+        polygons: mesh.polygons,
+        pattern,
         first: Mutex::new(Some(first)),
         rounding,
         kept,
@@ -71,7 +76,7 @@ pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &Options) -> Resu
     });
     let read = Arc::clone(&sequence);
     let source = move |key| Ok(read.read(key)?);
-    let animation = stream::animation(source, (keys, vertices), triangles, options)?;
+    let animation = stream::animation(source, size, triangles, options)?;
     notes.extend(lock(&sequence.notes).values().flatten().cloned());
     let facts = Facts {
         format: extension(&files[0]),
@@ -100,8 +105,8 @@ struct Sequence {
     stamps: Vec<OnceLock<Stamp>>,
     /// Whether each file is known to differ from the first in its vertices only.
     alike: Vec<AtomicBool>,
-    /// Common topology of all files.
-    topology: Topology,
+    /// Polygons of all files.
+    polygons: Polygons,
     pattern: Option<Pattern>,
     /// Indices, as numbered in the files, of the vertices that faces use.
     kept: Vec<u32>,
@@ -112,8 +117,12 @@ struct Sequence {
     notes: Mutex<BTreeMap<usize, Vec<String>>>,
 }
 
-/// Size of a file in bytes, and its modification time.
-type Stamp = (u64, Option<SystemTime>);
+/// State of a file when it was read.
+#[derive(Clone, Copy, PartialEq, Eq)]
+struct Stamp {
+    bytes: u64,
+    modified: Option<SystemTime>,
+}
 
 impl Sequence {
     fn read(&self, key: usize) -> Result<Vec<Point>> {
@@ -132,9 +141,9 @@ impl Sequence {
                 return Ok(self.rounding.points(&points));
             }
         }
-        let mesh = read(path)?;
-        mesh.topology
-            .check_same(path, (&self.files[0], &self.topology))?;
+        let mesh = read(path)?.mesh;
+        let (first, expected) = (&self.files[0], &self.polygons);
+        mesh.polygons.check_same(path, first, expected)?;
         // Remarks that every file of a sequence repeats are reported once, for the first file.
         let notes = mesh.notes.into_iter();
         let notes: Vec<_> = notes.filter(|note| note.contains("cut short")).collect();
@@ -148,59 +157,58 @@ impl Sequence {
     fn check_unchanged(&self, key: usize) -> Result<()> {
         let path = &self.files[key];
         let about = fs::metadata(path).map_err(|e| SceneError::unreadable(path, e))?;
-        let found = (about.len(), about.modified().ok());
-        match *self.stamps[key].get_or_init(|| found) == found {
-            true => Ok(()),
-            false => {
-                let cause = "the file was changed while the scene was in use";
-                Err(SceneError::unusable(path, cause))
-            }
+        let found = Stamp {
+            bytes: about.len(),
+            modified: about.modified().ok(),
+        };
+        if *self.stamps[key].get_or_init(|| found) == found {
+            return Ok(());
         }
+        let cause = "the file was changed while the scene was in use";
+        Err(SceneError::unusable(path, cause))
     }
 }
 
 /// Faces of a mesh, with their triangles as vertex indices of the file.
 struct Surface<'a> {
-    topology: &'a Topology,
+    path: &'a Path,
+    polygons: &'a Polygons,
     triangles: &'a [[u32; 3]],
 }
 
-/// Returns one colour per triangle.
-fn colours(
-    place: (&Path, &Folder),
-    surface: &Surface<'_>,
-    paint: Paint,
-    notes: &mut Vec<String>,
-) -> Vec<Rgb> {
-    let Surface {
-        topology,
-        triangles,
-    } = surface;
-    match paint {
-        Paint::None => vec![CLAY; triangles.len()],
-        Paint::Vertices(colours) => {
-            let mean = |corners: &[u32; 3]| mean(corners.map(|v| colours[v as usize]));
-            triangles.iter().map(mean).collect()
-        }
-        Paint::Faces(colours) => topology.per_triangle(&colours),
-        Paint::Materials { libraries, uses } => {
-            let faces = topology.faces().count();
-            let colours = obj::paint(place, &libraries, &uses, faces, notes);
-            topology.per_triangle(&colours)
+impl Surface<'_> {
+    /// Returns one colour per triangle.
+    fn colours(&self, folder: &Folder, paint: Paint, notes: &mut Vec<String>) -> Vec<Rgb> {
+        let Self {
+            path,
+            polygons,
+            triangles,
+        } = *self;
+        match paint {
+            Paint::None => vec![CLAY; triangles.len()],
+            Paint::Vertices(colours) => {
+                let mean = |corners: &[u32; 3]| mean(corners.map(|v| colours[v as usize]));
+                triangles.iter().map(mean).collect()
+            }
+            Paint::Faces(colours) => polygons.per_triangle(&colours),
+            Paint::Materials(materials) => {
+                let colours = materials.colours(path, folder, polygons.faces().count(), notes);
+                polygons.per_triangle(&colours)
+            }
         }
     }
 }
 
 /// Contents of `times.json`, as written by `abvh inspect --reduced-out`.
 #[derive(Deserialize)]
-struct Times {
+struct TimesFile {
     end: f64,
     seconds_per_key: Option<f64>,
-    frames: Vec<Frame>,
+    frames: Vec<TimedFile>,
 }
 
 #[derive(Deserialize)]
-struct Frame {
+struct TimedFile {
     file: String,
     time: f64,
 }
@@ -214,14 +222,14 @@ pub(crate) fn apply_times(directory: &Path, mut scene: Scene) -> Result<Scene> {
         Err(e) => return Err(SceneError::unreadable(&path, e)),
     };
     let bad = |cause: String| SceneError::unusable(&path, cause);
-    let times: Times = serde_json::from_slice(&bytes).map_err(|e| bad(e.to_string()))?;
+    let times: TimesFile = serde_json::from_slice(&bytes).map_err(|e| bad(e.to_string()))?;
     let files = &scene.facts.files;
-    let told = times.frames.iter().map(|f| f.file.as_str());
+    let listed = times.frames.iter().map(|f| f.file.as_str());
     let there = files.iter().map(|f| f.file_name().unwrap_or_default());
-    if !told.eq(there) {
-        let (told, there) = (times.frames.len(), files.len());
+    if !listed.eq(there) {
+        let (listed, there) = (times.frames.len(), files.len());
         return Err(bad(format!(
-            "it tells when {told} key frames are, but not of the {there} files beside it, in their order"
+            "it lists {listed} key frames, which are not the {there} files beside it in natural order"
         )));
     }
     let keys = times.frames.iter().map(|f| f.time).collect();

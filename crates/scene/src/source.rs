@@ -1,41 +1,20 @@
-//! Opens the files or the demo that a scene name refers to.
+//! Opens one input: a demo, a file, a directory or a glob.
 
-use crate::join::{self, Input};
-use crate::{Options, Result, Scene, SceneError, clip, demo, files, sequence};
+use crate::paths::{entries, extension, is_gltf, is_pattern, matches, path, stem};
+use crate::{Options, Result, Scene, SceneError, clip, demo, sequence};
 use std::fs;
 use std::path::{Path, PathBuf};
-
-/// Opens the scene that `spec` names.
-pub fn open(spec: &str, options: &Options) -> Result<Scene> {
-    match join::inputs(spec, &exists)?.as_slice() {
-        [Input { spec, place: None }] => open_one(spec, options),
-        inputs => join::open(spec, inputs, options),
-    }
-}
-
-/// Returns whether `spec` as a whole names an existing input.
-pub(crate) fn exists(spec: &str) -> bool {
-    let matches = || glob::glob(spec).is_ok_and(|mut all| all.next().is_some());
-    let is_pattern = spec.contains(['*', '?', '[']);
-    let is_demo = spec.starts_with("demo:") && !spec.contains(['+', '@']);
-    is_demo || files::path(spec).exists() || is_pattern && matches()
-}
-
-/// Returns whether the input has a format that supports clips.
-pub(crate) fn has_clips(spec: &str) -> bool {
-    is_gltf(&files::path(spec))
-}
 
 pub(crate) fn open_one(spec: &str, options: &Options) -> Result<Scene> {
     if let Some(name) = spec.strip_prefix("demo:") {
         refuse_clip(spec, options)?;
         return demo::open(name, options);
     }
-    let path = &files::path(spec);
+    let path = &path(spec);
     match fs::metadata(path) {
         Ok(about) if about.is_dir() => directory(path, options),
         Ok(_) => file(path, options),
-        Err(_) if spec.contains(['*', '?', '[']) => pattern(spec, options),
+        Err(_) if is_pattern(spec) => pattern(spec, options),
         Err(e) => Err(SceneError::unreadable(path, e)),
     }
 }
@@ -46,21 +25,6 @@ pub(crate) fn refuse_clip(place: impl AsRef<Path>, options: &Options) -> Result<
         let cause = format!("no clip {asked:?}: only .gltf and .glb files have clips");
         Err(SceneError::unusable(place, cause))
     })
-}
-
-/// Returns the extension in lower case.
-pub(crate) fn extension(path: &Path) -> String {
-    let extension = path.extension().unwrap_or_default();
-    extension.to_string_lossy().to_lowercase()
-}
-
-fn is_gltf(path: &Path) -> bool {
-    matches!(extension(path).as_str(), "gltf" | "glb")
-}
-
-fn stem(path: &Path) -> String {
-    let stem = path.file_stem().unwrap_or(path.as_os_str());
-    stem.to_string_lossy().into_owned()
 }
 
 fn file(path: &Path, options: &Options) -> Result<Scene> {
@@ -75,18 +39,6 @@ fn file(path: &Path, options: &Options) -> Result<Scene> {
             Err(SceneError::unusable(path, cause))
         }
     }
-}
-
-pub(crate) fn entries(directory: &Path) -> Result<Vec<PathBuf>> {
-    let unreadable = |e| SceneError::unreadable(directory, e);
-    let all = fs::read_dir(directory).map_err(unreadable)?;
-    let paths = all.map(|entry| entry.map(|e| e.path()));
-    paths.collect::<Result<_, _>>().map_err(unreadable)
-}
-
-pub(crate) fn matches(pattern: &str) -> Result<glob::Paths> {
-    let bad = |e| SceneError::unusable(pattern, format!("not a pattern of paths: {e}"));
-    glob::glob(pattern).map_err(bad)
 }
 
 fn directory(path: &Path, options: &Options) -> Result<Scene> {
@@ -365,7 +317,7 @@ mod tests {
         ] {
             refused(open_in(&folder, path, &Options::default()), &[says]);
         }
-        let open = |spec| open(spec, &Options::default());
+        let open = |spec| crate::open(spec, &Options::default());
         refused(open("demo:"), &["twist"]);
         refused(open(""), &["no such file"]);
     }

@@ -22,30 +22,41 @@ impl From<KeyFrameError> for SceneError {
 /// Minimum and maximum number of key frames that a paged animation keeps in memory.
 const WINDOW: [u64; 2] = [8, 64];
 
-pub(crate) fn bytes(vertices: usize) -> u64 {
-    (vertices as u64).saturating_mul(size_of::<Point>() as u64)
+/// Numbers of key frames and of vertices in each.
+#[derive(Clone, Copy)]
+pub(crate) struct KeySize {
+    pub(crate) keys: usize,
+    pub(crate) vertices: usize,
 }
 
-/// Returns how many of `keys` key frames of `vertices` vertices are held in memory.
-pub(crate) fn held(keys: usize, vertices: usize, options: &Options) -> usize {
-    let most = options.key_bytes / bytes(vertices).max(1);
-    match keys as u64 <= most {
-        true => keys,
-        false => keys.min((most / 2).clamp(WINDOW[0], WINDOW[1]) as usize),
+impl KeySize {
+    /// Returns the size of one key frame in bytes.
+    fn key_bytes(&self) -> u64 {
+        (self.vertices as u64).saturating_mul(size_of::<Point>() as u64)
+    }
+
+    /// Returns the number of key frames that are held in memory.
+    fn held(&self, options: &Options) -> usize {
+        let most = options.key_bytes / self.key_bytes().max(1);
+        if self.keys as u64 <= most {
+            return self.keys;
+        }
+        let window = (most / 2).clamp(WINDOW[0], WINDOW[1]);
+        self.keys.min(window as usize)
     }
 }
 
-/// Creates an animation from a source of `keys` key frames of `vertices` vertices.
+/// Creates an animation of this size from a source of key frames.
 pub(crate) fn animation(
     source: impl Fn(usize) -> Result<Vec<Point>, KeyFrameError> + Send + Sync + 'static,
-    (keys, vertices): (usize, usize),
+    size: KeySize,
     triangles: Vec<[u32; 3]>,
     options: &Options,
 ) -> Result<Animation> {
-    let window = held(keys, vertices, options);
+    let (keys, window) = (size.keys, size.held(options));
     if window < keys {
         let source = Arc::new(source);
-        return Ok(Animation::streamed(source, [keys, window], triangles)?);
+        return Ok(Animation::paged(source, keys, window, triangles)?);
     }
     let read = (0..keys).into_par_iter().map(source);
     // Collects all results before checking them. Otherwise the reported key frame would depend on thread timing.
@@ -80,15 +91,18 @@ pub(crate) fn check_counts(
 /// needs.
 pub(crate) fn check_keys(
     place: impl AsRef<Path>,
-    (keys, vertices, triangles): (usize, usize, usize),
+    size: KeySize,
+    triangles: usize,
     options: &Options,
 ) -> Result<()> {
-    let held = held(keys, vertices, options);
-    let bytes = (held as u64).saturating_mul(bytes(vertices));
+    let KeySize { keys, vertices } = size;
+    let held = size.held(options);
+    let bytes = (held as u64).saturating_mul(size.key_bytes());
     let plural = if keys == 1 { "" } else { "s" };
-    let share = match held == keys {
-        true => String::new(),
-        false => format!("{held} of "),
+    let share = if held == keys {
+        String::new()
+    } else {
+        format!("{held} of ")
     };
     let mut what = format!("{share}{keys} key frame{plural} of {vertices} vertices");
     if options.triangle_bytes > 0 {
@@ -105,9 +119,22 @@ pub(crate) fn with_more(bytes: u64, triangles: usize, options: &Options) -> u64 
         .saturating_add(bytes)
 }
 
-pub(crate) fn check_mesh(path: &Path, [vertices, faces]: [usize; 2], bytes: usize) -> Result<()> {
-    let what = format!("reading {vertices} vertices and {faces} faces");
-    host::check(bytes as u64).map_err(|e| SceneError::unusable(path, format_args!("{what}: {e}")))
+/// Upper bounds of what reading a mesh file takes.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) struct ReadSize {
+    pub(crate) vertices: usize,
+    pub(crate) faces: usize,
+    pub(crate) bytes: usize,
+}
+
+impl ReadSize {
+    /// Refuses a file that would not fit into memory.
+    pub(crate) fn check(&self, path: &Path) -> Result<()> {
+        let (vertices, faces) = (self.vertices, self.faces);
+        let what = format!("reading {vertices} vertices and {faces} faces");
+        let checked = host::check(self.bytes as u64);
+        checked.map_err(|e| SceneError::unusable(path, format_args!("{what}: {e}")))
+    }
 }
 
 pub(crate) fn check_memory(

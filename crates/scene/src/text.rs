@@ -1,6 +1,30 @@
 //! Parsing of text from other programs: three kinds of line ends, non-finite numbers, and refused encodings.
 
+use crate::SceneError;
+use std::path::Path;
 use std::str::FromStr;
+
+/// Error in a text file.
+#[derive(Debug)]
+pub(crate) struct LineError {
+    /// Line number, if one line is the cause.
+    line: Option<usize>,
+    cause: String,
+}
+
+impl LineError {
+    pub(crate) fn new(line: impl Into<Option<usize>>, cause: impl Into<String>) -> Self {
+        Self {
+            line: line.into(),
+            cause: cause.into(),
+        }
+    }
+
+    pub(crate) fn in_file(self, path: &Path) -> SceneError {
+        let location = self.line.map(|line| ("line", line));
+        SceneError::malformed(path, location, self.cause)
+    }
+}
 
 /// Iterator over lines that end in a line feed, a carriage return, or both.
 #[derive(Clone)]

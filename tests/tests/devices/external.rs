@@ -268,7 +268,7 @@ pub(crate) fn what_is_lent_is_used_between_two_values_of_a_timeline() {
             memory_type: memory.memory_type,
         })
     });
-    let animation = Animation::live(sheet(0.0), &[false; 400], triangles()).unwrap();
+    let animation = Animation::streamed(sheet(0.0), &[false; 400], triangles()).unwrap();
     let animation = Arc::new(animation);
     open(&mut backend, &animation);
     let arrive = |backend: &mut VulkanBackend, points: Vec<Point>| {

@@ -142,7 +142,7 @@ pub(crate) fn a_moment_is_measured_after_a_query_was_refused(backend: &mut dyn S
     let found = [false, true].map(|looks| {
         let marks = vec![false; far.len()];
         let triangles = scene.triangles().to_vec();
-        let live = Animation::live(scene.first().to_vec(), &marks, triangles);
+        let live = Animation::streamed(scene.first().to_vec(), &marks, triangles);
         let live = Arc::new(live.unwrap());
         open(backend, &live);
         let time = live.push(far.clone()).unwrap();
@@ -241,25 +241,25 @@ pub(crate) fn a_backend_may_be_dropped_at_any_moment(mut backend: Box<dyn Subjec
 }
 
 /// Checks that there is memory for few key frames, in any order of playback. A property test checks the positions.
-pub(crate) fn key_frames_that_are_streamed_take_room_for_few(backend: &mut dyn Subject) {
+pub(crate) fn paged_key_frames_take_memory_for_few(backend: &mut dyn Subject) {
     let options = scene::Options {
         key_bytes: 0,
         ..scene::Options::default()
     };
     let scene = scene::open("demo:twist:3000", &options).unwrap();
-    let streamed = scene.animation;
-    assert_eq!(streamed.window(), Some(8));
+    let paged = scene.animation;
+    assert_eq!(paged.window(), Some(8));
     let method = Method::default();
-    backend.load(Arc::clone(&streamed), method).unwrap();
+    backend.load(Arc::clone(&paged), method).unwrap();
     let times: Vec<f64> = (0..46).map(|i| f64::from(i * 7919 % 230) * 0.1).collect();
     for (i, &time) in times.iter().enumerate() {
-        streamed.look_ahead(times[i..].iter().copied());
-        backend.interpolate(streamed.pose(time)).unwrap();
+        paged.look_ahead(times[i..].iter().copied());
+        backend.interpolate(paged.pose(time)).unwrap();
         backend.submit().unwrap();
     }
     let scene = backend.device_bytes().unwrap().scene;
-    let keys = scene / (12 * streamed.vertex_count() as u64);
-    assert!(keys < 8 + 2 + 3, "room for {keys} times all vertices");
+    let keys = scene / (12 * paged.vertex_count() as u64);
+    assert!(keys < 8 + 2 + 3, "memory for {keys} times all vertices");
 }
 
 pub(crate) fn nothing_is_shaded_without_a_palette(backend: &mut dyn Subject) {

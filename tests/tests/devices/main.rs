@@ -78,7 +78,7 @@ macro_rules! named {
 const SHARED: &[Test] = named![
     frames::stages_are_timed_by_one_clock,
     frames::steady_frames_make_no_buffers,
-    frames::key_frames_that_are_streamed_take_room_for_few,
+    frames::paged_key_frames_take_memory_for_few,
     frames::device_memory_is_counted_and_given_back,
     frames::a_query_too_large_is_refused_and_a_smaller_one_may_follow_at_once,
     frames::a_moment_is_measured_after_a_query_was_refused,

@@ -273,8 +273,6 @@ fn over_ridges() -> Camera {
         corner: [f32::from(-RIDGES) - 2.5, ROWS as f32 / 2.0 + 0.75, -16.0],
         height: ROWS,
         across: [1.0, 0.0, 0.0],
-        pad0: 0,
         down: [0.0, -1.0, 0.0],
-        pad1: 0,
     }
 }

@@ -17,7 +17,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         trial("killed::final_names_are_of_whole_files", whole_or_absent),
         trial("killed::shards_resume_to_the_bytes_of_one_run", shards),
         trial(
-            "streamed::a_file_that_vanishes_or_shrinks_ends_the_run",
+            "paged::a_file_that_vanishes_or_shrinks_ends_the_run",
             vanishes,
         ),
     ];

@@ -122,7 +122,7 @@ impl VulkanRt {
         let how = (Intersector::Watertight, has_tree);
         let engine = &mut self.engine;
         let old = engine.frames.expired();
-        let trace = Trace::new(&mut engine.gpu, query, how, old, |_| false)?;
+        let trace = Trace::new(&mut engine.gpu, query, how, old)?;
         self.launch(query, &trace, size);
         self.engine.frames.pending.push(trace);
         Ok(())

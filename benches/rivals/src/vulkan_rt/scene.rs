@@ -82,7 +82,7 @@ fn centre_of(animation: &Animation) -> Point {
 /// Returns whether all vertices are finite and remain finite when blended. Future key frames are unknown, so the result is
 /// `false` for them.
 fn is_tame(animation: &Animation) -> bool {
-    !animation.is_arriving() && animation.magnitude() < HUGE
+    !animation.is_streamed() && animation.magnitude() < HUGE
 }
 
 #[cfg(test)]
@@ -99,7 +99,7 @@ mod tests {
         for bad in [f32::NAN, f32::INFINITY, f32::MIN] {
             assert!(!of(bad), "{bad}");
         }
-        let live = Animation::live(vec![[0.0; 3]], &[false], Vec::new());
+        let live = Animation::streamed(vec![[0.0; 3]], &[false], Vec::new());
         assert!(!is_tame(&live.unwrap()));
     }
 }

@@ -153,7 +153,7 @@ fn comparable(a: &MeasuredRow, b: &MeasuredRow) -> bool {
 fn over(run: &MeasuredRow, rival: &MeasuredRow) -> [Option<f64>; 2] {
     let over = |a: Option<f64>, b: Option<f64>| Some(a? / b.filter(|&b| b > 0.0)?);
     let device = |r: &MeasuredRow| {
-        let ms = r.later_frames().iter().filter_map(frame_ms);
+        let ms = r.later_frames().iter().map(frame_ms);
         output::Summary::of(ms).map(|s| s.median)
     };
     let wall = |r: &MeasuredRow| r.median("wall_ms");

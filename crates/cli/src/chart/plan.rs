@@ -12,7 +12,7 @@ use clap::ValueEnum;
 use output::plot::Failure;
 use std::fmt;
 
-/// What decides the hits of a contender: a backend with an intersector, or a rival.
+/// The part of a contender that decides its hits: a backend with an intersector, or a rival.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum HitMethod {
     Ours(BackendName, Intersector),

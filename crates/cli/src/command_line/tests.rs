@@ -156,6 +156,26 @@ fn what_cannot_be_or_would_do_nothing_is_refused_by_name() {
 }
 
 #[test]
+fn compare_refuses_every_option_that_measures() {
+    let mut command = CommandLine::command();
+    command.build();
+    let bench = command.find_subcommand("bench").unwrap();
+    let options = || bench.get_arguments().map(|option| option.get_id().as_str());
+    let compare = bench
+        .get_arguments()
+        .find(|option| option.get_id() == "compare");
+    let refused = bench.get_arg_conflicts_with(compare.unwrap());
+    let refused: Vec<_> = refused
+        .iter()
+        .map(|option| option.get_id().as_str())
+        .collect();
+    let taken: Vec<_> = options()
+        .filter(|option| !refused.contains(option))
+        .collect();
+    assert_eq!(taken, ["quiet", "compare", "fail_above", "help", "version"]);
+}
+
+#[test]
 fn every_rival_is_refused_as_a_backend_by_the_option_that_measures_it() {
     for rival in rivals::RIVALS {
         let name = rival.name;

@@ -5,10 +5,12 @@ use crate::devices::{BackendName, Opening};
 use crate::setup::{self, Setup, Started};
 use crate::stop::Stop;
 use crate::tracer_settings::{TracerSettings, Workload};
-use backend::{BackendError, DeviceBytes, FrameReport, Hits, Intersector, Policy, Query};
+use backend::{
+    BackendError, DeviceBytes, FrameReport, Generation, Hits, Intersector, Policy, Query,
+};
 use geom::Animation;
 use output::FrameStats;
-use pipeline::{Frame, WarmUp, Warmed, unhittable_at};
+use pipeline::{Frame, TreeStats, WarmUp, Warmed, unhittable_at};
 use rivals::{Known, Rival, Upkeep};
 use std::fmt;
 use std::sync::Arc;
@@ -81,11 +83,8 @@ impl RunningRival {
             let wall_ms = begun.elapsed().as_secs_f64() * 1e3;
             let bytes = self.rival.device_bytes();
             held = held.into_iter().chain(bytes).max_by_key(|b| b.total());
-            stats.push(self.stats(
-                frame,
-                number,
-                FrameStats::of_report(frame, &report, wall_ms),
-            ));
+            let of_frame = FrameStats::of_report(frame, report, wall_ms);
+            stats.push(self.stats(number, of_frame));
             if number == 0 && frames.len() > 1 {
                 let kind = self.rival.device().kind;
                 warmed = WarmUp::begin(plan.warm_up, kind)
@@ -96,7 +95,8 @@ impl RunningRival {
         for frame in &mut stats {
             let moment = self.animation.at(frame.time).map_err(Stop::bad)?;
             // Rivals do not count these.
-            [frame.inactive, frame.degenerate] = unhittable_at(&moment).map(|count| count as u64);
+            let report = &mut frame.report;
+            [report.inactive, report.degenerate] = unhittable_at(&moment).map(|count| count as u64);
         }
         Ok(TimedFrames {
             warm_up: warmed,
@@ -120,14 +120,16 @@ impl RunningRival {
     }
 
     /// Adds the facts about the tree to the statistics of frame `number`.
-    fn stats(&self, frame: Frame, number: usize, stats: FrameStats) -> FrameStats {
+    fn stats(&self, number: usize, stats: FrameStats) -> FrameStats {
         let is_new = number == 0 || self.upkeep == Upkeep::Rebuild;
         let age = if is_new { 0 } else { number as u64 };
         FrameStats {
-            time: frame.time,
-            tree_generation: number as u64 + 1 - age,
-            tree_age_frames: age,
-            adopted: is_new,
+            tree: TreeStats {
+                generation: Generation(number as u64 + 1 - age),
+                age_frames: age,
+                adopted: is_new,
+                ..TreeStats::default()
+            },
             device_bytes: self.rival.device_bytes().map(DeviceBytes::total),
             ..stats
         }

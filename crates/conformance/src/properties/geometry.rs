@@ -108,16 +108,16 @@ fn record(c: &mut Check<'_>, step: &str) -> backend::Result<()> {
     }
 }
 
-/// Number of key frames in the stream, and number kept in memory.
+/// Number of key frames, and number kept in memory.
 const KEYS: usize = 24;
 const WINDOW: usize = 8;
 const FRAMES: usize = 40;
 /// Number of frames in flight when the positions of one are read.
 const AHEAD: usize = 2;
 
-/// Tests that positions of a stream equal those of key frames in memory, in forward playback and at random times, with
-/// frames in flight.
-pub(super) fn streamed(c: &mut Check<'_>) -> Result<()> {
+/// Tests that positions of paged key frames equal those of key frames in memory, in forward playback and at random
+/// times, with frames in flight.
+pub(super) fn paged(c: &mut Check<'_>) -> Result<()> {
     let triangles = || c.case.animation.triangles().to_vec();
     // The case's key frames repeated. Each moves the first vertex a little more.
     let own = c.case.animation.all_keys()?;
@@ -130,18 +130,15 @@ pub(super) fn streamed(c: &mut Check<'_>) -> Result<()> {
     };
     let keys = (0..KEYS).map(&source);
     let held = Animation::new(keys.collect::<Result<_, _>>()?, triangles())?;
-    let streamed = Arc::new(Animation::streamed(
-        Arc::new(source),
-        [KEYS, WINDOW],
-        triangles(),
-    )?);
+    let paged = Animation::paged(Arc::new(source), KEYS, WINDOW, triangles())?;
+    let paged = Arc::new(paged);
     let times = times(c.case.chance);
-    c.subject.load(Arc::clone(&streamed), c.method)?;
+    c.subject.load(Arc::clone(&paged), c.method)?;
     let mut expected = Vec::new();
     for i in 0..FRAMES + AHEAD {
         if let Some(&time) = times.get(i) {
-            streamed.look_ahead(times[i..].iter().copied());
-            c.subject.interpolate(streamed.pose(time))?;
+            paged.look_ahead(times[i..].iter().copied());
+            c.subject.interpolate(paged.pose(time))?;
             c.subject.request_positions()?;
             expected.push((c.subject.submit()?, vertices(&held, time)));
         }

@@ -1,11 +1,11 @@
 //! Tables of all properties.
 
 mod answers;
-mod arriving;
 mod far;
 mod geometry;
 mod reports;
 mod still;
+mod streamed;
 mod trees;
 mod walk;
 
@@ -145,9 +145,9 @@ pub const PROPERTIES: &[Property] = properties! {
     robust boxes_are_of_the_moment_interpolated_last: geometry::boxes;
     usual reports_name_what_was_done: reports::stages;
     usual positions_come_back_as_they_were: geometry::read_back;
-    usual positions_of_a_stream_are_those_of_held_key_frames: geometry::streamed;
-    robust_in_turn key_frames_that_arrive_need_no_look_of_the_host: arriving::measured;
-    robust key_frames_that_arrive_are_played_as_those_held: arriving::pushed;
+    usual paged_key_frames_have_the_positions_of_held_ones: geometry::paged;
+    robust_in_turn the_device_measures_streamed_vertices: streamed::measured;
+    robust streamed_key_frames_are_played_like_held_ones: streamed::pushed;
     robust closest_hits_equal_the_reference: answers::closest;
     robust any_hits_equal_the_reference: answers::any;
     robust pictures_and_shadows_equal_the_reference: answers::shadows;

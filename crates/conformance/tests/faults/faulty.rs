@@ -67,7 +67,7 @@ impl Faulty {
         let miss = |h: &mut Hit| *h = Hit::MISS;
         let found = hits.closest.iter_mut().filter(|h| h.is_hit());
         match self.fault {
-            "what arrives is not measured" if seen.is_unknown => {
+            "streamed vertices are not measured" if seen.is_unknown => {
                 found.for_each(|h| h.u = h.u.next_up());
             }
             "far vertices change other hits" if seen.is_spread => {
@@ -193,8 +193,8 @@ impl Backend for Faulty {
         (self.seen.pose_before, self.seen.pose) = (self.seen.pose, Some(pose));
         let animation = self.seen.animation.as_ref();
         let late = animation.is_some_and(|a| match self.fault {
-            "key frames of a stream come late" => a.window().is_some() && !a.is_arriving(),
-            "key frames that arrive come late" => a.is_arriving(),
+            "paged key frames come late" => a.window().is_some() && !a.is_streamed(),
+            "streamed key frames come late" => a.is_streamed(),
             _ => false,
         });
         let range = animation.and_then(|a| a.known_range(pose));

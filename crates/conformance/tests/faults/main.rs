@@ -13,9 +13,9 @@ positions_equal_the_formula: positions one ulp off
 boxes_are_of_the_moment_interpolated_last: last box too large, boxes of the moment before, what moves is passed over, inactive miscounted
 reports_name_what_was_done: times of stages left out, clock runs backwards
 positions_come_back_as_they_were: copies are of the newest frame, copies come twice
-positions_of_a_stream_are_those_of_held_key_frames: key frames of a stream come late
-key_frames_that_arrive_need_no_look_of_the_host: what arrives is not measured
-key_frames_that_arrive_are_played_as_those_held: key frames that arrive come late, first leaf is never hit
+paged_key_frames_have_the_positions_of_held_ones: paged key frames come late
+the_device_measures_streamed_vertices: streamed vertices are not measured
+streamed_key_frames_are_played_like_held_ones: streamed key frames come late, first leaf is never hit
 closest_hits_equal_the_reference: distances one ulp off, weights swapped, interval is closed, ties go to the first leaf, hits miscounted
 pictures_and_shadows_equal_the_reference: distances one ulp off, weights swapped, shadows inverted, pixels sampled at corners
 any_hit_agrees_with_closest_hit: interval is closed, any hit forgets the last ray
@@ -111,8 +111,8 @@ const SHRUNK: &str = "
 boxes_are_of_the_moment_interpolated_last: last box too large, boxes of the moment before
 closest_hits_equal_the_reference: weights swapped, ties go to the first leaf
 tree_age_does_not_change_hits: first leaf is never hit
-positions_of_a_stream_are_those_of_held_key_frames: key frames of a stream come late
-key_frames_that_arrive_are_played_as_those_held: key frames that arrive come late
+paged_key_frames_have_the_positions_of_held_ones: paged key frames come late
+streamed_key_frames_are_played_like_held_ones: streamed key frames come late
 ";
 
 /// The most triangles, key frames and rays of a case that shows such a fault.

@@ -48,7 +48,7 @@ impl Line {
     ///
     /// The rounded [`t`](ExactDistance::t) is within the ray's open interval. So a ray that continues from a reported `t`
     /// never hits the same triangle again. The ray must be [valid](Ray::is_valid) and the corners finite.
-    pub fn meet(&self, corners: &Triangle) -> Option<ExactDistance> {
+    pub fn intersect(&self, corners: &Triangle) -> Option<ExactDistance> {
         let distance = self.cross(corners, passes_within)?;
         let t = distance.t();
         (self.ray.t_min < t && t < self.ray.t_max).then_some(distance)
@@ -60,7 +60,7 @@ impl Line {
     /// closed surface is counted like a line through the interior of a triangle.
     ///
     /// The ray's origin is moved by `(e, e^2, e^3)` (simulation of simplicity: Edelsbrunner, Mücke 1990).
-    pub fn meet_moved(&self, corners: &Triangle) -> Option<ExactDistance> {
+    pub fn intersect_perturbed(&self, corners: &Triangle) -> Option<ExactDistance> {
         self.cross(corners, moved_passes_within)
     }
 
@@ -95,7 +95,7 @@ impl Line {
         (direction, corners, e)
     }
 
-    /// Returns the distance and the weights where the line intersects a triangle that it [meets](Self::meet), each
+    /// Returns the distance and the weights where the line intersects a triangle that it [intersects](Self::intersect), each
     /// rounded once.
     pub fn rounded(&self, corners: &Triangle) -> Option<RoundedHit> {
         let t = self.cross(corners, passes_within)?.t();
@@ -104,7 +104,7 @@ impl Line {
     }
 
     /// Returns the weights of the second and the third corner where the line intersects a triangle that it
-    /// [meets](Self::meet), each rounded once.
+    /// [intersects](Self::intersect), each rounded once.
     pub fn weights(&self, corners: &Triangle) -> [f32; 2] {
         let (direction, [a, b, c], _) = self.integers(corners);
         let [u, v, w] = sides(&direction, [&a, &b, &c]);
@@ -265,9 +265,12 @@ mod tests {
                     ray: Ray::new(origin, direction),
                     shift: 0,
                 };
-                let moved = fan.iter().filter(|t| line.meet_moved(t).is_some()).count();
+                let moved = fan
+                    .iter()
+                    .filter(|t| line.intersect_perturbed(t).is_some())
+                    .count();
                 assert_eq!(moved, 1, "{x} {y} {direction:?}");
-                closed += fan.iter().filter(|t| line.meet(t).is_some()).count();
+                closed += fan.iter().filter(|t| line.intersect(t).is_some()).count();
             }
         }
         assert!(closed > 30, "{closed}");

@@ -14,7 +14,7 @@ struct WithError {
 const ROUNDING: f64 = 4.0 * f64::EPSILON;
 
 impl Line {
-    /// Returns the distance and the weights where the line intersects a triangle that it [meets](Self::meet), each
+    /// Returns the distance and the weights where the line intersects a triangle that it [intersects](Self::intersect), each
     /// rounded once.
     ///
     /// Returns `None` if double precision cannot decide all three roundings.

@@ -4,7 +4,6 @@ use super::ComputeBackend;
 use crate::traces::as_given;
 use crate::{GpuDevice, Stage, Stale, Trace};
 use backend::{Intersector, Query, QueryKind, Result, Ticket};
-use geom::Ray;
 use shaders::work;
 use shaders::{BufferName, Params};
 
@@ -29,12 +28,11 @@ impl<D: GpuDevice> ComputeBackend<D> {
             self.range = Some(range);
         }
         let params = self.params();
-        let is_extreme = |ray: &Ray| params.is_extreme(ray.origin);
         let how = (self.intersector, has_tree);
         let engine = &mut self.engine;
         let old = engine.frames.expired();
-        let trace = Trace::new(&mut engine.gpu, query, how, old, is_extreme)?;
-        let rays = as_given(query, trace.extremes);
+        let trace = Trace::new(&mut engine.gpu, query, how, old)?;
+        let rays = as_given(query);
         let mut traits = engine.pipelines.traits;
         traits.rasterizes = engine.frames.raster_backoff.allow(traits.rasterizes);
         let mut tracing = work::trace(self.intersector, params, rays, query.kind, traits);

@@ -1,6 +1,7 @@
 //! Renders sequences of frames and fetches their results.
 
-use super::{Driver, PipelineError};
+use super::Driver;
+use crate::error::PipelineError;
 use crate::frame::{Frame, FrameRecord};
 use backend::{FRAMES_IN_FLIGHT, Hits, Query, Ticket};
 use std::time::Instant;
@@ -91,13 +92,13 @@ impl Driver {
         let waited = Instant::now();
         let report = self.backend.wait(pending.ticket)?;
         let seen = Instant::now();
-        self.judge(pending.ticket, &report);
+        self.process_costs(pending.ticket, &report);
         self.fetch(pending.ticket, wanted, answers)?;
         let read = Instant::now();
         self.poll_builder()?;
         let mut record = pending.record;
         record.device_bytes = self.backend.device_bytes();
-        record.sah_ratio = report.sah_cost.map(|now| {
+        record.tree.sah_ratio = report.sah_cost.map(|now| {
             let before = pending.cost_before.filter(|&c| c > 0.0);
             before.map_or(1.0, |before| now / before)
         });
@@ -108,9 +109,10 @@ impl Driver {
     /// Returns how many frames with such queries may be in flight, including the next one to [begin](Self::begin).
     pub fn most_under_way(&self, queries: &[Query<'_>]) -> usize {
         // A frame that waits for its own tree or positions takes two submissions, so no other frame may be unfinished.
-        match self.options.update.waits_for_tree() || self.needs_look(queries) {
-            true => 1,
-            false => FRAMES_IN_FLIGHT,
+        if self.options.update.waits_for_tree() || self.must_measure_range(queries) {
+            1
+        } else {
+            FRAMES_IN_FLIGHT
         }
     }
 

@@ -6,7 +6,7 @@ pub(super) mod fake;
 
 use super::*;
 use crate::tree_builder::tests::{apart, row};
-use crate::tree_builder::{Built, TreeBuilder, Vertices};
+use crate::tree_builder::{BuildInput, Built, TreeBuilder, Vertices};
 use backend::{QueryKind, Rays};
 use bvh_build::{BuildError, Cancel};
 use fake::{Fake, Gate, Log};
@@ -29,7 +29,8 @@ fn shuffled(keys: usize, n: u32) -> Arc<Animation> {
 fn tree_at(animation: &Animation, time: f64, toward: Option<Point>) -> Vec<u32> {
     let mut builder = TreeBuilder::default();
     builder.order_toward(toward);
-    words(builder.build(animation, (at(animation, time), None), &Cancel::new()))
+    let input = BuildInput::of(at(animation, time));
+    words(builder.build(animation, input, &Cancel::new()))
 }
 
 fn at(animation: &Animation, time: f64) -> Vertices {
@@ -106,7 +107,7 @@ fn render(
     let log = Arc::clone(&fake.log);
     let mut driver = driver(fake, animation, by).unwrap();
     let records = play(&mut driver, times, rest);
-    let built = driver.builder_thread.is_open();
+    let built = driver.builder.is_open();
     drop(driver);
     Run {
         records,
@@ -143,8 +144,8 @@ fn a_scene_at_rest_starts_no_builder_and_does_no_geometry_work() {
         assert!(!r.built);
         assert_eq!((r.log.interpolated, r.log.refitted), (1, 1), "{update:?}");
         assert_eq!(r.records.len(), 5);
-        assert_eq!(r.records[4].tree_age_frames, 4);
-        assert_eq!(r.records[4].sah_ratio, Some(1.0));
+        assert_eq!(r.records[4].tree.age_frames, 4);
+        assert_eq!(r.records[4].tree.sah_ratio, Some(1.0));
     }
 }
 
@@ -153,9 +154,9 @@ fn rebuild_traces_each_frame_with_its_own_tree() {
     for update in [Policy::Rebuild, Policy::Lockstep(0)] {
         let r = run(9, 8, update, Some(3));
         assert!(!r.built);
-        let own = |f: &FrameRecord| f.tree_age_frames == 0 && f.adopted.is_some();
+        let own = |f: &FrameRecord| f.tree.age_frames == 0 && f.adopted.is_some();
         assert!(r.records.iter().all(own));
-        let generations: Vec<_> = r.records.iter().map(|f| f.tree_generation.0).collect();
+        let generations: Vec<_> = r.records.iter().map(|f| f.tree.generation.0).collect();
         assert_eq!(generations, [1, 2, 3, 4, 5, 6, 7, 8]);
         assert_eq!(r.log.interpolated, 8, "once a frame");
     }
@@ -167,11 +168,12 @@ fn device_rebuild_has_each_frame_make_its_own_tree_and_nobody_builds() {
     assert!(!r.built && r.log.adopted.is_empty() && r.log.requested == 0);
     assert_eq!(r.log.made, (1..9).map(Generation).collect::<Vec<_>>());
     assert_eq!(r.log.interpolated, 8);
-    let own = |f: &FrameRecord| f.made && f.tree_age_frames == 0 && f.sah_ratio == Some(1.0);
+    let own =
+        |f: &FrameRecord| f.tree.adopted && f.tree.age_frames == 0 && f.tree.sah_ratio == Some(1.0);
     assert!(r.records.iter().all(own));
     let r = run(1, 5, Policy::DeviceRebuild, Some(0));
     assert_eq!((r.log.made.len(), r.log.interpolated), (1, 1));
-    assert!(r.records[0].made && !r.records[1].made);
+    assert!(r.records[0].tree.adopted && !r.records[1].tree.adopted);
 }
 
 #[test]
@@ -184,7 +186,7 @@ fn lockstep_swaps_k_frames_after_asking() {
                 0 => (1, n),
                 cycle => (1 + cycle, n - (1 + (cycle - 1) * k)),
             };
-            let found = (f.tree_generation.0, f.tree_age_frames);
+            let found = (f.tree.generation.0, f.tree.age_frames);
             assert_eq!(found, expected, "k {k} frame {n}");
         }
     }
@@ -194,9 +196,9 @@ fn lockstep_swaps_k_frames_after_asking() {
 fn a_free_builder_is_heard_and_frames_go_on_while_vertices_are_under_way_for_ever() {
     // On busy cores the builder needs many frames.
     let r = run(60, 200, Policy::Async, Some(2));
-    let generations = r.records.iter().map(|f| f.tree_generation);
+    let generations = r.records.iter().map(|f| f.tree.generation);
     assert!(r.built && generations.is_sorted());
-    assert!(r.records[199].tree_generation > Generation(3));
+    assert!(r.records[199].tree.generation > Generation(3));
     assert!(r.records.iter().filter(|f| f.adopted.is_some()).count() > 3);
     let r = run(60, 50, Policy::Async, None);
     assert_eq!(r.records.len(), 50);
@@ -273,7 +275,7 @@ fn frames_go_on_while_the_builder_waits_for_them() {
     for r in &records[1..] {
         let Some(tree) = r.adopted else { continue };
         adopted += 1;
-        assert!(r.tree_age_frames >= 20, "{r:?}");
+        assert!(r.tree.age_frames >= 20, "{r:?}");
         let (handed_over, ended) = (tree.moments.arrived, tree.moments.build.ended);
         let beside = |f: &&FrameRecord| handed_over < f.moments.begun && f.moments.seen < ended;
         assert!(records.iter().filter(beside).count() >= 17, "{r:?}");
@@ -288,7 +290,7 @@ fn only_those_who_want_a_tree_of_their_own_or_a_fixed_age_wait_for_it() {
     let refit = run(30, 20, Policy::Refit, Some(0));
     assert!(!refit.built && refit.log.adopted == [Generation(1)]);
     assert_eq!(
-        (refit.records[19].tree_age_frames, refit.log.refitted),
+        (refit.records[19].tree.age_frames, refit.log.refitted),
         (19, 20)
     );
     assert!(refit.records[1..].iter().all(|r| r.build_wait_ms == 0.0));
@@ -309,7 +311,7 @@ fn moments_come_in_order_and_each_tree_adopted_was_asked_for() {
         let records = run(60, 50, update, Some(2)).records;
         let mut newest = Generation(0);
         for (i, r) in records.iter().enumerate() {
-            let before = std::mem::replace(&mut newest, r.tree_generation);
+            let before = std::mem::replace(&mut newest, r.tree.generation);
             assert_eq!(newest > before, r.adopted.is_some(), "{update:?} {i}");
             let m = r.moments;
             let host = [m.begun, m.submitted, m.waited, m.seen, m.read];
@@ -318,14 +320,14 @@ fn moments_come_in_order_and_each_tree_adopted_was_asked_for() {
             assert!(device.is_sorted() && r.traced.seen == m.seen);
             let Some(tree) = r.adopted else { continue };
             let (t, b) = (tree.moments, tree.moments.build);
-            let [before, after] = [[t.asked, t.arrived], [t.taken, t.adopted]];
+            let [before, after] = [[t.requested, t.arrived], [t.taken, t.adopted]];
             let build = [b.begun, b.built, b.weighed, b.ended];
             let way = [&before[..], &build, &after, &[m.submitted]].concat();
             assert!(way.is_sorted() && m.begun <= t.taken, "{update:?} {i}");
             assert_eq!((tree.triangles, tree.snapshot_bytes), (2, 72));
-            let asking = &records[i - r.tree_age_frames as usize];
-            assert_eq!(asking.asked, Some(r.tree_generation));
-            assert!(asking.moments.begun <= t.asked && t.asked <= asking.moments.submitted);
+            let asking = &records[i - r.tree.age_frames as usize];
+            assert_eq!(asking.requested, Some(r.tree.generation));
+            assert!(asking.moments.begun <= t.requested && t.requested <= asking.moments.submitted);
         }
     }
 }

@@ -4,11 +4,10 @@
 //! The first frame of a run waits for these steps. It is then traced again, uncounted, for a fixed time and until frame
 //! times are steady. Meanwhile the scene does not move, and no tree ages ([`Driver::warm_up`]).
 
-use super::{Driver, PipelineError, Wanted};
+use super::{Driver, Wanted};
+use crate::error::PipelineError;
 use crate::frame::{Frame, FrameRecord};
-use crate::tree_builder::TreeBuilder;
 use backend::{DeviceKind, FRAMES_IN_FLIGHT, FrameReport, Query};
-use bvh_build::Cancel;
 use serde::Serialize;
 use std::collections::VecDeque;
 use std::time::Instant;
@@ -86,7 +85,7 @@ pub struct WarmUp {
 }
 
 impl WarmUp {
-    /// Begins a warm-up of `asked` seconds, or as long as is usual on such a device. `None` if it needs none.
+    /// Begins a warm-up of `asked` seconds, or of the default duration for such a device. Returns `None` if the duration is 0.
     #[must_use]
     pub fn begin(asked: Option<f64>, kind: DeviceKind) -> Option<Self> {
         let seconds = seconds(asked, kind);
@@ -161,7 +160,7 @@ impl Driver {
         mut again: impl FnMut(&FrameReport) -> bool,
     ) -> Result<(), PipelineError> {
         self.warm_up_builder();
-        assert!(self.tree.is_some(), "a frame comes first");
+        assert!(self.trees.current.is_some(), "a frame comes first");
         assert!(self.pending.is_empty(), "a frame is under way");
         let mut under_way = VecDeque::with_capacity(FRAMES_IN_FLIGHT);
         let mut wanted = true;
@@ -180,13 +179,9 @@ impl Driver {
 
     /// Warms the builder up, if trees are adopted by cost and no build is in flight.
     fn warm_up_builder(&self) {
-        let runs_free = self.options.update.adopts_by_cost();
-        if let Some(pose) = self.pose.filter(|_| runs_free && self.candidate.is_none()) {
-            // The tree is dropped, so an error does not matter. The next build reports it again.
-            let animation = &self.animation;
-            let warmed =
-                |builder: &mut TreeBuilder| builder.warm_up(animation, pose, &Cancel::new());
-            let _ = self.builder_pool.with(warmed);
+        let needs_it = self.adoption_rule().by_cost && self.trees.next.is_idle();
+        if let Some(pose) = self.recording.pose.filter(|_| needs_it) {
+            self.builder.warm_up(pose);
         }
     }
 }
@@ -243,8 +238,8 @@ mod tests {
             let (after, more) = run(by, ASKED);
             // The parts of a frame's statistics that do not depend on a clock.
             let facts = |r: &FrameRecord| {
-                let flags = [r.adopted.is_some(), r.made, r.rejected.is_some()];
-                let tree = (r.tree_generation, r.tree_age_frames, r.asked);
+                let flags = [r.adopted.is_some(), r.tree.adopted, r.rejected.is_some()];
+                let tree = (r.tree.generation, r.tree.age_frames, r.requested);
                 (r.frame, tree, flags)
             };
             assert!(

@@ -16,30 +16,32 @@ pub(crate) enum BuildStrategy {
 #[derive(Debug, Default)]
 pub(super) struct DegradationMonitor {
     /// Whether trees degrade so fast that the next one is built over two poses, although that takes longer.
-    pub(super) parts: bool,
+    pub(super) is_fast: bool,
     /// Whether trees degrade so slowly that the next build may take longer.
-    holds: bool,
+    is_slow: bool,
 }
 
 impl DegradationMonitor {
-    const PARTS: f64 = 1.5;
-    /// Cost ratio above which `holds` becomes false.
-    const FADED: f64 = 1.2;
-    /// Cost ratio up to which `holds` becomes true. Cost grows with the square of time, so such trees remain good for
+    /// Cost ratio above which `is_fast` is set.
+    const FAST: f64 = 1.5;
+    /// Cost ratio above which `is_slow` becomes false.
+    const NOT_SLOW: f64 = 1.2;
+    /// Cost ratio up to which `is_slow` becomes true. Cost grows with the square of time, so such trees remain good for
     /// more than twice as long. Trees that are built from scratch also cost less.
-    const HOLDS: f64 = 1.01;
+    const SLOW: f64 = 1.01;
 
     /// Returns how to build a tree that is compared with the current one.
     pub(super) fn strategy(&self) -> BuildStrategy {
-        match self.holds {
-            true => BuildStrategy::Scratch,
-            false => BuildStrategy::Subtrees,
+        if self.is_slow {
+            BuildStrategy::Scratch
+        } else {
+            BuildStrategy::Subtrees
         }
     }
 
-    pub(super) fn note(&mut self, costs: Costs) {
+    pub(super) fn observe(&mut self, costs: Costs) {
         let over = |times: f64| costs.last > times * costs.new;
-        self.parts = over(Self::PARTS);
-        self.holds = !over(Self::FADED) && (self.holds || !over(Self::HOLDS));
+        self.is_fast = over(Self::FAST);
+        self.is_slow = !over(Self::NOT_SLOW) && (self.is_slow || !over(Self::SLOW));
     }
 }

@@ -22,6 +22,13 @@ pub(crate) fn positions(animation: &Animation, time: f64) -> Vec<Point> {
     vertices.map(|v| moment.vertex(v)).collect()
 }
 
+/// Returns the tree of a key frame.
+pub(crate) fn at_key(animation: &Animation, key: usize) -> Built {
+    let input = BuildInput::of(Vertices::KeyFrames(animation.pose(key as f64)));
+    let built = TreeBuilder::default().build(animation, input, &Cancel::new());
+    built.unwrap()
+}
+
 /// Returns a row of triangles that is permuted in the second of three key frames.
 fn shuffled() -> Animation {
     row(64, 3, |key, i| (i * [1, 37, 1][key] % 64) as f32)
@@ -74,23 +81,23 @@ impl Course {
     /// Builds a tree for a key frame or over two times, without comparison.
     fn build(&mut self, key: usize, halves: Option<[f64; 2]>) -> Built {
         let (a, pose) = (&self.animation, |time| self.animation.pose(time));
-        let from = (
-            Vertices::KeyFrames(pose(key as f64)),
-            halves.map(|h| h.map(pose)),
-        );
-        self.builder.build(a, from, &Cancel::new()).unwrap()
+        let input = BuildInput {
+            halves: halves.map(|h| h.map(pose)),
+            ..BuildInput::of(Vertices::KeyFrames(pose(key as f64)))
+        };
+        self.builder.build(a, input, &Cancel::new()).unwrap()
     }
 
-    /// Builds a tree for one time or over two times. `weighed` compares it with the last one.
-    fn rebuild(&mut self, time: f64, halves: Option<[f64; 2]>, weighed: bool) -> Built {
+    /// Builds a tree for one time or over two times.
+    fn rebuild(&mut self, time: f64, halves: Option<[f64; 2]>, is_compared: bool) -> Built {
         let pose = |time| self.animation.pose(time);
         let input = BuildInput {
-            vertices: Vertices::KeyFrames(pose(time)),
             halves: halves.map(|h| h.map(pose)),
-            observed: None,
+            is_compared,
+            ..BuildInput::of(Vertices::KeyFrames(pose(time)))
         };
         let (builder, cancel) = (&mut self.builder, Cancel::new());
-        let built = builder.rebuild(&self.animation, (input, weighed), &cancel);
+        let built = builder.rebuild(&self.animation, input, &cancel);
         built.unwrap()
     }
 
@@ -112,7 +119,7 @@ fn a_tree_is_made_of_groups_of_the_last_one_until_trees_hold() {
     let [last, tree] = course.next(1.0);
     assert_eq!(tree, of_groups(&last, &course.boxes(1.0)));
     assert_ne!(tree, BinaryTree::over(&course.boxes(1.0)[..]));
-    // At the same time, the last tree costs as little as the new one, so `holds` becomes true.
+    // At the same time, the last tree costs as little as the new one, so `is_slow` becomes true.
     course.next(1.0);
     course.next(1.0);
     let [_, tree] = course.next(1.0);
@@ -192,7 +199,8 @@ fn key_frames_make_the_same_tree_as_the_vertices_read_back() {
     let a = shuffled();
     let read_back = Vertices::ReadBack(Box::new(positions(&a, 0.3)));
     let [x, y] = [Vertices::KeyFrames(a.pose(0.3)), read_back].map(|vertices| {
-        let built = TreeBuilder::default().build(&a, (vertices, None), &Cancel::new());
+        let input = BuildInput::of(vertices);
+        let built = TreeBuilder::default().build(&a, input, &Cancel::new());
         built.map(|built| (built.topology, built.cost)).unwrap()
     });
     assert_eq!(x, y);
@@ -209,9 +217,10 @@ fn observed(course: &mut Course, times: [f64; 2], middle: f64) -> Built {
             frames: seen,
             times,
         }),
+        is_compared: true,
     };
     let Course { builder, animation } = course;
-    let built = builder.rebuild(animation, (input, true), &Cancel::new());
+    let built = builder.rebuild(animation, input, &Cancel::new());
     built.unwrap()
 }
 
@@ -251,10 +260,11 @@ fn where_motion_turned_a_tree_is_built_for_what_was_seen_last() {
             frames: seen,
             times,
         }),
+        is_compared: true,
     };
     let built = course
         .builder
-        .rebuild(&course.animation, (input, true), &Cancel::new())
+        .rebuild(&course.animation, input, &Cancel::new())
         .unwrap();
     assert!(built.gave_up_extrapolation);
     assert_eq!(built.topology, known(&[0.75, 0.0]));
@@ -303,9 +313,8 @@ fn blocks_of_a_tree_that_faces_the_light_are_asked_in_its_order() {
     for (toward, first) in [(None, First::Larger), (Some([-9.0, 5.0, 1.0]), First::Left)] {
         let mut builder = TreeBuilder::with_forms(forms([false, true]));
         builder.order_toward(toward);
-        let from = (Vertices::KeyFrames(a.pose(0.0)), None);
-        let built = builder.build(&a, from, &Cancel::new());
-        let tree = built.unwrap().topology;
+        let input = BuildInput::of(Vertices::KeyFrames(a.pose(0.0)));
+        let tree = builder.build(&a, input, &Cancel::new()).unwrap().topology;
         let of = |first| BlockTree::of(&tree, a.triangles(), (&builder.boxes[..], first));
         assert!(of(First::Larger) != of(First::Left));
         assert!(**tree.blocks().unwrap() == of(first), "{first:?}");
@@ -322,8 +331,8 @@ fn blocks_are_fuller_where_they_are_asked_for() {
     let a = Animation::new(vec![vertices], apart(3000)).unwrap();
     let blocks = |asked| {
         let mut builder = TreeBuilder::with_forms(forms([false, asked]));
-        let from = (Vertices::KeyFrames(a.pose(0.0)), None);
-        let tree = builder.build(&a, from, &Cancel::new()).unwrap().topology;
+        let input = BuildInput::of(Vertices::KeyFrames(a.pose(0.0)));
+        let tree = builder.build(&a, input, &Cancel::new()).unwrap().topology;
         let with = (&builder.boxes[..], First::Larger);
         BlockTree::of(&tree, a.triangles(), with).blocks.len()
     };

@@ -1,6 +1,6 @@
 //! Warms the builder up: builds trees that are dropped, so that later builds find their memory allocated.
 
-use super::{BuildStrategy, Moments, TreeBuilder, Vertices};
+use super::{BuildStrategy, PoseSource, TreeBuilder, Vertices};
 use bvh_build::{BuildError, Cancel};
 use geom::{Animation, Pose};
 
@@ -17,12 +17,12 @@ impl TreeBuilder {
         cancel: &Cancel,
     ) -> Result<(), BuildError> {
         let groups = self.degradation.strategy() == BuildStrategy::Subtrees && !self.forms.blocks;
-        if !groups || !self.holds_all_of(animation) {
+        if !groups || !self.has_all_triangles_of(animation) {
             return Ok(());
         }
         for _ in 0..ROUNDS {
             let vertices = Vertices::KeyFrames(pose);
-            self.rebuild_subtrees_at(&Moments::of(animation), &vertices, cancel)?;
+            self.rebuild_subtrees_at(&PoseSource::of(animation), &vertices, cancel)?;
             let record = self.convert(animation);
             self.reuse(record.into_spare());
         }

@@ -1,6 +1,6 @@
 //! Reads numbers from accessors. Every range is checked before it is read.
 
-use super::document::File;
+use super::document::GltfFile;
 use super::schema::{Accessor, Sparse, Whole};
 use crate::{Result, SceneError};
 
@@ -52,7 +52,7 @@ impl Component {
 
 /// Accessor whose types are known to be supported.
 struct Elements<'a> {
-    file: &'a File,
+    file: &'a GltfFile,
     index: Whole,
     accessor: &'a Accessor,
     component: Component,
@@ -61,7 +61,7 @@ struct Elements<'a> {
 }
 
 /// Reads an accessor of N floats per element. Normalized integers become fractions.
-pub(super) fn floats<const N: usize>(file: &File, index: Whole) -> Result<Vec<[f32; N]>> {
+pub(super) fn floats<const N: usize>(file: &GltfFile, index: Whole) -> Result<Vec<[f32; N]>> {
     let elements = Elements::of(file, index)?;
     elements.expect(match N {
         1 => "SCALAR",
@@ -90,11 +90,14 @@ pub(super) fn floats<const N: usize>(file: &File, index: Whole) -> Result<Vec<[f
 }
 
 /// Reads an optional accessor. `None` has no elements.
-pub(super) fn listed<const N: usize>(file: &File, index: Option<Whole>) -> Result<Vec<[f32; N]>> {
+pub(super) fn listed<const N: usize>(
+    file: &GltfFile,
+    index: Option<Whole>,
+) -> Result<Vec<[f32; N]>> {
     index.map_or(Ok(Vec::new()), |index| floats(file, index))
 }
 
-pub(super) fn indices(file: &File, index: Whole) -> Result<Vec<u32>> {
+pub(super) fn indices(file: &GltfFile, index: Whole) -> Result<Vec<u32>> {
     let elements = Elements::of(file, index)?;
     elements.expect("SCALAR")?;
     match elements.component {
@@ -106,7 +109,7 @@ pub(super) fn indices(file: &File, index: Whole) -> Result<Vec<u32>> {
 }
 
 /// Returns the number of elements, after checking that the file contains them.
-pub(super) fn count(file: &File, index: Whole) -> Result<usize> {
+pub(super) fn count(file: &GltfFile, index: Whole) -> Result<usize> {
     let elements = Elements::of(file, index)?;
     elements.find().map_err(|e| elements.wrong(e))?;
     Ok(elements.accessor.count.0)
@@ -116,7 +119,7 @@ pub(super) fn count(file: &File, index: Whole) -> Result<usize> {
 type Rows<'a> = std::iter::Take<std::slice::Chunks<'a, u8>>;
 
 /// Sequence of equally sized elements in a buffer view.
-struct Span {
+struct ElementSpan {
     view: Whole,
     offset: Option<Whole>,
     count: usize,
@@ -124,8 +127,8 @@ struct Span {
     size: usize,
 }
 
-impl Span {
-    fn rows<'a>(&self, file: &'a File) -> Result<Rows<'a>, String> {
+impl ElementSpan {
+    fn rows<'a>(&self, file: &'a GltfFile) -> Result<Rows<'a>, String> {
         let (view, bytes) = file.view_bytes(self.view)?;
         let (number, length) = (self.view.0, bytes.len());
         let (count, size) = (self.count, self.size);
@@ -149,7 +152,7 @@ impl Span {
 
 /// Located values of an accessor.
 #[derive(Default)]
-struct Found<'a> {
+struct ElementBytes<'a> {
     /// Elements in the buffer view. `None` if all elements are zero.
     own: Option<Rows<'a>>,
     /// Elements of a sparse accessor that replace others, by index.
@@ -157,7 +160,7 @@ struct Found<'a> {
 }
 
 impl<'a> Elements<'a> {
-    fn of(file: &'a File, index: Whole) -> Result<Self> {
+    fn of(file: &'a GltfFile, index: Whole) -> Result<Self> {
         let accessor = file.accessor(index)?;
         let wrong = |cause| file.wrong(("accessor", index.0), cause);
         let component = Component::of(accessor.component_type).map_err(wrong)?;
@@ -202,13 +205,13 @@ impl<'a> Elements<'a> {
         self.width * self.component.size()
     }
 
-    fn find(&self) -> Result<Found<'a>, String> {
+    fn find(&self) -> Result<ElementBytes<'a>, String> {
         const MOST_ZEROS: usize = 1 << 26;
         let count = self.accessor.count.0;
         if count == 0 {
-            return Ok(Found::default());
+            return Ok(ElementBytes::default());
         }
-        let own = self.accessor.buffer_view.map(|view| Span {
+        let own = self.accessor.buffer_view.map(|view| ElementSpan {
             view,
             offset: self.accessor.byte_offset,
             count,
@@ -222,7 +225,7 @@ impl<'a> Elements<'a> {
         let own = own.map(|span| span.rows(self.file)).transpose()?;
         let sparse = self.accessor.sparse.as_ref();
         let replaced = sparse.map_or(Ok(Vec::new()), |sparse| self.replaced(sparse))?;
-        Ok(Found { own, replaced })
+        Ok(ElementBytes { own, replaced })
     }
 
     fn replaced(&self, sparse: &Sparse) -> Result<Vec<(usize, &'a [u8])>, String> {
@@ -236,13 +239,13 @@ impl<'a> Elements<'a> {
                 "sparse indices are {kind:?}, which is not unsigned"
             ));
         }
-        let places = Span {
+        let places = ElementSpan {
             view: sparse.indices.buffer_view,
             offset: sparse.indices.byte_offset,
             count: length,
             size: kind.size(),
         };
-        let values = Span {
+        let values = ElementSpan {
             view: sparse.values.buffer_view,
             offset: sparse.values.byte_offset,
             count: length,
@@ -266,7 +269,7 @@ impl<'a> Elements<'a> {
     fn read<T: Clone>(&self, read: impl Fn(&[u8]) -> T) -> Result<Vec<T>> {
         let found = self.find().map_err(|e| self.wrong(e))?;
         let count = self.accessor.count.0;
-        let mut elements = host::room(count).map_err(|e| self.wrong(e))?;
+        let mut elements = host::try_with_capacity(count).map_err(|e| self.wrong(e))?;
         match found.own {
             Some(own) => elements.extend(own.map(&read)),
             None => elements.resize(count, read(&vec![0; self.size()])),

@@ -1,18 +1,18 @@
 //! An open glTF file: its document, and its buffers, which are loaded on first use.
 
 use super::container::Container;
-use super::schema::{Accessor, BufferView, Document, Head, Node, Whole};
+use super::schema::{Accessor, BufferView, Document, GltfNode, Head, Whole};
 use crate::Location;
+use crate::folder::Folder;
 use crate::{Result, SceneError};
 use data_url::DataUrl;
-use host::Folder;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-pub(super) struct File {
+pub(super) struct GltfFile {
     pub(super) path: PathBuf,
     pub(super) document: Document,
     folder: Folder,
@@ -52,7 +52,7 @@ fn is_complete_with(name: &str) -> bool {
     GEOMETRY.contains(&name) || NEUTRAL.iter().any(|start| own_name.starts_with(start))
 }
 
-impl File {
+impl GltfFile {
     pub(super) fn wrong(&self, place: Location, cause: impl fmt::Display) -> SceneError {
         SceneError::malformed(&self.path, place, cause)
     }
@@ -86,7 +86,7 @@ impl File {
         })
     }
 
-    pub(super) fn node(&self, index: Whole) -> Result<&Node> {
+    pub(super) fn node(&self, index: Whole) -> Result<&GltfNode> {
         self.item("node", &self.document.nodes, index)
     }
 
@@ -230,9 +230,9 @@ fn extensions(document: &Document) -> Result<Vec<String>, String> {
 
 /// Adds one node per mesh. A file without scenes and nodes is a library of meshes (glTF 2.0, 3.5.1).
 fn place_meshes(document: &mut Document) {
-    let node = |mesh| Node {
+    let node = |mesh| GltfNode {
         mesh: Some(Whole(mesh)),
-        ..Node::default()
+        ..GltfNode::default()
     };
     document.nodes = (0..document.meshes.len()).map(node).collect();
 }

@@ -10,16 +10,17 @@ mod motion;
 mod part;
 mod rig;
 mod schema;
+mod transform;
 
 use crate::mesh::joined_triangles;
+use crate::paths::extension;
 use crate::rounding::Rounding;
-use crate::source::extension;
-use crate::stream::{check_counts, check_keys, within};
+use crate::stream::{KeySize, check_counts, check_keys, within};
 use crate::{Facts, MAX_FPS, Options, Result, Scene, SceneError, stream};
-use document::File;
+use document::GltfFile;
 use geom::lock;
-use motion::Motion;
-use part::{Drawn, Part};
+use motion::ClipMotion;
+use part::{ClipPart, Drawn};
 use rig::Rig;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
@@ -35,28 +36,30 @@ pub(crate) fn open(name: String, path: &Path, options: &Options) -> Result<Scene
             "bad frame rate {fps}: give frames a second above 0 and at most {MAX_FPS}"
         )));
     }
-    let mut file = File::open(path, options.allow_outside)?;
+    let mut file = GltfFile::open(path, options.allow_outside)?;
     let mut notes = std::mem::take(&mut file.notes);
     let rig = Rig::new(&file)?;
     let drawn = Drawn::of(&file, &rig)?;
-    drawn.check_room(&file, options)?;
+    drawn.check_memory(&file, options)?;
     let parts = drawn.parts(&file, &mut notes)?;
     let clip = choose(&file, options, &mut notes)?;
-    let motion = Motion::of(&file, clip.map(|i| &file.document.animations[i]))?;
+    let motion = ClipMotion::of(&file, clip.map(|i| &file.document.animations[i]))?;
     let times = times(path, motion.span(), fps)?;
-    let vertices = parts.iter().map(Part::vertices).sum();
+    let vertices = parts.iter().map(ClipPart::vertices).sum();
     let count: usize = parts.iter().map(|p| p.triangles.len()).sum();
-    check_keys(path, (times.len(), vertices, count), options)?;
-    let all = vertices.saturating_mul(times.len());
+    let keys = times.len();
+    let size = KeySize { keys, vertices };
+    check_keys(path, size, count, options)?;
+    let all = vertices.saturating_mul(keys);
     within(path, "vertices in all key frames", all, MAX_POSITIONS)?;
     let skipped = drawn.skipped();
     let hint = skipped.iter().map(|note| format!("; {note}"));
     check_counts(path, [vertices, count], &hint.collect::<String>())?;
     notes.extend(skipped);
-    let colours = |p: &Part| std::iter::repeat_n(p.colour, p.triangles.len());
+    let colours = |p: &ClipPart| std::iter::repeat_n(p.colour, p.triangles.len());
     let colours = parts.iter().flat_map(colours).collect();
     let triangles = joined_triangles(parts.iter().map(|p| (&p.triangles[..], p.vertices())));
-    let (keys, seconds_per_key) = (times.len(), times.get(1).map(|t| t - times[0]));
+    let seconds_per_key = times.get(1).map(|t| t - times[0]);
     let positions = move |key: usize| {
         let time = times[key];
         let pose = rig.pose(&motion, time);
@@ -84,7 +87,7 @@ pub(crate) fn open(name: String, path: &Path, options: &Options) -> Result<Scene
         let first = lock(&first).take_if(|_| key == 0);
         Ok(first.unwrap_or_else(|| rounding.points(&positions(key))))
     };
-    let animation = stream::animation(source, (keys, vertices), triangles, options)?;
+    let animation = stream::animation(source, size, triangles, options)?;
     Ok(Scene {
         name,
         animation: Arc::new(animation),
@@ -93,13 +96,13 @@ pub(crate) fn open(name: String, path: &Path, options: &Options) -> Result<Scene
     })
 }
 
-fn clip_name(file: &File, clip: usize) -> String {
+fn clip_name(file: &GltfFile, clip: usize) -> String {
     let name = file.document.animations[clip].name.clone();
     name.unwrap_or_else(|| clip.to_string())
 }
 
 /// Returns the index of the requested clip, matched by name and then by index. The default is the first clip.
-fn choose(file: &File, options: &Options, notes: &mut Vec<String>) -> Result<Option<usize>> {
+fn choose(file: &GltfFile, options: &Options, notes: &mut Vec<String>) -> Result<Option<usize>> {
     let clips = 0..file.document.animations.len();
     let all: Vec<_> = clips.clone().map(|i| clip_name(file, i)).collect();
     let Some(requested) = &options.clip else {
@@ -116,9 +119,10 @@ fn choose(file: &File, options: &Options, notes: &mut Vec<String>) -> Result<Opt
     }
     let numbered = |(i, name): (usize, &String)| format!("{i} {name:?}");
     let numbered: Vec<_> = all.iter().enumerate().map(numbered).collect();
-    let there = match all.is_empty() {
-        true => "the file has no clips".to_owned(),
-        false => format!("there are {}", numbered.join(", ")),
+    let there = if all.is_empty() {
+        "the file has no clips".to_owned()
+    } else {
+        format!("there are {}", numbered.join(", "))
     };
     let cause = format!("no clip {requested:?}; {there}");
     Err(SceneError::unusable(&file.path, cause))
@@ -129,9 +133,11 @@ fn times(path: &Path, [start, end]: [f64; 2], fps: f64) -> Result<Vec<f64>> {
     // The tolerance keeps rounding errors from adding a key frame: 2.0000001 intervals count as 2.
     let steps = ((end - start) * fps - 1e-4).ceil().max(0.0) as usize;
     within(path, "key frames", steps.saturating_add(1), MAX_KEYS)?;
-    let at = |i: usize| match i == steps {
-        true => end,
-        false => start + (end - start) * (i as f64 / steps as f64),
+    let at = |i: usize| {
+        if i == steps {
+            return end;
+        }
+        start + (end - start) * (i as f64 / steps as f64)
     };
     Ok((0..=steps).map(at).collect())
 }

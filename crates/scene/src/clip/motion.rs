@@ -1,16 +1,16 @@
 //! Motion of a clip: the animated properties, the time span, and the interpolated values.
 
 use super::accessor::floats;
-use super::document::File;
-use super::rig::{Parts, unit};
-use super::schema::{Animation, Channel, Whole};
+use super::document::GltfFile;
+use super::schema::{Clip, Whole};
+use super::transform::{Transform, unit};
 use crate::Result;
 use glam::DVec3;
 use std::collections::BTreeMap;
 
 /// Node property that a clip can animate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Property {
+enum NodeProperty {
     Translation,
     Rotation,
     Scale,
@@ -26,19 +26,19 @@ enum Interpolation {
 
 /// All animated properties of a clip. The default has no motion.
 #[derive(Default)]
-pub(super) struct Motion {
+pub(super) struct ClipMotion {
     /// Tracks by node and property.
-    tracks: BTreeMap<(usize, Property), Track>,
+    tracks: BTreeMap<(usize, NodeProperty), Track>,
     /// Earliest and latest time of any key, in seconds.
     span: Option<[f64; 2]>,
 }
 
-impl Motion {
-    pub(super) fn of(file: &File, clip: Option<&Animation>) -> Result<Self> {
+impl ClipMotion {
+    pub(super) fn of(file: &GltfFile, clip: Option<&Clip>) -> Result<Self> {
         let mut motion = Self::default();
         if let Some(clip) = clip {
-            for (index, channel) in clip.channels.iter().enumerate() {
-                motion.add(file, clip, (index, channel))?;
+            for channel in 0..clip.channels.len() {
+                motion.add(file, clip, channel)?;
             }
         }
         Ok(motion)
@@ -47,32 +47,32 @@ impl Motion {
     pub(super) fn moves(&self, node: usize) -> bool {
         let own = self
             .tracks
-            .range((node, Property::Translation)..=(node, Property::Weights));
+            .range((node, NodeProperty::Translation)..=(node, NodeProperty::Weights));
         own.count() > 0
     }
 
-    fn at(&self, node: usize, property: Property, time: f64) -> Option<Vec<f64>> {
+    fn at(&self, node: usize, property: NodeProperty, time: f64) -> Option<Vec<f64>> {
         let track = self.tracks.get(&(node, property))?;
         Some(track.at(time))
     }
 
-    /// Returns the transform of a node at `time`. Parts that the clip does not set are taken from `rest`.
-    pub(super) fn parts(&self, node: usize, time: f64, rest: Parts) -> Parts {
+    /// Returns the transform of a node at `time`. Properties that the clip does not set are taken from `rest`.
+    pub(super) fn transform(&self, node: usize, time: f64, rest: Transform) -> Transform {
         let vector = |property, rest| {
             let value = self.at(node, property, time);
             value.map_or(rest, |v| DVec3::from_slice(&v))
         };
-        let turned = self.at(node, Property::Rotation, time);
-        (
-            vector(Property::Translation, rest.0),
-            turned.map_or(rest.1, |v| unit(&v)),
-            vector(Property::Scale, rest.2),
-        )
+        let rotation = self.at(node, NodeProperty::Rotation, time);
+        Transform {
+            translation: vector(NodeProperty::Translation, rest.translation),
+            rotation: rotation.map_or(rest.rotation, |v| unit(&v)),
+            scale: vector(NodeProperty::Scale, rest.scale),
+        }
     }
 
     /// Returns the weights of a node's morph targets, or `None` if the clip does not set them.
     pub(super) fn weights(&self, node: usize, time: f64) -> Option<Vec<f64>> {
-        self.at(node, Property::Weights, time)
+        self.at(node, NodeProperty::Weights, time)
     }
 
     /// Returns the first and last time in seconds.
@@ -80,12 +80,9 @@ impl Motion {
         self.span.unwrap_or_default()
     }
 
-    fn add(
-        &mut self,
-        file: &File,
-        clip: &Animation,
-        (index, channel): (usize, &Channel),
-    ) -> Result<()> {
+    /// Adds the track of a channel.
+    fn add(&mut self, file: &GltfFile, clip: &Clip, index: usize) -> Result<()> {
+        let channel = &clip.channels[index];
         // The specification ignores a channel without a node.
         let Some(node) = channel.target.node else {
             return Ok(());
@@ -103,15 +100,15 @@ impl Motion {
         let [start, end] = self.span.unwrap_or([first, last]);
         self.span = Some([start.min(first), end.max(last)]);
         let (size, values) = match property {
-            Property::Translation | Property::Scale => (3, numbers::<3>(file, output)?),
-            Property::Rotation => (4, numbers::<4>(file, output)?),
-            Property::Weights => (targets(file, node)?, numbers::<1>(file, output)?),
+            NodeProperty::Translation | NodeProperty::Scale => (3, numbers::<3>(file, output)?),
+            NodeProperty::Rotation => (4, numbers::<4>(file, output)?),
+            NodeProperty::Weights => (targets(file, node)?, numbers::<1>(file, output)?),
         };
         let track = Track {
             times,
             values,
             size,
-            turns: property == Property::Rotation,
+            turns: property == NodeProperty::Rotation,
             interpolation,
         };
         let place = ("accessor", output.0);
@@ -121,12 +118,12 @@ impl Motion {
     }
 }
 
-fn property(path: &str) -> Result<Property, String> {
+fn property(path: &str) -> Result<NodeProperty, String> {
     match path {
-        "translation" => Ok(Property::Translation),
-        "rotation" => Ok(Property::Rotation),
-        "scale" => Ok(Property::Scale),
-        "weights" => Ok(Property::Weights),
+        "translation" => Ok(NodeProperty::Translation),
+        "rotation" => Ok(NodeProperty::Rotation),
+        "scale" => Ok(NodeProperty::Scale),
+        "weights" => Ok(NodeProperty::Weights),
         _ => Err(format!("unknown path {path:?}")),
     }
 }
@@ -140,13 +137,13 @@ fn interpolation(name: Option<&str>) -> Result<Interpolation, String> {
     }
 }
 
-fn numbers<const N: usize>(file: &File, accessor: Whole) -> Result<Vec<f64>> {
+fn numbers<const N: usize>(file: &GltfFile, accessor: Whole) -> Result<Vec<f64>> {
     let elements = floats::<N>(file, accessor)?;
     Ok(elements.into_iter().flatten().map(f64::from).collect())
 }
 
 /// Returns the number of morph targets of a node.
-fn targets(file: &File, node: Whole) -> Result<usize> {
+fn targets(file: &GltfFile, node: Whole) -> Result<usize> {
     let Some(mesh) = file.node(node)?.mesh else {
         return Ok(0);
     };
@@ -156,7 +153,7 @@ fn targets(file: &File, node: Whole) -> Result<usize> {
 }
 
 /// Returns the times of a sampler, after checking that they are finite and non-decreasing.
-fn times(file: &File, input: Whole) -> Result<Vec<f64>> {
+fn times(file: &GltfFile, input: Whole) -> Result<Vec<f64>> {
     let times = numbers::<1>(file, input)?;
     let wrong = |cause: &str| Err(file.wrong(("accessor", input.0), cause));
     if times.iter().any(|t| !t.is_finite()) {

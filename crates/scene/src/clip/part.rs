@@ -1,10 +1,11 @@
 //! Drawn primitives with their nodes, morph targets and skins.
 
 use super::accessor::{count, floats, indices};
-use super::document::File;
-use super::motion::Motion;
-use super::rig::{self, Rig, vector};
-use super::schema::{Material, Mesh, Node, Primitive, Whole};
+use super::document::GltfFile;
+use super::motion::ClipMotion;
+use super::rig::{self, Rig};
+use super::schema::{GltfMaterial, GltfMesh, GltfNode, GltfPrimitive, Whole};
+use super::transform::vector;
 use crate::mesh::{compact, from_linear};
 use crate::rounding::Position;
 use crate::stream::check_memory;
@@ -23,7 +24,7 @@ enum Mode {
 }
 
 impl Mode {
-    fn of(primitive: &Primitive) -> Option<Self> {
+    fn of(primitive: &GltfPrimitive) -> Option<Self> {
         Some(match primitive.mode.map_or(4, |mode| mode.0) {
             0 => Self::Other("Points"),
             1 => Self::Other("Lines"),
@@ -48,16 +49,16 @@ pub(super) struct Drawn<'a> {
 #[derive(Clone, Copy)]
 struct Item<'a> {
     index: usize,
-    node: &'a Node,
-    mesh: &'a Mesh,
-    primitive: &'a Primitive,
+    node: &'a GltfNode,
+    mesh: &'a GltfMesh,
+    primitive: &'a GltfPrimitive,
     /// Accessor of the positions.
     positions: Whole,
     mode: Mode,
 }
 
 impl<'a> Drawn<'a> {
-    pub(super) fn of(file: &'a File, rig: &Rig) -> Result<Self> {
+    pub(super) fn of(file: &'a GltfFile, rig: &Rig) -> Result<Self> {
         let mut drawn = Self {
             items: Vec::new(),
             skipped: BTreeMap::new(),
@@ -100,7 +101,7 @@ impl<'a> Drawn<'a> {
     }
 
     /// Refuses meshes that exceed the memory limit. A small file may show one mesh many times.
-    pub(super) fn check_room(&self, file: &File, options: &Options) -> Result<()> {
+    pub(super) fn check_memory(&self, file: &GltfFile, options: &Options) -> Result<()> {
         let mut bytes = 0_u64;
         for item in &self.items {
             let copies = rig::copies(file, item.index)? as u64;
@@ -110,11 +111,11 @@ impl<'a> Drawn<'a> {
         check_memory(&file.path, what, bytes, options)
     }
 
-    pub(super) fn parts(&self, file: &File, notes: &mut Vec<String>) -> Result<Vec<Part>> {
+    pub(super) fn parts(&self, file: &GltfFile, notes: &mut Vec<String>) -> Result<Vec<ClipPart>> {
         let mut parts = Vec::new();
         for item in &self.items {
             let part = item.part(file, notes)?;
-            let copy = |place| Part {
+            let copy = |place| ClipPart {
                 place,
                 ..part.clone()
             };
@@ -126,7 +127,7 @@ impl<'a> Drawn<'a> {
 
 impl Item<'_> {
     /// Returns the bytes that one instance needs.
-    fn bytes(&self, file: &File) -> Result<u64> {
+    fn bytes(&self, file: &GltfFile) -> Result<u64> {
         let vertices = count(file, self.positions)?;
         let mut points = vertices;
         for target in self.primitive.displacements().flatten() {
@@ -140,7 +141,7 @@ impl Item<'_> {
         Ok(bytes as u64)
     }
 
-    fn part(&self, file: &File, notes: &mut Vec<String>) -> Result<Part> {
+    fn part(&self, file: &GltfFile, notes: &mut Vec<String>) -> Result<ClipPart> {
         let positions = floats(file, self.positions)?;
         let mut triangles = self.triangles(file, positions.len(), notes)?;
         let mut moved = Vec::new();
@@ -153,18 +154,18 @@ impl Item<'_> {
             moved.push((number, moves));
         }
         let skin = self.node.skin;
-        let skin = skin.map(|skin| Skin::new(file, skin, self.primitive, positions.len()));
+        let skin = skin.map(|skin| VertexSkin::new(file, skin, self.primitive, positions.len()));
         let mut skin = skin.transpose()?;
         let kept = compact(&mut triangles, positions.len());
         let used = || kept.iter().map(|&v| v as usize);
-        if let Some(Skin { holds, .. }) = &mut skin {
-            *holds = used().map(|v| std::mem::take(&mut holds[v])).collect();
+        if let Some(VertexSkin { influences, .. }) = &mut skin {
+            *influences = used().map(|v| std::mem::take(&mut influences[v])).collect();
         }
         let keep = |from: Vec<[f32; 3]>| used().map(|v| vector(from[v])).collect();
         let targets = moved.into_iter().map(|(n, moves)| (n, keep(moves)));
         let targets = targets.collect();
         let weights = self.node.weights.as_ref().or(self.mesh.weights.as_ref());
-        Ok(Part {
+        Ok(ClipPart {
             node: self.index,
             place: DMat4::IDENTITY,
             triangles,
@@ -176,16 +177,16 @@ impl Item<'_> {
         })
     }
 
-    fn colour(&self, file: &File) -> [f32; 3] {
+    fn colour(&self, file: &GltfFile) -> [f32; 3] {
         let materials = &file.document.materials;
         let material = self.primitive.material.and_then(|m| materials.get(m.0));
-        material.map_or([1.0; 3], Material::base_colour)
+        material.map_or([1.0; 3], GltfMaterial::base_colour)
     }
 
     /// Returns the vertices of each triangle, in file order.
     fn triangles(
         &self,
-        file: &File,
+        file: &GltfFile,
         vertices: usize,
         notes: &mut Vec<String>,
     ) -> Result<Vec<[u32; 3]>> {
@@ -222,7 +223,7 @@ impl Item<'_> {
     }
 }
 
-fn check_count(file: &File, accessor: Whole, found: usize, vertices: usize) -> Result<()> {
+fn check_count(file: &GltfFile, accessor: Whole, found: usize, vertices: usize) -> Result<()> {
     if found == vertices {
         return Ok(());
     }
@@ -232,7 +233,7 @@ fn check_count(file: &File, accessor: Whole, found: usize, vertices: usize) -> R
 
 /// Drawn primitive with everything that determines its positions.
 #[derive(Clone)]
-pub(super) struct Part {
+pub(super) struct ClipPart {
     node: usize,
     /// Transform relative to the node.
     place: DMat4,
@@ -243,16 +244,21 @@ pub(super) struct Part {
     targets: Vec<(usize, Vec<DVec3>)>,
     /// Weights of the morph targets if no clip animates them.
     weights: Vec<f64>,
-    skin: Option<Skin>,
+    skin: Option<VertexSkin>,
 }
 
-impl Part {
+impl ClipPart {
     pub(super) fn vertices(&self) -> usize {
         self.rest.len()
     }
 
     /// Returns the positions in world space.
-    pub(super) fn positions(&self, pose: &[DMat4], motion: &Motion, time: f64) -> Vec<Position> {
+    pub(super) fn positions(
+        &self,
+        pose: &[DMat4],
+        motion: &ClipMotion,
+        time: f64,
+    ) -> Vec<Position> {
         let mut points = self.rest.clone();
         let weights = motion.weights(self.node, time);
         let weights = weights.as_ref().unwrap_or(&self.weights);
@@ -274,22 +280,44 @@ impl Part {
     }
 }
 
-/// Skin with its weights for one primitive.
-#[derive(Clone)]
-struct Skin {
-    /// Node and inverse bind matrix of each joint.
-    joints: Vec<(usize, DMat4)>,
-    /// Joints and weights of each vertex. The weights add up to 1. Without weights, the vertex follows its node.
-    holds: Vec<Vec<(usize, f64)>>,
+/// Joint of a skin.
+#[derive(Clone, Copy)]
+struct SkinJoint {
+    node: usize,
+    inverse_bind: DMat4,
 }
 
-impl Skin {
-    fn new(file: &File, number: Whole, primitive: &Primitive, vertices: usize) -> Result<Self> {
+/// Influence of a joint on a vertex.
+#[derive(Clone, Copy)]
+struct Influence {
+    /// Index of the joint in its skin.
+    joint: usize,
+    weight: f64,
+}
+
+/// Skin with its weights for one primitive.
+#[derive(Clone)]
+struct VertexSkin {
+    joints: Vec<SkinJoint>,
+    /// Influences on each vertex. Their weights add up to 1. A vertex without influences follows its node.
+    influences: Vec<Vec<Influence>>,
+}
+
+impl VertexSkin {
+    fn new(
+        file: &GltfFile,
+        number: Whole,
+        primitive: &GltfPrimitive,
+        vertices: usize,
+    ) -> Result<Self> {
         let skin = file.item("skin", &file.document.skins, number)?;
         let mut joints = Vec::with_capacity(skin.joints.len());
         for &joint in &skin.joints {
             file.node(joint)?;
-            joints.push((joint.0, DMat4::IDENTITY));
+            joints.push(SkinJoint {
+                node: joint.0,
+                inverse_bind: DMat4::IDENTITY,
+            });
         }
         if let Some(accessor) = skin.inverse_bind_matrices {
             let binds = floats::<16>(file, accessor)?;
@@ -298,70 +326,67 @@ impl Skin {
                 let cause = format!("{found} inverse bind matrices for {joints} joints");
                 return Err(file.wrong(("skin", number.0), cause));
             }
-            for ((_, bind), found) in joints.iter_mut().zip(&binds) {
-                *bind = Mat4::from_cols_array(found).as_dmat4();
+            for (joint, bind) in joints.iter_mut().zip(&binds) {
+                joint.inverse_bind = Mat4::from_cols_array(bind).as_dmat4();
             }
         }
-        let mut holds = vec![Vec::new(); vertices];
+        let mut skin = Self {
+            joints,
+            influences: vec![Vec::new(); vertices],
+        };
         for set in 0.. {
             let attribute = |name| primitive.attributes.get(&format!("{name}_{set}"));
-            let Some((&numbers, &weights)) = attribute("JOINTS").zip(attribute("WEIGHTS")) else {
+            let Some((&joints, &weights)) = attribute("JOINTS").zip(attribute("WEIGHTS")) else {
                 break;
             };
-            add_holds(file, &mut holds, joints.len(), (numbers, weights))?;
+            skin.add_influences(file, joints, weights)?;
         }
-        holds.iter_mut().for_each(normalise);
-        Ok(Self { joints, holds })
+        skin.influences.iter_mut().for_each(normalise);
+        Ok(skin)
+    }
+
+    /// Adds one set of four influences per vertex. A joint index with weight 0 may be invalid.
+    fn add_influences(&mut self, file: &GltfFile, joints: Whole, weights: Whole) -> Result<()> {
+        let vertices = self.influences.len();
+        let (joint_rows, weight_rows) = (floats::<4>(file, joints)?, floats::<4>(file, weights)?);
+        check_count(file, joints, joint_rows.len(), vertices)?;
+        check_count(file, weights, weight_rows.len(), vertices)?;
+        let rows = joint_rows.into_iter().zip(weight_rows);
+        for (vertex, (row, weights)) in rows.enumerate() {
+            for (joint, weight) in row.into_iter().zip(weights).filter(|(_, w)| *w != 0.0) {
+                let (joint, count) = (joint as usize, self.joints.len());
+                if joint >= count {
+                    let cause =
+                        format!("vertex {vertex} uses joint {joint}, but the skin has {count}");
+                    return Err(file.wrong(("accessor", joints.0), cause));
+                }
+                let weight = f64::from(weight);
+                self.influences[vertex].push(Influence { joint, weight });
+            }
+        }
+        Ok(())
     }
 
     /// Transforms each vertex by its joints, but not by the skinned node itself (glTF 2.0, 3.7.3.3).
     fn bend(&self, points: &mut [DVec3], pose: &[DMat4], world: DMat4) {
-        let joints = self.joints.iter().map(|&(node, bind)| pose[node] * bind);
-        let joints: Vec<_> = joints.collect();
-        for (p, holds) in points.iter_mut().zip(&self.holds) {
-            *p = match holds.as_slice() {
-                [] => world.transform_point3(*p),
-                holds => {
-                    let share = |&(joint, weight): &(usize, f64)| {
-                        weight * joints[joint].transform_point3(*p)
-                    };
-                    holds.iter().map(share).sum()
-                }
+        let joints = self.joints.iter();
+        let joints: Vec<_> = joints.map(|j| pose[j.node] * j.inverse_bind).collect();
+        for (p, influences) in points.iter_mut().zip(&self.influences) {
+            let share = |i: &Influence| i.weight * joints[i.joint].transform_point3(*p);
+            *p = if influences.is_empty() {
+                world.transform_point3(*p)
+            } else {
+                influences.iter().map(share).sum()
             };
         }
     }
 }
 
-/// Adds one set of four joints per vertex. A joint index with weight 0 may be invalid.
-fn add_holds(
-    file: &File,
-    holds: &mut [Vec<(usize, f64)>],
-    joints: usize,
-    (numbers, weights): (Whole, Whole),
-) -> Result<()> {
-    let place = ("accessor", numbers.0);
-    let (found, weight) = (floats::<4>(file, numbers)?, floats::<4>(file, weights)?);
-    check_count(file, numbers, found.len(), holds.len())?;
-    check_count(file, weights, weight.len(), holds.len())?;
-    for (vertex, (found, weight)) in found.into_iter().zip(weight).enumerate() {
-        for (joint, weight) in found.into_iter().zip(weight).filter(|(_, w)| *w != 0.0) {
-            let joint = joint as usize;
-            if joint >= joints {
-                let cause =
-                    format!("vertex {vertex} hangs on joint {joint}, but the skin has {joints}");
-                return Err(file.wrong(place, cause));
-            }
-            holds[vertex].push((joint, f64::from(weight)));
-        }
-    }
-    Ok(())
-}
-
 /// Scales the weights so that their sum is 1, since they are often stored with few bits.
-fn normalise(holds: &mut Vec<(usize, f64)>) {
-    let sum: f64 = holds.iter().map(|h| h.1).sum();
+fn normalise(influences: &mut Vec<Influence>) {
+    let sum: f64 = influences.iter().map(|i| i.weight).sum();
     if sum == 0.0 {
-        holds.clear();
+        influences.clear();
     }
-    holds.iter_mut().for_each(|h| h.1 /= sum);
+    influences.iter_mut().for_each(|i| i.weight /= sum);
 }

@@ -1,9 +1,10 @@
 //! Node hierarchy: node transforms over time, and the instances of a mesh at a node (`EXT_mesh_gpu_instancing`).
 
 use super::accessor::{count, listed};
-use super::document::File;
-use super::motion::Motion;
-use super::schema::{Node, Whole};
+use super::document::GltfFile;
+use super::motion::ClipMotion;
+use super::schema::{GltfNode, Whole};
+use super::transform::{Transform, unit, vector};
 use crate::Result;
 use glam::{DMat4, DQuat, DVec3};
 
@@ -22,29 +23,26 @@ struct Joint {
 
 enum Rest {
     Matrix(DMat4),
-    Parts(Parts),
+    Transform(Transform),
 }
 
 impl Rest {
-    fn of(node: &Node) -> Self {
+    fn of(node: &GltfNode) -> Self {
         if let Some(matrix) = &node.matrix {
             return Self::Matrix(DMat4::from_cols_array(matrix));
         }
         let vector = |v: Option<[f64; 3]>, default| v.map_or(default, DVec3::from_array);
-        Self::Parts((
-            vector(node.translation, DVec3::ZERO),
-            node.rotation.map_or(DQuat::IDENTITY, |q| unit(&q)),
-            vector(node.scale, DVec3::ONE),
-        ))
+        Self::Transform(Transform {
+            translation: vector(node.translation, DVec3::ZERO),
+            rotation: node.rotation.map_or(DQuat::IDENTITY, |q| unit(&q)),
+            scale: vector(node.scale, DVec3::ONE),
+        })
     }
 }
 
-/// Translation, rotation and scale.
-pub(super) type Parts = (DVec3, DQuat, DVec3);
-
 impl Rig {
     /// Builds the hierarchy. Fails if a node has two parents or is its own ancestor.
-    pub(super) fn new(file: &File) -> Result<Self> {
+    pub(super) fn new(file: &GltfFile) -> Result<Self> {
         let nodes = &file.document.nodes;
         let mut parents = vec![None; nodes.len()];
         for (parent, node) in nodes.iter().enumerate() {
@@ -76,7 +74,7 @@ impl Rig {
     }
 
     /// Returns the nodes of the default scene, else of the first scene. Without scenes, returns all nodes.
-    pub(super) fn visible(&self, file: &File) -> Result<Vec<usize>> {
+    pub(super) fn visible(&self, file: &GltfFile) -> Result<Vec<usize>> {
         let document = &file.document;
         if document.scenes.is_empty() && document.scene.is_none() {
             return Ok(self.order.clone());
@@ -90,7 +88,7 @@ impl Rig {
     }
 
     /// Returns the transform from each node to world space at `time`.
-    pub(super) fn pose(&self, motion: &Motion, time: f64) -> Vec<DMat4> {
+    pub(super) fn pose(&self, motion: &ClipMotion, time: f64) -> Vec<DMat4> {
         let mut world = vec![DMat4::IDENTITY; self.nodes.len()];
         for &i in &self.order {
             let own = self.own(i, motion, time);
@@ -102,36 +100,18 @@ impl Rig {
         world
     }
 
-    fn own(&self, node: usize, motion: &Motion, time: f64) -> DMat4 {
-        let parts = match self.nodes[node].rest {
-            Rest::Matrix(matrix) if !motion.moves(node) => return matrix,
-            Rest::Matrix(matrix) => {
-                let (scale, rotation, translation) = matrix.to_scale_rotation_translation();
-                (translation, rotation, scale)
-            }
-            Rest::Parts(parts) => parts,
+    fn own(&self, node: usize, motion: &ClipMotion, time: f64) -> DMat4 {
+        let rest = match &self.nodes[node].rest {
+            Rest::Matrix(matrix) if !motion.moves(node) => return *matrix,
+            Rest::Matrix(matrix) => Transform::of_matrix(matrix),
+            Rest::Transform(transform) => *transform,
         };
-        let (translation, rotation, scale) = motion.parts(node, time, parts);
-        DMat4::from_scale_rotation_translation(scale, rotation, translation)
-    }
-}
-
-pub(super) fn vector(v: [f32; 3]) -> DVec3 {
-    DVec3::from_array(v.map(f64::from))
-}
-
-/// Returns the rotation of a quaternion (x, y, z, w). A zero quaternion becomes the identity.
-pub(super) fn unit(quaternion: &[f64]) -> DQuat {
-    let q = DQuat::from_slice(quaternion);
-    if q.length_squared() == 0.0 {
-        DQuat::IDENTITY
-    } else {
-        q.normalize()
+        motion.transform(node, time, rest).matrix()
     }
 }
 
 /// Returns `roots` and all their descendants, each after its parent. A node that is reached twice appears once.
-fn descend(file: &File, roots: Vec<Whole>) -> Vec<usize> {
+fn descend(file: &GltfFile, roots: Vec<Whole>) -> Vec<usize> {
     let nodes = &file.document.nodes;
     let mut seen = vec![false; nodes.len()];
     let mut waiting = roots;
@@ -154,7 +134,7 @@ struct Instances {
 }
 
 impl Instances {
-    fn of(file: &File, node: usize) -> Result<Self> {
+    fn of(file: &GltfFile, node: usize) -> Result<Self> {
         let instancing = file.document.nodes[node].extensions.instancing.as_ref();
         let accessor = |name| instancing.and_then(|i| i.attributes.get(name).copied());
         let accessors = ["TRANSLATION", "ROTATION", "SCALE"].map(accessor);
@@ -173,12 +153,12 @@ impl Instances {
 }
 
 /// Returns the number of instances of a node's mesh.
-pub(super) fn copies(file: &File, node: usize) -> Result<usize> {
+pub(super) fn copies(file: &GltfFile, node: usize) -> Result<usize> {
     Ok(Instances::of(file, node)?.count)
 }
 
 /// Returns the transform of each instance relative to the node.
-pub(super) fn places(file: &File, node: usize) -> Result<Vec<DMat4>> {
+pub(super) fn places(file: &GltfFile, node: usize) -> Result<Vec<DMat4>> {
     let Instances { accessors, count } = Instances::of(file, node)?;
     let [translations, rotations, scales] = accessors;
     let translations = listed::<3>(file, translations)?;
@@ -186,10 +166,12 @@ pub(super) fn places(file: &File, node: usize) -> Result<Vec<DMat4>> {
     let scales = listed::<3>(file, scales)?;
     let place = |i: usize| {
         let rotation = rotations.get(i);
-        let rotation = rotation.map_or(DQuat::IDENTITY, |q| unit(&q.map(f64::from)));
-        let scale = scales.get(i).map_or(DVec3::ONE, |&v| vector(v));
-        let translation = translations.get(i).map_or(DVec3::ZERO, |&v| vector(v));
-        DMat4::from_scale_rotation_translation(scale, rotation, translation)
+        let transform = Transform {
+            translation: translations.get(i).map_or(DVec3::ZERO, |&v| vector(v)),
+            rotation: rotation.map_or(DQuat::IDENTITY, |q| unit(&q.map(f64::from))),
+            scale: scales.get(i).map_or(DVec3::ONE, |&v| vector(v)),
+        };
+        transform.matrix()
     };
     Ok((0..count).map(place).collect())
 }

@@ -3,11 +3,10 @@
 //! All other properties are skipped, so errors in a texture, a camera or an `extras` do not fail the file. Numbers are
 //! read in double precision.
 
-use serde::de::{Deserializer, Error, Unexpected, Visitor};
-use serde::{Deserialize, de};
-use serde_json::Value;
+use serde::Deserialize;
+use serde::de::{Deserializer, Error};
+use serde_json::{Number, Value};
 use std::collections::BTreeMap;
-use std::fmt;
 
 /// Non-negative integer. JSON has only one number type, so `3.0` is accepted as 3.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,31 +14,16 @@ pub(super) struct Whole(pub(super) usize);
 
 impl<'de> Deserialize<'de> for Whole {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_any(WholeVisitor).map(Self)
-    }
-}
-
-struct WholeVisitor;
-
-impl Visitor<'_> for WholeVisitor {
-    type Value = usize;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a whole number of at least 0")
-    }
-
-    fn visit_u64<E: de::Error>(self, value: u64) -> Result<usize, E> {
-        usize::try_from(value).map_err(|_| Error::invalid_value(Unexpected::Unsigned(value), &self))
-    }
-
-    fn visit_f64<E: de::Error>(self, value: f64) -> Result<usize, E> {
         /// Above this limit, doubles cannot represent every integer.
         const LIMIT: f64 = (1_u64 << f64::MANTISSA_DIGITS) as f64;
-        if value.fract() == 0.0 && (0.0..LIMIT).contains(&value) {
-            self.visit_u64(value as u64)
-        } else {
-            Err(Error::invalid_value(Unexpected::Float(value), &self))
-        }
+        let number = Number::deserialize(deserializer)?;
+        let is_whole = |x: &f64| x.fract() == 0.0 && (0.0..LIMIT).contains(x);
+        let float = || Some(number.as_f64().filter(is_whole)? as usize);
+        let whole = number.as_u64().and_then(|x| x.try_into().ok());
+        let whole = whole.or_else(float).map(Self);
+        whole.ok_or_else(|| {
+            D::Error::custom(format!("{number} is not a whole number of at least 0"))
+        })
     }
 }
 
@@ -57,43 +41,32 @@ pub(super) struct Asset {
     pub(super) min_version: Option<Value>,
 }
 
-#[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
+#[derive(Default, Deserialize)]
+#[serde(default, rename_all = "camelCase")]
 pub(super) struct Document {
-    #[serde(default)]
     pub(super) extensions_used: Vec<String>,
-    #[serde(default)]
     pub(super) extensions_required: Vec<String>,
     pub(super) scene: Option<Whole>,
-    #[serde(default)]
-    pub(super) scenes: Vec<Scene>,
-    #[serde(default)]
-    pub(super) nodes: Vec<Node>,
-    #[serde(default)]
-    pub(super) meshes: Vec<Mesh>,
-    #[serde(default)]
-    pub(super) skins: Vec<Skin>,
-    #[serde(default)]
-    pub(super) materials: Vec<Material>,
-    #[serde(default)]
-    pub(super) animations: Vec<Animation>,
-    #[serde(default)]
+    pub(super) scenes: Vec<GltfScene>,
+    pub(super) nodes: Vec<GltfNode>,
+    pub(super) meshes: Vec<GltfMesh>,
+    pub(super) skins: Vec<GltfSkin>,
+    pub(super) materials: Vec<GltfMaterial>,
+    pub(super) animations: Vec<Clip>,
     pub(super) accessors: Vec<Accessor>,
-    #[serde(default)]
     pub(super) buffer_views: Vec<BufferView>,
-    #[serde(default)]
-    pub(super) buffers: Vec<Buffer>,
+    pub(super) buffers: Vec<GltfBuffer>,
 }
 
-#[derive(Deserialize)]
-pub(super) struct Scene {
-    #[serde(default)]
+#[derive(Default, Deserialize)]
+#[serde(default)]
+pub(super) struct GltfScene {
     pub(super) nodes: Vec<Whole>,
 }
 
 #[derive(Default, Deserialize)]
-pub(super) struct Node {
-    #[serde(default)]
+#[serde(default)]
+pub(super) struct GltfNode {
     pub(super) children: Vec<Whole>,
     pub(super) mesh: Option<Whole>,
     pub(super) skin: Option<Whole>,
@@ -102,42 +75,41 @@ pub(super) struct Node {
     pub(super) rotation: Option<[f64; 4]>,
     pub(super) scale: Option<[f64; 3]>,
     pub(super) weights: Option<Vec<f64>>,
-    #[serde(default)]
     pub(super) extensions: NodeExtensions,
 }
 
 #[derive(Default, Deserialize)]
+#[serde(default)]
 pub(super) struct NodeExtensions {
     #[serde(rename = "EXT_mesh_gpu_instancing")]
     pub(super) instancing: Option<Instancing>,
 }
 
-#[derive(Deserialize)]
+#[derive(Default, Deserialize)]
+#[serde(default)]
 pub(super) struct Instancing {
     /// Accessors by attribute name.
-    #[serde(default)]
     pub(super) attributes: BTreeMap<String, Whole>,
 }
 
 #[derive(Deserialize)]
-pub(super) struct Mesh {
-    pub(super) primitives: Vec<Primitive>,
+pub(super) struct GltfMesh {
+    pub(super) primitives: Vec<GltfPrimitive>,
     pub(super) weights: Option<Vec<f64>>,
 }
 
-#[derive(Deserialize)]
-pub(super) struct Primitive {
+#[derive(Default, Deserialize)]
+#[serde(default)]
+pub(super) struct GltfPrimitive {
     /// Accessors by attribute semantic.
-    #[serde(default)]
     pub(super) attributes: BTreeMap<String, Whole>,
     pub(super) indices: Option<Whole>,
     pub(super) material: Option<Whole>,
     pub(super) mode: Option<Whole>,
-    #[serde(default)]
     pub(super) targets: Vec<BTreeMap<String, Whole>>,
 }
 
-impl Primitive {
+impl GltfPrimitive {
     /// Returns the accessor of the positions.
     pub(super) fn positions(&self) -> Option<Whole> {
         self.attributes.get(POSITION).copied()
@@ -154,7 +126,7 @@ const POSITION: &str = "POSITION";
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
-pub(super) struct Skin {
+pub(super) struct GltfSkin {
     pub(super) inverse_bind_matrices: Option<Whole>,
     pub(super) joints: Vec<Whole>,
 }
@@ -162,9 +134,9 @@ pub(super) struct Skin {
 /// Material in any form. Colours do not affect triangles, so malformed materials are accepted.
 #[derive(Deserialize)]
 #[serde(transparent)]
-pub(super) struct Material(Value);
+pub(super) struct GltfMaterial(Value);
 
-impl Material {
+impl GltfMaterial {
     /// Returns the base colour in linear light. The specification's default is white.
     pub(super) fn base_colour(&self) -> [f32; 3] {
         let factor = &self.0["pbrMetallicRoughness"]["baseColorFactor"];
@@ -173,30 +145,29 @@ impl Material {
     }
 }
 
-#[derive(Deserialize)]
-pub(super) struct Animation {
+#[derive(Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Clip {
     pub(super) name: Option<String>,
-    #[serde(default)]
-    pub(super) channels: Vec<Channel>,
-    #[serde(default)]
-    pub(super) samplers: Vec<Sampler>,
+    pub(super) channels: Vec<GltfChannel>,
+    pub(super) samplers: Vec<GltfSampler>,
 }
 
 #[derive(Deserialize)]
-pub(super) struct Channel {
+pub(super) struct GltfChannel {
     pub(super) sampler: Whole,
-    pub(super) target: Target,
+    pub(super) target: GltfTarget,
 }
 
 #[derive(Deserialize)]
-pub(super) struct Target {
+pub(super) struct GltfTarget {
     /// Absent if an extension specifies the target.
     pub(super) node: Option<Whole>,
     pub(super) path: String,
 }
 
 #[derive(Deserialize)]
-pub(super) struct Sampler {
+pub(super) struct GltfSampler {
     pub(super) input: Whole,
     pub(super) output: Whole,
     pub(super) interpolation: Option<String>,
@@ -249,7 +220,7 @@ pub(super) struct BufferView {
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
-pub(super) struct Buffer {
+pub(super) struct GltfBuffer {
     pub(super) byte_length: Whole,
     pub(super) uri: Option<String>,
 }

@@ -1,7 +1,7 @@
 //! `demo:collide`: two soft bodies collide, flatten, separate and wobble away, while splinters burst out between them.
 
 use super::shapes::{cube, cube_cuts, onto_ball};
-use super::stage::{Part, Trajectory, blend, rotation, shade};
+use super::stage::{DemoPart, Trajectory, blend, rotation, shade};
 use super::{between, direction, noise};
 use crate::Rgb;
 use glam::{DAffine3, DMat3, DVec3};
@@ -19,21 +19,21 @@ const SPLINTERS: [Rgb; 2] = [[226, 120, 48], [120, 170, 172]];
 
 /// One of the two bodies. `side` is -1 for the left one.
 #[derive(Clone, Copy)]
-struct Body {
+struct SoftBody {
     side: f64,
     lobes: f64,
     axis: DVec3,
     spin: f64,
 }
 
-const BODIES: [Body; 2] = [
-    Body {
+const BODIES: [SoftBody; 2] = [
+    SoftBody {
         side: -1.0,
         lobes: 0.1,
         axis: DVec3::Z,
         spin: -0.55 * TAU,
     },
-    Body {
+    SoftBody {
         side: 1.0,
         lobes: 0.0,
         axis: DVec3::new(0.0, 0.6, 0.8),
@@ -42,20 +42,22 @@ const BODIES: [Body; 2] = [
 ];
 
 /// Builds about `budget` triangles: two bodies of equal size, a floor, and splinters if the budget is large enough.
-pub(super) fn build(budget: usize) -> Vec<Part> {
+pub(super) fn build(budget: usize) -> Vec<DemoPart> {
     let cuts = cube_cuts(budget * 46 / 100);
-    let mut parts: Vec<Part> = BODIES.into_iter().map(|b| body(b, cuts)).collect();
+    let mut parts: Vec<DemoPart> = BODIES.into_iter().map(|b| body(b, cuts)).collect();
     let left = budget.saturating_sub(24 * (cuts * cuts) as usize);
-    let floor = Part::floor((left / 4).max(2), [10.0, 6.25], FLOOR, (73, 1.5));
+    let floor = DemoPart::floor((left / 4).max(2), [10.0, 6.25], FLOOR, |p| {
+        noise(73, p * 1.5)
+    });
     let splinters = left.saturating_sub(floor.len()) / 12;
     parts.push(floor);
     parts.extend((0..splinters as u64).map(splinter));
     parts
 }
 
-fn body(body: Body, cuts: u32) -> Part {
+fn body(body: SoftBody, cuts: u32) -> DemoPart {
     let mesh = cube(cuts).map(|p| relief(body, onto_ball(p)));
-    Part::new(
+    DemoPart::new(
         mesh,
         move |p| paint(body, p),
         move |time| move |p| body.place(p, time),
@@ -63,13 +65,13 @@ fn body(body: Body, cuts: u32) -> Part {
 }
 
 /// Adds meridian lobes that fade towards the poles. One body then resembles a pumpkin.
-fn relief(body: Body, p: DVec3) -> DVec3 {
+fn relief(body: SoftBody, p: DVec3) -> DVec3 {
     let angle = libm::atan2(p.z, p.x);
     let rim = 1.0 - p.y * p.y;
     p * (1.0 - body.lobes * rim * (0.5 - 0.5 * libm::cos(10.0 * angle)))
 }
 
-fn paint(body: Body, p: DVec3) -> Rgb {
+fn paint(body: SoftBody, p: DVec3) -> Rgb {
     let speckle = 0.06 * noise(71, p * 20.0);
     if body.side < 0.0 {
         let groove = 0.5 - 0.5 * libm::cos(10.0 * libm::atan2(p.z, p.x));
@@ -81,7 +83,7 @@ fn paint(body: Body, p: DVec3) -> Rgb {
     shade(blend([28, 104, 122], [236, 226, 200], band), speckle)
 }
 
-impl Body {
+impl SoftBody {
     /// Returns the distance of the body's centre from the contact plane.
     fn distance(&self, time: f64) -> f64 {
         let [touch, part] = CONTACT;
@@ -142,7 +144,7 @@ fn wobble(time: f64) -> DMat3 {
 }
 
 /// Creates a closed splinter. It is hidden in its body until contact, then flies outward from the contact's rim.
-fn splinter(index: u64) -> Part {
+fn splinter(index: u64) -> DemoPart {
     let which = (index % 2) as usize;
     let owner = BODIES[which];
     let size = between(81, index, [0.012, 0.045]);
@@ -171,7 +173,7 @@ fn splinter(index: u64) -> Part {
         spin: between(92, index, [0.2, 1.0]) * TAU,
         rest: start.y.min(size),
     };
-    Part::rigid(
+    DemoPart::rigid(
         mesh,
         move |_| colour,
         move |time| {

@@ -1,7 +1,7 @@
 //! Walking figure: fourteen closed limbs on a jointed skeleton. Lengths are in metres, angles in radians.
 
 use super::shapes::capsule;
-use super::stage::{Part, rotation};
+use super::stage::{DemoPart, rotation};
 use crate::Rgb;
 use glam::{DAffine3, DVec3};
 use std::f64::consts::TAU;
@@ -20,7 +20,7 @@ const FEWEST: usize = 14 * 6;
 
 /// State of a walking figure: the ground position below it, and the phase of the stride in turns.
 #[derive(Clone, Copy)]
-pub(super) struct Step {
+pub(super) struct Stride {
     pub(super) ground: DVec3,
     pub(super) phase: f64,
 }
@@ -39,63 +39,84 @@ enum Limb {
     Foot,
 }
 
-/// Limb with its share of the triangles, length, radii at joint and end, and colour.
-type Look = (Limb, f64, f64, [f64; 2], Rgb);
+/// Shape of a limb, with its share of the triangles.
+#[derive(Clone, Copy)]
+struct LimbShape {
+    limb: Limb,
+    share: f64,
+    length: f64,
+    /// Radii at the joint and at the end.
+    radii: [f64; 2],
+    colour: Rgb,
+}
 
-const SINGLE: [Look; 4] = [
-    (Limb::Pelvis, 0.08, 0.1, [0.13, 0.14], TROUSERS),
-    (Limb::Chest, 0.14, 0.34, [0.16, 0.125], SHIRT),
-    (Limb::Head, 0.12, 0.07, [0.1, 0.085], SKIN),
-    (Limb::Hair, 0.06, 0.02, [0.106, 0.1], HAIR),
+const fn shape(limb: Limb, share: f64, [length, upper, lower]: [f64; 3], colour: Rgb) -> LimbShape {
+    LimbShape {
+        limb,
+        share,
+        length,
+        radii: [upper, lower],
+        colour,
+    }
+}
+
+const SINGLE: [LimbShape; 4] = [
+    shape(Limb::Pelvis, 0.08, [0.1, 0.13, 0.14], TROUSERS),
+    shape(Limb::Chest, 0.14, [0.34, 0.16, 0.125], SHIRT),
+    shape(Limb::Head, 0.12, [0.07, 0.1, 0.085], SKIN),
+    shape(Limb::Hair, 0.06, [0.02, 0.106, 0.1], HAIR),
 ];
-const PAIRED: [Look; 5] = [
-    (Limb::UpperArm, 0.06, 0.28, [0.058, 0.046], SHIRT),
-    (Limb::Forearm, 0.06, 0.27, [0.044, 0.036], SKIN),
-    (Limb::Thigh, 0.07, THIGH, [0.086, 0.066], TROUSERS),
-    (Limb::Shin, 0.06, SHIN, [0.062, 0.046], TROUSERS),
-    (Limb::Foot, 0.05, 0.15, [0.05, 0.044], SHOES),
+const PAIRED: [LimbShape; 5] = [
+    shape(Limb::UpperArm, 0.06, [0.28, 0.058, 0.046], SHIRT),
+    shape(Limb::Forearm, 0.06, [0.27, 0.044, 0.036], SKIN),
+    shape(Limb::Thigh, 0.07, [THIGH, 0.086, 0.066], TROUSERS),
+    shape(Limb::Shin, 0.06, [SHIN, 0.062, 0.046], TROUSERS),
+    shape(Limb::Foot, 0.05, [0.15, 0.05, 0.044], SHOES),
 ];
 
 /// Returns the limbs of a figure with about `budget` triangles that walks along `walk`. Returns no limbs if `budget` is
 /// too small.
 pub(super) fn figure(
     budget: usize,
-    walk: impl Fn(f64) -> Step + Copy + Send + Sync + 'static,
-) -> Vec<Part> {
+    walk: impl Fn(f64) -> Stride + Copy + Send + Sync + 'static,
+) -> Vec<DemoPart> {
     if budget < FEWEST {
         return Vec::new();
     }
-    let single = SINGLE.map(|look| (look, 0.0)).into_iter();
-    let sides = |look| [(look, -1.0), (look, 1.0)];
-    let part = |((limb, share, length, radii, colour), side): (Look, f64)| {
+    let part = |shape: LimbShape, side: f64| {
+        let LimbShape { limb, colour, .. } = shape;
         let stretch = match limb {
             Limb::Chest => DVec3::new(0.72, 1.0, 1.12),
             Limb::Pelvis => DVec3::new(0.8, 0.8, 1.05),
             _ => DVec3::ONE,
         };
-        let mesh = capsule((share * budget as f64) as usize, length, radii).map(|p| p * stretch);
+        let mesh = capsule(
+            (shape.share * budget as f64) as usize,
+            shape.length,
+            shape.radii,
+        )
+        .map(|p| p * stretch);
         let pose = move |time| place(limb, side, walk(time));
-        Part::rigid(mesh, move |_| colour, pose)
+        DemoPart::rigid(mesh, move |_| colour, pose)
     };
-    let paired = PAIRED.into_iter().flat_map(sides);
-    single.chain(paired).map(part).collect()
-}
-
-/// Returns sine and cosine of the thigh's swing angle. The thigh moves forward while the sine rises.
-fn swing(step: Step, side: f64) -> (f64, f64) {
-    let angle = TAU * (step.phase + if side < 0.0 { 0.5 } else { 0.0 });
-    (libm::sin(angle), libm::cos(angle))
+    let single = SINGLE.into_iter().map(|shape| part(shape, 0.0));
+    let paired = PAIRED
+        .into_iter()
+        .flat_map(|shape| [-1.0, 1.0].map(|side| part(shape, side)));
+    single.chain(paired).collect()
 }
 
 /// Returns the frame of a limb's joint. The y axis points up along the limb, x forward, z to the right.
-fn place(limb: Limb, side: f64, step: Step) -> DAffine3 {
-    let root = DAffine3::from_translation(step.ground);
-    let bob = 0.03 * libm::cos(2.0 * TAU * step.phase) - 0.035;
+fn place(limb: Limb, side: f64, stride: Stride) -> DAffine3 {
+    let root = DAffine3::from_translation(stride.ground);
+    let bob = 0.03 * libm::cos(2.0 * TAU * stride.phase) - 0.035;
     let lean = -0.06;
     let spine = root * joint(DVec3::new(0.0, HIP + bob, 0.0), lean);
-    let (sin, cos) = swing(step, side);
+    // The thigh's swing angle. The thigh moves forward while the sine rises.
+    let swing = TAU * (stride.phase + if side < 0.0 { 0.5 } else { 0.0 });
+    let (sin, cos) = (libm::sin(swing), libm::cos(swing));
     let knee = 0.16 + 0.85 * cos.max(0.0) * cos.max(0.0);
-    let above = |limb| place(limb, side, step);
+    let above = |limb| place(limb, side, stride);
     match limb {
         Limb::Pelvis => spine * joint(DVec3::new(0.0, 0.1, 0.0), 0.0),
         Limb::Chest => spine * joint(DVec3::new(0.0, 0.44, 0.0), 0.0),

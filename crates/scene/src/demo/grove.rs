@@ -1,8 +1,8 @@
 //! `demo:grove`: a clearing with trees and grass that sway in the wind, and a figure that walks through it.
 
-use super::figure::{Step, figure};
-use super::shapes::{Mesh, revolve, revolve_size, sheet, sheet_size};
-use super::stage::{Part, blend, shade};
+use super::figure::{Stride, figure};
+use super::shapes::{DemoMesh, revolve, revolve_size, sheet, sheet_size};
+use super::stage::{DemoPart, blend, shade};
 use super::{between, direction, noise, unit};
 use crate::Rgb;
 use glam::{DVec2, DVec3};
@@ -18,10 +18,10 @@ const MEADOW: Rgb = [128, 152, 78];
 const LEAVES: [Rgb; 4] = [[86, 138, 60], [120, 160, 62], [62, 116, 74], [206, 150, 58]];
 
 /// Builds about `budget` triangles: 1/10 ground, 1/10 figure, the grass and trees from the rest (1/6 and 5/6).
-pub(super) fn build(budget: usize) -> Vec<Part> {
+pub(super) fn build(budget: usize) -> Vec<DemoPart> {
     let mut parts = vec![ground((budget / 10).max(2))];
     parts.extend(figure(budget / 10, walk));
-    let used: usize = parts.iter().map(Part::len).sum();
+    let used: usize = parts.iter().map(DemoPart::len).sum();
     let left = budget.saturating_sub(used);
     parts.push(grass(left / 6));
     let trees = (libm::round((budget as f64).sqrt() / 32.0) as usize).max(1);
@@ -45,20 +45,20 @@ fn on_path(x: f64, z: f64) -> bool {
     (z - PATH).abs() < edge
 }
 
-fn ground(budget: usize) -> Part {
+fn ground(budget: usize) -> DemoPart {
     let mesh = sheet(sheet_size(budget, 1.0), |u, v| {
         let (x, z) = ((2.0 * u - 1.0) * HALF, (2.0 * v - 1.0) * HALF);
         DVec3::new(x, hill(x, z), z)
     });
-    Part::still(mesh, |p| {
+    DemoPart::still(mesh, |p| {
         let base = if on_path(p.x, p.z) { SOIL } else { MEADOW };
         shade(base, 0.1 * noise(103, p * 1.3) + 0.06 * noise(104, p * 9.0))
     })
 }
 
-fn walk(time: f64) -> Step {
+fn walk(time: f64) -> Stride {
     let x = -2.6 + 5.2 * time;
-    Step {
+    Stride {
         ground: DVec3::new(x, hill(x, PATH), PATH),
         phase: 3.5 * time + 0.1,
     }
@@ -85,8 +85,8 @@ fn wind(root: DVec3, p: DVec3, time: f64, limber: f64) -> DVec3 {
 }
 
 /// Creates blades of three triangles each.
-fn grass(budget: usize) -> Part {
-    let mut mesh = Mesh::default();
+fn grass(budget: usize) -> DemoPart {
+    let mut mesh = DemoMesh::default();
     for blade in 0..(budget / 3) as u64 {
         let [x, z] = [111, 112].map(|seed| between(seed, blade, [-HALF, HALF]));
         // Moves blades off the path, so that their number is unchanged.
@@ -99,12 +99,12 @@ fn grass(budget: usize) -> Part {
         let green = blend([92, 126, 58], [186, 190, 96], tall);
         shade(green, 0.2 * noise(114, p * 7.0))
     };
-    Part::new(mesh, colour, |time| {
+    DemoPart::new(mesh, colour, |time| {
         move |p| wind(DVec3::new(p.x, hill(p.x, p.z), p.z), p, time, 0.5)
     })
 }
 
-fn add_blade(mesh: &mut Mesh, blade: u64, x: f64, z: f64) {
+fn add_blade(mesh: &mut DemoMesh, blade: u64, x: f64, z: f64) {
     let root = DVec3::new(x, hill(x, z), z);
     let angle = TAU * unit(115, blade);
     let across =
@@ -119,7 +119,7 @@ fn add_blade(mesh: &mut Mesh, blade: u64, x: f64, z: f64) {
 }
 
 /// Creates a trunk and a crown. Trees are arranged in a golden-angle spiral, away from the path.
-fn tree(budget: usize, index: u64, count: u64) -> [Part; 2] {
+fn tree(budget: usize, index: u64, count: u64) -> [DemoPart; 2] {
     let golden = 0.618_033_988_749_895 * index as f64;
     let reach = HALF * 0.9 * ((index as f64 + 1.2) / (count as f64 + 0.7)).sqrt();
     let angle = TAU * golden;
@@ -135,7 +135,7 @@ fn tree(budget: usize, index: u64, count: u64) -> [Part; 2] {
     [trunk, crown]
 }
 
-fn trunk(budget: usize, root: DVec3, height: f64) -> Part {
+fn trunk(budget: usize, root: DVec3, height: f64) -> DemoPart {
     let mesh = revolve(revolve_size(budget, 3.0), |v| {
         let flare = 0.05 * libm::exp(-9.0 * (1.0 - v));
         DVec2::new(
@@ -144,16 +144,16 @@ fn trunk(budget: usize, root: DVec3, height: f64) -> Part {
         )
     });
     let colour = |p: DVec3| shade(BARK, 0.25 * noise(122, p * DVec3::new(25.0, 5.0, 25.0)));
-    Part::new(mesh.map(|p| p + root), colour, move |time| {
+    DemoPart::new(mesh.map(|p| p + root), colour, move |time| {
         move |p| wind(root, p, time, 0.022)
     })
 }
 
 /// Creates a crown: folded leaves of four triangles each, inside an egg-shaped volume.
-fn crown(budget: usize, tree: u64, root: DVec3, height: f64) -> Part {
+fn crown(budget: usize, tree: u64, root: DVec3, height: f64) -> DemoPart {
     let leaves = (budget / 4).max(1) as u64;
     let size = height * (0.85 / (leaves as f64).cbrt()).clamp(0.012, 0.12);
-    let mut mesh = Mesh::default();
+    let mut mesh = DemoMesh::default();
     for leaf in 0..leaves {
         let seed = 131 + 16 * tree;
         let out = direction(seed, leaf);
@@ -171,12 +171,12 @@ fn crown(budget: usize, tree: u64, root: DVec3, height: f64) -> Part {
         let mottle = 0.22 * noise(133, p * 15.0);
         shade(base, mottle + 0.25 * (p.y - top) / height + 0.12)
     };
-    Part::new(mesh, colour, move |time| {
+    DemoPart::new(mesh, colour, move |time| {
         move |p| wind(root, p, time, 0.022)
     })
 }
 
-fn add_leaf(mesh: &mut Mesh, stem: DVec3, aim: DVec3, size: f64) {
+fn add_leaf(mesh: &mut DemoMesh, stem: DVec3, aim: DVec3, size: f64) {
     let across = aim.any_orthonormal_vector();
     let fold = aim.cross(across) * 0.22;
     let at = |along: f64, side: f64| {

@@ -1,8 +1,8 @@
 //! `demo:hall`: a static hall of columns, and a small figure that walks through it.
 
-use super::figure::{Step, figure};
+use super::figure::{Stride, figure};
 use super::shapes::{cube, cube_cuts, revolve, revolve_size, sheet, sheet_size};
-use super::stage::{Part, shade, smoothstep};
+use super::stage::{DemoPart, shade, smoothstep};
 use super::{noise, unit};
 use crate::Rgb;
 use glam::{DVec2, DVec3};
@@ -22,7 +22,7 @@ const PLASTER: Rgb = [190, 172, 150];
 const TILES: [Rgb; 2] = [[150, 120, 98], [196, 178, 150]];
 
 /// Builds about `budget` triangles: 1/20 figure, 1/6 floor, 1/5 wall, 1/10 beams, and the rest columns.
-pub(super) fn build(budget: usize) -> Vec<Part> {
+pub(super) fn build(budget: usize) -> Vec<DemoPart> {
     let mut parts = vec![floor((budget / 6).max(2))];
     parts.extend(figure(budget / 20, walk));
     let wall_share = budget / 5;
@@ -33,7 +33,7 @@ pub(super) fn build(budget: usize) -> Vec<Part> {
     if beam_share >= 12 {
         parts.extend(ROWS.map(|z| beam(beam_share, z)));
     }
-    let used: usize = parts.iter().map(Part::len).sum();
+    let used: usize = parts.iter().map(DemoPart::len).sum();
     let share = budget.saturating_sub(used) / (ROWS.len() * COLUMNS as usize);
     if share >= 20 {
         let places = (0..COLUMNS).flat_map(|i| ROWS.map(|z| DVec3::new(along(i), 0.0, z)));
@@ -42,8 +42,8 @@ pub(super) fn build(budget: usize) -> Vec<Part> {
     parts
 }
 
-fn walk(time: f64) -> Step {
-    Step {
+fn walk(time: f64) -> Stride {
+    Stride {
         ground: DVec3::new(-4.4 + 8.8 * time, 0.0, 0.25),
         phase: 6.0 * time + 0.1,
     }
@@ -61,7 +61,7 @@ fn joint(x: f64) -> f64 {
     smoothstep(0.46, 0.5, from_middle)
 }
 
-fn floor(budget: usize) -> Part {
+fn floor(budget: usize) -> DemoPart {
     let size = sheet_size(budget, HALF[0] / HALF[1]);
     // Uses a whole number of squares per tile if the budget allows.
     let tiles = HALF.map(|half| libm::round(2.0 * half / TILE) as u32);
@@ -73,7 +73,7 @@ fn floor(budget: usize) -> Part {
         let (x, z) = ((2.0 * u - 1.0) * HALF[0], (2.0 * v - 1.0) * HALF[1]);
         DVec3::new(x, -0.015 * joint(x).max(joint(z)), z)
     });
-    Part::still(mesh, |p| {
+    DemoPart::still(mesh, |p| {
         let [i, j] = [p.x, p.z].map(|x| libm::floor(x / TILE) as i64);
         let tile = ((i + 64) * 128 + j + 64) as u64;
         let base = TILES[((i + j) & 1) as usize];
@@ -83,12 +83,12 @@ fn floor(budget: usize) -> Part {
 }
 
 /// Creates a wall along x with an arched niche behind each gap between columns.
-fn wall(budget: usize) -> Part {
+fn wall(budget: usize) -> DemoPart {
     let mesh = sheet(sheet_size(budget, 2.0 * HALF[0] / HEIGHT[1]), |u, v| {
         let (x, y) = ((2.0 * u - 1.0) * HALF[0], (1.0 - v) * HEIGHT[1]);
         DVec3::new(x, y, -HALF[1] - 0.35 * niche(x, y))
     });
-    Part::still(mesh, |p| {
+    DemoPart::still(mesh, |p| {
         let stain = 0.12 * noise(203, p * 1.7) + 0.05 * noise(204, p * 11.0);
         shade(PLASTER, stain - 0.2 * niche(p.x, p.y))
     })
@@ -108,18 +108,18 @@ fn niche(x: f64, y: f64) -> f64 {
     sill * inside
 }
 
-fn beam(budget: usize, z: f64) -> Part {
+fn beam(budget: usize, z: f64) -> DemoPart {
     let half = DVec3::new(HALF[0], 0.22, 0.3);
     let middle = DVec3::new(0.0, HEIGHT[0] + half.y, z);
     let mesh = cube(cube_cuts(budget)).map(|p| {
         let swell = 1.0 + 0.12 * smoothstep(0.6, 0.75, p.y);
         middle + p * half * DVec3::new(1.0, 1.0, swell)
     });
-    Part::still(mesh, |p| shade(STONE, 0.1 * noise(205, p * 3.0) - 0.04))
+    DemoPart::still(mesh, |p| shade(STONE, 0.1 * noise(205, p * 3.0) - 0.04))
 }
 
 /// Creates a fluted column with a round base and a capital.
-fn column(budget: usize, place: DVec3) -> Part {
+fn column(budget: usize, place: DVec3) -> DemoPart {
     let mesh = revolve(revolve_size(budget, 1.0), |v| {
         let y = HEIGHT[0] * (1.0 - v);
         let base = 0.14 * (1.0 - smoothstep(0.12, 0.34, y));
@@ -133,7 +133,7 @@ fn column(budget: usize, place: DVec3) -> Part {
         let flute = 1.0 - 0.07 * shaft * libm::sin(6.0 * TAU * turn).abs();
         place + p * DVec3::new(flute, 1.0, flute)
     });
-    Part::still(fluted, |p| {
+    DemoPart::still(fluted, |p| {
         let stain = 0.1 * noise(206, p * 2.3) + 0.06 * noise(207, p * 14.0);
         shade(STONE, stain)
     })

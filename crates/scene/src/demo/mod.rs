@@ -15,7 +15,7 @@ mod twist;
 use crate::stream::{check_memory, with_more};
 use crate::{Facts, Options, Result, Scene, SceneError};
 use glam::DVec3;
-use stage::{Part, assemble};
+use stage::{DemoPart, assemble};
 use std::sync::Arc;
 
 /// Maximum number of triangles of a demo. Beyond it, key frames alone exceed about 10 GB.
@@ -25,7 +25,7 @@ const MOST_TRIANGLES: usize = 100_000_000;
 const LEAST_BYTES: u64 = 96;
 
 /// Demo: name, function from a triangle count to parts, default triangle count, and number of key frames.
-type Demo = (&'static str, fn(usize) -> Vec<Part>, usize, u32);
+type Demo = (&'static str, fn(usize) -> Vec<DemoPart>, usize, u32);
 
 const DEMOS: [Demo; 5] = [
     ("grove", grove::build, 174_000, 24),

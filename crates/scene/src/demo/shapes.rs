@@ -6,12 +6,12 @@ use glam::{DVec2, DVec3};
 
 /// Rest positions, and triangles as vertex indices.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Mesh {
+pub(super) struct DemoMesh {
     pub(super) points: Vec<DVec3>,
     pub(super) triangles: Vec<[u32; 3]>,
 }
 
-impl Mesh {
+impl DemoMesh {
     pub(super) fn map(mut self, at: impl Fn(DVec3) -> DVec3) -> Self {
         for p in &mut self.points {
             *p = at(*p);
@@ -43,8 +43,8 @@ impl Mesh {
 
 /// Creates an open sheet of `2 * columns * rows` triangles over the unit square. If `at` maps (u, v) to (x, z), the
 /// sheet faces up.
-pub(super) fn sheet([columns, rows]: [u32; 2], at: impl Fn(f64, f64) -> DVec3) -> Mesh {
-    let mut mesh = Mesh::default();
+pub(super) fn sheet([columns, rows]: [u32; 2], at: impl Fn(f64, f64) -> DVec3) -> DemoMesh {
+    let mut mesh = DemoMesh::default();
     for j in 0..=rows {
         for i in 0..=columns {
             let share = |i: u32, of: u32| f64::from(i) / f64::from(of);
@@ -70,8 +70,8 @@ pub(super) fn sheet_size(budget: usize, aspect: f64) -> [u32; 2] {
 }
 
 /// Creates the closed surface of the cube `[-1, 1]^3` with `cuts` by `cuts` squares per side: `12 * cuts^2` triangles.
-pub(super) fn cube(cuts: u32) -> Mesh {
-    let mut mesh = Mesh::default();
+pub(super) fn cube(cuts: u32) -> DemoMesh {
+    let mut mesh = DemoMesh::default();
     let at = |i: u32| f64::from(i) / f64::from(cuts) * 2.0 - 1.0;
     for k in 0..=cuts {
         for (i, j) in layer(cuts, k) {
@@ -149,8 +149,8 @@ pub(super) fn onto_ball(p: DVec3) -> DVec3 {
 /// Creates a closed body of revolution about the y axis with `2 * sides * rings` triangles.
 ///
 /// `profile` maps `0.0..=1.0`, from the upper pole to the lower, to (radius, height). Radii at the poles count as 0.
-pub(super) fn revolve([sides, rings]: [u32; 2], profile: impl Fn(f64) -> DVec2) -> Mesh {
-    let mut mesh = Mesh::default();
+pub(super) fn revolve([sides, rings]: [u32; 2], profile: impl Fn(f64) -> DVec2) -> DemoMesh {
+    let mut mesh = DemoMesh::default();
     mesh.points.push(DVec3::new(0.0, profile(0.0).y, 0.0));
     for ring in 1..=rings {
         let DVec2 { x: radius, y } = profile(f64::from(ring) / f64::from(rings + 1));
@@ -184,7 +184,7 @@ pub(super) fn revolve_size(budget: usize, aspect: f64) -> [u32; 2] {
 }
 
 /// Creates a capsule from the origin down to `-length`, with separate radii for the upper and lower end.
-pub(super) fn capsule(budget: usize, length: f64, [upper, lower]: [f64; 2]) -> Mesh {
+pub(super) fn capsule(budget: usize, length: f64, [upper, lower]: [f64; 2]) -> DemoMesh {
     revolve(revolve_size(budget, 1.0), |v| {
         let angle = std::f64::consts::PI * v;
         let (height, reach) = (libm::cos(angle), libm::sin(angle));
@@ -202,7 +202,7 @@ mod tests {
     use std::collections::BTreeMap;
 
     /// Returns the signed volume. Asserts that every directed edge occurs once and has one opposite edge.
-    fn closed_volume(mesh: &Mesh) -> f64 {
+    fn closed_volume(mesh: &DemoMesh) -> f64 {
         let mut edges = BTreeMap::new();
         for &[a, b, c] in &mesh.triangles {
             for edge in [(a, b), (b, c), (c, a)] {

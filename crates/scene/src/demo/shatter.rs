@@ -2,8 +2,8 @@
 //!
 //! Neighbouring pieces separate at random speeds, so a tree that is built for the intact ball soon becomes inefficient.
 
-use super::shapes::{Mesh, cube, onto_ball};
-use super::stage::{Part, Trajectory, blend, shade};
+use super::shapes::{DemoMesh, cube, onto_ball};
+use super::stage::{DemoPart, Trajectory, blend, shade};
 use super::{between, direction, noise};
 use crate::Rgb;
 use glam::DVec3;
@@ -21,12 +21,14 @@ const CORE: Rgb = [255, 205, 96];
 const FLOOR: Rgb = [214, 208, 198];
 
 /// Builds about `budget` triangles: `cells^3` pieces and a floor.
-pub(super) fn build(budget: usize) -> Vec<Part> {
-    let floor = Part::floor((budget / 100).max(2), [13.0, 13.0], FLOOR, (51, 1.5));
+pub(super) fn build(budget: usize) -> Vec<DemoPart> {
+    let floor = DemoPart::floor((budget / 100).max(2), [13.0, 13.0], FLOOR, |p| {
+        noise(51, p * 1.5)
+    });
     let budget = budget.saturating_sub(floor.len());
     let cells = cells_along(budget);
     let pieces = u64::from(cells).pow(3);
-    let mut parts: Vec<Part> = (0..pieces)
+    let mut parts: Vec<DemoPart> = (0..pieces)
         .into_par_iter()
         .map(|piece| shard(piece, cells, cuts_of(piece, pieces, budget as u64)))
         .collect();
@@ -53,7 +55,7 @@ fn cuts_of(piece: u64, pieces: u64, budget: u64) -> u32 {
 }
 
 /// Creates one closed piece: a cell of the cube's lattice, bent together with its neighbours, mapped to the ball.
-fn shard(piece: u64, cells: u32, cuts: u32) -> Part {
+fn shard(piece: u64, cells: u32, cuts: u32) -> DemoPart {
     let n = u64::from(cells);
     let cell = DVec3::new(
         (piece % n) as f64,
@@ -67,8 +69,8 @@ fn shard(piece: u64, cells: u32, cuts: u32) -> Part {
     let trajectory = throw(piece, middle);
     let tint = between(11, piece, [-0.12, 0.12]);
     let colour = move |p: DVec3| shade(colour_at(p + middle), tint);
-    let mesh = Mesh::map(mesh, |p| p - middle);
-    Part::rigid(mesh, colour, move |time| trajectory.pose(time * SECONDS))
+    let mesh = DemoMesh::map(mesh, |p| p - middle);
+    DemoPart::rigid(mesh, colour, move |time| trajectory.pose(time * SECONDS))
 }
 
 /// Displaces the interior of the cube `[-1, 1]^3` slightly and keeps each face in its plane. The pieces get varied

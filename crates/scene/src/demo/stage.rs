@@ -1,9 +1,9 @@
 //! Moving parts, their assembly into one animation, and ballistic fragments. Fragments are thrown, slowed by drag,
 //! tumble, and bounce until they rest on the floor.
 
-use super::noise;
-use super::shapes::{Mesh, sheet, sheet_size};
+use super::shapes::{DemoMesh, sheet, sheet_size};
 use crate::mesh::joined_triangles;
+use crate::stream::KeySize;
 use crate::{Options, Result, Rgb, stream};
 use geom::{Animation, Point};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
@@ -13,19 +13,19 @@ use rayon::prelude::*;
 const RUN: usize = 1 << 15;
 
 /// Writes the positions of vertices at a time in `0.0..=1.0`, from their rest positions.
-type Motion = Box<dyn Fn(f64, &[DVec3], &mut [Point]) + Send + Sync>;
+type MotionFunction = Box<dyn Fn(f64, &[DVec3], &mut [Point]) + Send + Sync>;
 
-/// Mesh with one colour per triangle and a motion.
-pub(super) struct Part {
-    mesh: Mesh,
+/// DemoMesh with one colour per triangle and a motion.
+pub(super) struct DemoPart {
+    mesh: DemoMesh,
     colours: Vec<Rgb>,
-    motion: Motion,
+    motion: MotionFunction,
 }
 
-impl Part {
+impl DemoPart {
     /// Creates a part whose vertex with rest position `p` moves to `motion(time)(p)`. `colour` receives the centroid of
     /// each triangle at rest.
-    pub(super) fn new<F, G>(mesh: Mesh, colour: impl Fn(DVec3) -> Rgb + Sync, motion: F) -> Self
+    pub(super) fn new<F, G>(mesh: DemoMesh, colour: impl Fn(DVec3) -> Rgb + Sync, motion: F) -> Self
     where
         F: Fn(f64) -> G + Send + Sync + 'static,
         G: Fn(DVec3) -> DVec3,
@@ -45,7 +45,7 @@ impl Part {
     }
 
     pub(super) fn rigid(
-        mesh: Mesh,
+        mesh: DemoMesh,
         colour: impl Fn(DVec3) -> Rgb + Sync,
         pose: impl Fn(f64) -> DAffine3 + Send + Sync + 'static,
     ) -> Self {
@@ -56,21 +56,21 @@ impl Part {
     }
 
     /// Creates a static part. Adding zero turns -0 into +0, because blending key frames would change -0.
-    pub(super) fn still(mesh: Mesh, colour: impl Fn(DVec3) -> Rgb + Sync) -> Self {
+    pub(super) fn still(mesh: DemoMesh, colour: impl Fn(DVec3) -> Rgb + Sync) -> Self {
         Self::new(mesh.map(|p| p + DVec3::ZERO), colour, |_| |p| p)
     }
 
-    /// Creates a horizontal floor. Its sides are in metres, and noise with the given seed and scale varies its colour.
+    /// Creates a horizontal floor with sides in metres. `noise` varies its colour.
     pub(super) fn floor(
         budget: usize,
         [width, depth]: [f64; 2],
         colour: Rgb,
-        (seed, scale): (u64, f64),
+        noise: impl Fn(DVec3) -> f64 + Sync,
     ) -> Self {
         let mesh = sheet(sheet_size(budget, width / depth), |u, v| {
             DVec3::new((u - 0.5) * width, 0.0, (v - 0.5) * depth)
         });
-        Self::still(mesh, |p| shade(colour, 0.05 * noise(seed, p * scale)))
+        Self::still(mesh, |p| shade(colour, 0.05 * noise(p)))
     }
 
     pub(super) fn len(&self) -> usize {
@@ -81,7 +81,7 @@ impl Part {
 /// Combines all parts into an animation of `keys` key frames, evenly spaced over `0.0..=1.0`. Also returns one colour
 /// per triangle.
 pub(super) fn assemble(
-    parts: Vec<Part>,
+    parts: Vec<DemoPart>,
     keys: u32,
     options: &Options,
 ) -> Result<(Animation, Vec<Rgb>)> {
@@ -94,7 +94,7 @@ pub(super) fn assemble(
         let time = key as f64 / f64::from(keys - 1);
         let mut frame = vec![[0.0; 3]; vertices];
         let mut rest = frame.as_mut_slice();
-        for Part { mesh, motion, .. } in &parts {
+        for DemoPart { mesh, motion, .. } in &parts {
             let (own, after) = rest.split_at_mut(mesh.points.len());
             let runs = own.par_chunks_mut(RUN).zip(mesh.points.par_chunks(RUN));
             runs.for_each(|(to, from)| motion(time, from, to));
@@ -102,7 +102,9 @@ pub(super) fn assemble(
         }
         Ok(frame)
     };
-    let animation = stream::animation(source, (keys as usize, vertices), triangles, options)?;
+    let keys = keys as usize;
+    let size = KeySize { keys, vertices };
+    let animation = stream::animation(source, size, triangles, options)?;
     Ok((animation, colours))
 }
 

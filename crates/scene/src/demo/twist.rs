@@ -2,7 +2,7 @@
 
 use super::noise;
 use super::shapes::{capsule, sheet, sheet_size};
-use super::stage::{Part, blend, rotation, shade, smoothstep};
+use super::stage::{DemoPart, blend, rotation, shade, smoothstep};
 use crate::Rgb;
 use glam::{DAffine3, DVec3};
 use std::f64::consts::TAU;
@@ -22,22 +22,24 @@ const WOOD: Rgb = [150, 106, 66];
 const FLOOR: Rgb = [206, 208, 204];
 
 /// Builds about `budget` triangles: the cloth, a floor, and two bars if the budget is large enough.
-pub(super) fn build(budget: usize) -> Vec<Part> {
+pub(super) fn build(budget: usize) -> Vec<DemoPart> {
     let bar = budget / 50;
-    let mut parts = vec![Part::floor(bar.max(2), [6.0, 4.0], FLOOR, (64, 2.0))];
+    let mut parts = vec![DemoPart::floor(bar.max(2), [6.0, 4.0], FLOOR, |p| {
+        noise(64, p * 2.0)
+    })];
     if bar >= 6 {
         parts.extend([-1.0, 1.0].map(|side| clamp_bar(bar, side)));
     }
-    let used: usize = parts.iter().map(Part::len).sum();
+    let used: usize = parts.iter().map(DemoPart::len).sum();
     parts.insert(0, cloth(budget.saturating_sub(used).max(2)));
     parts
 }
 
-fn cloth(budget: usize) -> Part {
+fn cloth(budget: usize) -> DemoPart {
     let mesh = sheet(sheet_size(budget, HALF[0] / HALF[1]), |u, v| {
         DVec3::new((2.0 * u - 1.0) * HALF[0], (1.0 - 2.0 * v) * HALF[1], 0.0)
     });
-    Part::new(mesh, weave, |time| {
+    DemoPart::new(mesh, weave, |time| {
         let wrung = wrung(time);
         move |p| wring(p, wrung)
     })
@@ -88,12 +90,12 @@ fn wring(p: DVec3, wrung: f64) -> DVec3 {
 }
 
 /// Returns a closed bar along one end of the cloth, which rotates with it.
-fn clamp_bar(budget: usize, side: f64) -> Part {
+fn clamp_bar(budget: usize, side: f64) -> DemoPart {
     let length = 2.0 * HALF[1] + 0.1;
     let bar = capsule(budget, length, [0.045, 0.045]);
     let mesh = bar.map(|p| p + DVec3::Y * 0.5 * length);
     let grain = |p: DVec3| shade(WOOD, 0.15 * noise(63, p * DVec3::new(30.0, 6.0, 30.0)));
-    Part::rigid(mesh, grain, move |time| {
+    DemoPart::rigid(mesh, grain, move |time| {
         let wrung = wrung(time);
         let place = DVec3::new(side * half_length(wrung), HEIGHT, 0.0);
         DAffine3::from_mat3_translation(rotation(DVec3::X, turn(side, wrung)), place)

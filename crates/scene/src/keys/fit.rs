@@ -27,7 +27,7 @@ fn square(found: Point, wanted: Point) -> f64 {
 }
 
 /// Largest squared error of an interval, or a lower bound as `Err`.
-type Known = Result<f64, f64>;
+type IntervalError = Result<f64, f64>;
 
 /// Finds the smallest sets of key frames for one animation. Results for one tolerance are reused for the next.
 ///
@@ -36,10 +36,10 @@ type Known = Result<f64, f64>;
 pub struct Reducer<'a> {
     keys: &'a [KeyFrame],
     /// Blocks with moving vertices. In all other blocks, every blend equals the frame.
-    blocks: Vec<Range<usize>>,
+    pub(super) blocks: Vec<Range<usize>>,
     /// Errors of all intervals, indexed by `from * frames + to`. They are measured on demand and only as far as needed.
     /// The diagonal holds the errors of single frames.
-    known: Vec<Known>,
+    known: Vec<IntervalError>,
     /// Block that last exceeded a limit. It is examined first, because it probably exceeds the next one too.
     suspect: AtomicUsize,
 }
@@ -71,17 +71,18 @@ impl<'a> Reducer<'a> {
     pub(super) fn within(&mut self, [from, to]: [usize; 2], limit: f64) -> Option<f64> {
         let place = from * self.frames() + to;
         self.known[place] = match self.known[place] {
-            Err(least) if least <= limit => self.look([from, to], limit),
+            Err(least) if least <= limit => self.measure([from, to], limit),
             known => known,
         };
         self.known[place].ok().filter(|&square| square <= limit)
     }
 
     /// Measures all blocks, the last suspect first, until one exceeds the limit.
-    fn look(&self, [from, to]: [usize; 2], limit: f64) -> Known {
-        let frames = match from == to {
-            true => 0..self.frames(),
-            false => from + 1..to,
+    fn measure(&self, [from, to]: [usize; 2], limit: f64) -> IntervalError {
+        let frames = if from == to {
+            0..self.frames()
+        } else {
+            from + 1..to
         };
         let examine = |index: usize| {
             let off = |frame| off(self.keys, [from, to, frame], &self.blocks[index]);
@@ -117,9 +118,10 @@ fn worst_of(frames: Range<usize>, limit: f64, off: impl Fn(usize) -> f64) -> f64
 /// Returns the largest squared error of a block at one frame, which is blended from `from` and `to` by its time.
 fn off(keys: &[KeyFrame], [from, to, frame]: [usize; 3], block: &Range<usize>) -> f64 {
     let [a, b, wanted] = [from, to, frame].map(|key| &keys[key][block.clone()]);
-    let alpha = match from == to {
-        true => 0.0,
-        false => ((frame - from) as f64 / (to - from) as f64) as f32,
+    let alpha = if from == to {
+        0.0
+    } else {
+        ((frame - from) as f64 / (to - from) as f64) as f32
     };
     let pose = Pose { key: 0, alpha };
     let ends = a.iter().zip(b).zip(wanted);
@@ -139,7 +141,7 @@ fn moves(keys: &[KeyFrame], block: &Range<usize>) -> bool {
 
 /// Error of the kept frames' motion against the original, over all original frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Fit {
+pub struct ReductionError {
     /// Largest distance, in scene units. Infinite if a vertex is finite in only one of the motions.
     pub max_error: f64,
     /// First original frame with that distance, and the first such vertex in it. `None` if the distance is 0.
@@ -153,7 +155,7 @@ pub struct Fit {
 /// # Panics
 /// If `kept` is neither a single frame nor an ascending list that includes the first and the last frame of `keys`.
 #[must_use]
-pub fn measure(keys: &[KeyFrame], kept: &[usize]) -> Fit {
+pub fn measure(keys: &[KeyFrame], kept: &[usize]) -> ReductionError {
     let ascending = kept.windows(2).all(|w| w[0] < w[1]);
     let ends = (kept.first(), kept.last());
     assert!(
@@ -161,47 +163,57 @@ pub fn measure(keys: &[KeyFrame], kept: &[usize]) -> Fit {
         "kept frames ascend from the first to the last"
     );
     let times: Vec<f64> = kept.iter().map(|&k| k as f64).collect();
-    let pose = |frame: usize| Pose::among(frame as f64, &times);
     let frames = (0..keys.len()).into_par_iter();
-    let tallies = frames.map(|frame| tally(keys, kept, (frame, pose(frame))));
-    let tallies: Vec<_> = tallies.collect();
-    let mut fit = Fit {
+    let errors = frames.map(|frame| {
+        let pose = Pose::among(frame as f64, &times);
+        let from = &keys[kept[pose.key as usize]];
+        // At weight 0 the later frame is not used.
+        let to = kept.get(pose.key as usize + 1).map_or(from, |&k| &keys[k]);
+        FrameError::of(&keys[frame], |v| pose.blend(from[v], to[v]))
+    });
+    let errors: Vec<_> = errors.collect();
+    let mut fit = ReductionError {
         max_error: 0.0,
         worst: None,
         rms: 0.0,
     };
     // Sums in frame order, so that the result does not depend on the number of threads.
     let (mut sum, mut finite) = (0.0, 0);
-    for (frame, ((worst, vertex), its_sum, its_finite)) in tallies.into_iter().enumerate() {
-        sum += its_sum;
-        finite += its_finite;
-        if worst.sqrt() > fit.max_error {
-            fit.max_error = worst.sqrt();
-            fit.worst = Some((frame, vertex));
+    for (frame, error) in errors.into_iter().enumerate() {
+        sum += error.sum;
+        finite += error.finite;
+        if error.worst.sqrt() > fit.max_error {
+            fit.max_error = error.worst.sqrt();
+            fit.worst = Some((frame, error.worst_vertex));
         }
     }
     fit.rms = (sum / finite.max(1) as f64).sqrt();
     fit
 }
 
-/// Returns, for one frame, the largest squared error with its vertex, the sum of squared errors, and the number of
-/// finite vertices.
-fn tally(
-    keys: &[KeyFrame],
-    kept: &[usize],
-    (frame, pose): (usize, Pose),
-) -> ((f64, usize), f64, usize) {
-    let from = &keys[kept[pose.key as usize]];
-    // At weight 0 the later frame is not used.
-    let to = kept.get(pose.key as usize + 1).map_or(from, |&k| &keys[k]);
-    let (mut worst, mut sum, mut finite) = ((0.0, 0), 0.0, 0);
-    for (vertex, &wanted) in keys[frame].iter().enumerate() {
-        let square = square(pose.blend(from[vertex], to[vertex]), wanted);
-        if square > worst.0 {
-            worst = (square, vertex);
+/// Error of one blended frame.
+#[derive(Default)]
+struct FrameError {
+    /// Largest squared error, and its first vertex.
+    worst: f64,
+    worst_vertex: usize,
+    /// Sum of squared errors.
+    sum: f64,
+    /// Number of vertices that should be finite.
+    finite: usize,
+}
+
+impl FrameError {
+    fn of(wanted: &[Point], blended: impl Fn(usize) -> Point) -> Self {
+        let mut error = Self::default();
+        for (vertex, &wanted) in wanted.iter().enumerate() {
+            let square = square(blended(vertex), wanted);
+            if square > error.worst {
+                (error.worst, error.worst_vertex) = (square, vertex);
+            }
+            error.sum += square;
+            error.finite += usize::from(wanted.iter().all(|x| x.is_finite()));
         }
-        sum += square;
-        finite += usize::from(wanted.iter().all(|x| x.is_finite()));
+        error
     }
-    (worst, sum, finite)
 }

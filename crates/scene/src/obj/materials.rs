@@ -4,41 +4,42 @@
 //! `newmtl` and well-formed `Kd` lines. Other lines could make it refuse the library, or panic on a short `Kd`.
 
 use crate::Rgb;
-use crate::mesh::{CLAY, from_display};
+use crate::folder::Folder;
+use crate::mesh::{CLAY, Materials, from_display};
 use crate::text::{check_encoding, lines};
-use host::Folder;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Returns one colour per face of the OBJ file at `path`.
-pub(crate) fn paint(
-    (path, folder): (&Path, &Folder),
-    libraries: &[String],
-    uses: &[(usize, String)],
-    faces: usize,
-    notes: &mut Vec<String>,
-) -> Vec<Rgb> {
-    let mut materials = BTreeMap::new();
-    for library in libraries {
-        read_library(folder, library, &mut materials, notes);
-    }
-    let mut colours = vec![CLAY; faces];
-    let ends = uses.iter().skip(1).map(|u| u.0).chain([faces]);
-    let mut missing = 0;
-    for ((start, name), end) in uses.iter().zip(ends) {
-        match materials.get(name) {
-            Some(&colour) => colours[*start..end].fill(colour),
-            None => missing += 1,
+impl Materials {
+    /// Returns one colour for each of `faces` faces of the OBJ file at `path`.
+    pub(crate) fn colours(
+        &self,
+        path: &Path,
+        folder: &Folder,
+        faces: usize,
+        notes: &mut Vec<String>,
+    ) -> Vec<Rgb> {
+        let mut materials = BTreeMap::new();
+        for library in &self.libraries {
+            read_library(folder, library, &mut materials, notes);
         }
+        let mut colours = vec![CLAY; faces];
+        let ends = self.uses.iter().skip(1).map(|u| u.first_face);
+        let mut missing = 0;
+        for (used, end) in self.uses.iter().zip(ends.chain([faces])) {
+            match materials.get(&used.name) {
+                Some(&colour) => colours[used.first_face..end].fill(colour),
+                None => missing += 1,
+            }
+        }
+        if missing > 0 {
+            let (file, all) = (path.display(), self.uses.len());
+            notes.push(format!(
+                "{file}: {missing} of {all} uses of materials name none with a colour"
+            ));
+        }
+        colours
     }
-    if missing > 0 {
-        let all = uses.len();
-        notes.push(format!(
-            "{}: {missing} of {all} uses of materials name none with a colour",
-            path.display()
-        ));
-    }
-    colours
 }
 
 /// Adds the materials of a `mtllib` statement: one file name with spaces, or several without.
@@ -49,9 +50,10 @@ fn read_library(
     notes: &mut Vec<String>,
 ) {
     let library = library.replace('\\', "/");
-    let names = match folder.path(&library).exists() {
-        true => vec![library.as_str()],
-        false => library.split_whitespace().collect(),
+    let names = if folder.path(&library).exists() {
+        vec![library.as_str()]
+    } else {
+        library.split_whitespace().collect()
     };
     for name in names {
         let file = folder.path(name);
@@ -97,6 +99,7 @@ fn colour_statements(text: &[u8]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mesh::MaterialUse;
     use std::fs;
 
     #[test]
@@ -107,18 +110,22 @@ mod tests {
         fs::write(all.path().join("scene/my colours.mtl"), library).unwrap();
         fs::write(all.path().join("outside.mtl"), "newmtl blue\nKd 0 0 1\n").unwrap();
         let names = ["red paint", "grey", "broken", "none", "blue"];
-        let uses: Vec<_> = (1..).zip(names.map(str::to_owned)).collect();
+        let uses = (1..).zip(names.map(str::to_owned));
+        let uses = uses.map(|(first_face, name)| MaterialUse { first_face, name });
         let libraries = [
             "my colours.mtl",
             "absent.mtl",
             "/dev/zero",
             "../outside.mtl",
         ];
-        let libraries = libraries.map(str::to_owned);
+        let materials = Materials {
+            libraries: libraries.map(str::to_owned).to_vec(),
+            uses: uses.collect(),
+        };
         let obj = all.path().join("scene/a.obj");
         let with = |allow_outside| {
             let (folder, mut notes) = (Folder::of(&obj, allow_outside), Vec::new());
-            let found = paint((&obj, &folder), &libraries, &uses, 6, &mut notes);
+            let found = materials.colours(&obj, &folder, 6, &mut notes);
             assert_eq!(found[..5], [CLAY, [255, 0, 0], [51, 51, 51], CLAY, CLAY]);
             (found[5], notes)
         };

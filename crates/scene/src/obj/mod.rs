@@ -5,39 +5,35 @@
 
 mod materials;
 
-use crate::mesh::{Colours, Mesh, Paint, Topology, short_faces_note};
+use crate::mesh::{
+    Colours, MaterialUse, Materials, Paint, PolygonMesh, Polygons, SHORT_FACES, Skipped,
+};
 use crate::rounding::Position;
-use crate::stream::check_mesh;
-use crate::text::{before_comment, check_encoding, lines, number};
+use crate::stream::ReadSize;
+use crate::text::{LineError, before_comment, check_encoding, lines, number};
 use crate::{Result, SceneError};
-pub(crate) use materials::paint;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-pub(crate) fn read(path: &Path) -> Result<Mesh> {
+pub(crate) fn read(path: &Path) -> Result<PolygonMesh> {
     let bytes = host::read(path).map_err(|e| SceneError::unreadable(path, e))?;
     check_encoding(&bytes).map_err(|cause| SceneError::malformed(path, None, cause))?;
-    check_memory(path, &bytes)?;
-    let found = Statements::scan(&bytes)
-        .map_err(|(line, cause)| SceneError::malformed(path, ("line", line), cause))?;
+    size(&bytes).check(path)?;
+    let found = Statements::scan(&bytes).map_err(|e| e.in_file(path))?;
     let mut notes = found.notes(path);
-    let paint = if !found.uses.is_empty() {
-        Paint::Materials {
-            libraries: found.libraries,
-            uses: found.uses,
-        }
+    let paint = if !found.materials.uses.is_empty() {
+        Paint::Materials(found.materials)
     } else if found.colours.len() == found.points.len() {
         Paint::Vertices(found.colours.into_display(path, &mut notes))
     } else {
         Paint::None
     };
-    Ok(Mesh {
+    Ok(PolygonMesh {
         points: found.points,
-        topology: found.topology,
+        polygons: found.polygons,
         paint,
         notes,
-        pattern: None,
     })
 }
 
@@ -46,12 +42,10 @@ pub(crate) fn read(path: &Path) -> Result<Mesh> {
 struct Statements {
     points: Vec<Position>,
     /// Faces with at least three vertices.
-    topology: Topology,
+    polygons: Polygons,
     /// One colour per vertex. The list is shorter if some vertex has no colour.
     colours: Colours,
-    libraries: Vec<String>,
-    /// Pairs of first face and name, one per `usemtl` statement.
-    uses: Vec<(usize, String)>,
+    materials: Materials,
     /// Line number of each face.
     face_lines: Vec<usize>,
     /// Vertices of the current face.
@@ -64,29 +58,8 @@ struct Statements {
     open_end: bool,
 }
 
-/// Count and lines of items that are not read.
-#[derive(Clone, Copy, Default)]
-struct Skipped {
-    count: usize,
-    first_line: usize,
-    last_line: usize,
-}
-
-impl Skipped {
-    fn add(&mut self, line: usize) {
-        if self.count == 0 {
-            self.first_line = line;
-        }
-        self.last_line = line;
-        self.count += 1;
-    }
-}
-
-/// Line number of the error, and the reason.
-type Wrong = (usize, String);
-
 impl Statements {
-    fn scan(bytes: &[u8]) -> Result<Self, Wrong> {
+    fn scan(bytes: &[u8]) -> Result<Self, LineError> {
         let mut found = Self {
             open_end: !bytes.ends_with(b"\n") && !bytes.ends_with(b"\r") && !bytes.is_empty(),
             ..Self::default()
@@ -105,14 +78,14 @@ impl Statements {
                 }
             };
             let done = found.statement(number, &statement);
-            done.map_err(|e| (number, e))?;
+            done.map_err(|e| LineError::new(number, e))?;
         }
-        if found.open_end && found.short_faces.last_line == last_line {
+        if found.open_end && found.short_faces.last == Some(("line", last_line)) {
             let cause =
                 "a face of fewer than 3 vertices in a line without end; the file is cut short";
-            return Err((last_line, cause.to_owned()));
+            return Err(LineError::new(last_line, cause));
         }
-        found.topology.vertices = found.points.len();
+        found.polygons.vertices = found.points.len();
         found.check_references()?;
         Ok(found)
     }
@@ -125,17 +98,17 @@ impl Statements {
             "f" | "fo" => self.face(line, before_comment(rest))?,
             // Material names may contain '#'.
             "usemtl" => {
-                let first_face = self.face_lines.len();
-                self.uses.push((first_face, rest.trim().to_owned()));
+                let (first_face, name) = (self.face_lines.len(), rest.trim().to_owned());
+                self.materials.uses.push(MaterialUse { first_face, name });
             }
-            "mtllib" => self.libraries.push(rest.trim().to_owned()),
+            "mtllib" => self.materials.libraries.push(rest.trim().to_owned()),
             // These statements do not affect triangles.
             "" | "vt" | "vn" | "vp" | "g" | "o" | "s" | "mg" | "usemap" | "maplib" | "lod"
             | "shadow_obj" | "trace_obj" => {}
             word if word.starts_with('#') => {}
             word => {
                 let word = word.chars().take(24).collect();
-                self.skipped.entry(word).or_default().add(line);
+                self.skipped.entry(word).or_default().add(("line", line));
             }
         }
         Ok(())
@@ -171,22 +144,22 @@ impl Statements {
             self.corners.push(corner(word, self.points.len())?);
         }
         if self.corners.len() < 3 {
-            self.short_faces.add(line);
+            self.short_faces.add(("line", line));
             return Ok(());
         }
-        self.topology.push(self.corners.iter().copied());
+        self.polygons.push(self.corners.iter().copied());
         self.face_lines.push(line);
         Ok(())
     }
 
     /// Refuses faces with undefined vertices. Runs at the end of the file, because a face may precede its vertices.
-    fn check_references(&self) -> Result<(), Wrong> {
+    fn check_references(&self) -> Result<(), LineError> {
         let vertices = self.points.len();
-        for (&line, corners) in self.face_lines.iter().zip(self.topology.faces()) {
+        for (&line, corners) in self.face_lines.iter().zip(self.polygons.faces()) {
             if let Some(&vertex) = corners.iter().find(|&&v| v as usize >= vertices) {
                 let vertex = u64::from(vertex) + 1;
                 let cause = format!("vertex {vertex} does not exist, there are {vertices}");
-                return Err((line, cause));
+                return Err(LineError::new(line, cause));
             }
         }
         Ok(())
@@ -194,17 +167,11 @@ impl Statements {
 
     fn notes(&self, path: &Path) -> Vec<String> {
         let file = path.display();
-        let of_keyword = |(word, skipped): (&String, &Skipped)| {
-            let (count, line) = (skipped.count, skipped.first_line);
-            format!("{file}: skipped {count} '{word}' statements, the first in line {line}")
-        };
-        let mut notes: Vec<_> = self.skipped.iter().map(of_keyword).collect();
-        let short = self.short_faces;
-        notes.extend(short_faces_note(
-            path,
-            short.count,
-            ("line", short.first_line),
-        ));
+        let skipped = self.skipped.iter();
+        let notes = skipped
+            .filter_map(|(word, skipped)| skipped.note(path, &format!("'{word}' statements")));
+        let mut notes: Vec<_> = notes.collect();
+        notes.extend(self.short_faces.note(path, SHORT_FACES));
         if self.open_end {
             notes.push(format!(
                 "{file}: the last line has no end; the file may be cut short"
@@ -256,8 +223,8 @@ fn corner(word: &str, vertices: usize) -> Result<u32, String> {
     })
 }
 
-/// Refuses text whose mesh would not fit into memory. Sizes include spare capacity, since lists grow by doubling.
-fn check_memory(path: &Path, text: &[u8]) -> Result<()> {
+/// Returns how much a text takes to read. Sizes include spare capacity, since lists grow by doubling.
+fn size(text: &[u8]) -> ReadSize {
     /// Bytes of a position and a colour.
     const VERTEX: usize = 84;
     /// Bytes of a face's end in the list of corners, and of its line number.
@@ -279,8 +246,11 @@ fn check_memory(path: &Path, text: &[u8]) -> Result<()> {
             }
         }
     }
-    let need = vertices * VERTEX + faces * FACE + corners * CORNER;
-    check_mesh(path, [vertices, faces], need)
+    ReadSize {
+        vertices,
+        faces,
+        bytes: vertices * VERTEX + faces * FACE + corners * CORNER,
+    }
 }
 
 #[cfg(test)]
@@ -290,7 +260,7 @@ mod tests {
     use crate::testing::{refused, surface};
     use std::fs;
 
-    fn parse(text: &str) -> Result<Mesh> {
+    fn parse(text: &str) -> Result<PolygonMesh> {
         let file = tempfile::Builder::new().suffix(".obj").tempfile().unwrap();
         fs::write(file.path(), text).unwrap();
         read(file.path())
@@ -358,10 +328,10 @@ mod tests {
         assert_eq!(surface(&mesh).triangles.len(), 998);
         assert!(mesh.notes.iter().any(|n| n.contains("cut short")));
         let latin: Vec<u8> = text.chars().map(|c| c as u8).collect();
-        assert_eq!(Statements::scan(&latin).unwrap().topology, mesh.topology);
+        assert_eq!(Statements::scan(&latin).unwrap().polygons, mesh.polygons);
     }
 
-    fn note_with<'a>(mesh: &'a Mesh, says: &str) -> &'a str {
+    fn note_with<'a>(mesh: &'a PolygonMesh, says: &str) -> &'a str {
         let note = mesh.notes.iter().find(|n| n.contains(says));
         note.unwrap_or_else(|| panic!("{says:?} is not in {:?}", mesh.notes))
     }
@@ -402,7 +372,7 @@ mod tests {
         for end in ["\r", "\r\n"] {
             let mesh = parse(&text.replace('\n', end)).unwrap();
             assert_eq!(mesh.points, whole.points);
-            assert_eq!(mesh.topology, whole.topology);
+            assert_eq!(mesh.polygons, whole.polygons);
             note_with(&mesh, "'l' statements, the first in line 8");
             assert_eq!(mesh.notes.len(), 1, "{:?}", mesh.notes);
             let wrong = text.replace("1 2 3", "1 2 4").replace('\n', end);
@@ -439,10 +409,11 @@ mod tests {
             &mesh,
             "skipped 3 faces of fewer than 3 vertices, the first in line 5",
         );
-        let Paint::Materials { uses, .. } = mesh.paint else {
+        let Paint::Materials(materials) = mesh.paint else {
             panic!("materials are in use");
         };
-        assert_eq!(uses, [(0, "a".to_owned()), (0, "b".to_owned())]);
+        let uses = materials.uses.iter().map(|u| (u.first_face, &*u.name));
+        assert!(uses.eq([(0, "a"), (0, "b")]));
     }
 
     #[test]

@@ -2,12 +2,13 @@
 //! required.
 
 use super::element::{Element, is_plain, push_number};
+use crate::text::LineError;
 use ply_rs_bw::parser::Parser;
 use ply_rs_bw::ply::{ElementDef, PropertyType};
 use std::borrow::Cow;
 
 /// Unread part of a file.
-pub(super) struct Body<'a> {
+pub(super) struct AsciiBody<'a> {
     pub(super) rest: &'a [u8],
     /// Current line, counted from 1.
     line: usize,
@@ -19,10 +20,7 @@ pub(super) struct Body<'a> {
     text: String,
 }
 
-/// Line number of the error, and the reason.
-type Wrong = (usize, String);
-
-impl<'a> Body<'a> {
+impl<'a> AsciiBody<'a> {
     pub(super) fn new(rest: &'a [u8], line: usize) -> Self {
         Self {
             rest,
@@ -33,7 +31,7 @@ impl<'a> Body<'a> {
         }
     }
 
-    pub(super) fn element(&mut self, of: &ElementDef, index: usize) -> Result<Element, Wrong> {
+    pub(super) fn element(&mut self, of: &ElementDef, index: usize) -> Result<Element, LineError> {
         self.skip_blanks();
         if let Some(element) = self.whole_line(of) {
             return Ok(element);
@@ -95,21 +93,21 @@ impl<'a> Body<'a> {
 
     /// Skips trailing blanks. If any element was not a whole line, numbers must not follow. A missing or extra number
     /// would have shifted all later elements.
-    pub(super) fn check_end(&mut self) -> Result<(), Wrong> {
+    pub(super) fn check_end(&mut self) -> Result<(), LineError> {
         self.skip_blanks();
-        match self.unaligned.is_some() && !self.rest.is_empty() {
-            true => Err((self.line, self.hinted("numbers after the last element"))),
-            false => Ok(()),
+        if self.unaligned.is_some() && !self.rest.is_empty() {
+            return Err(self.error("numbers after the last element"));
         }
+        Ok(())
     }
 
-    fn word(&mut self, of: &ElementDef, index: usize) -> Result<Cow<'a, str>, Wrong> {
+    fn word(&mut self, of: &ElementDef, index: usize) -> Result<Cow<'a, str>, LineError> {
         self.skip_blanks();
         if self.rest.is_empty() {
             let (name, count) = (&of.name, of.count);
             let cause =
                 format!("the file is cut short: {count} '{name}' are declared, {index} are there");
-            return Err((self.line, self.hinted(&cause)));
+            return Err(self.error(&cause));
         }
         let end = self.rest.iter().position(u8::is_ascii_whitespace);
         let (word, rest) = self.rest.split_at(end.unwrap_or(self.rest.len()));
@@ -127,16 +125,16 @@ impl<'a> Body<'a> {
         }
     }
 
-    fn bad(&self, of: &ElementDef, index: usize, cause: &str) -> Wrong {
-        let cause = format!("bad '{}' {index}: {cause}", of.name);
-        (self.line, self.hinted(&cause))
+    fn bad(&self, of: &ElementDef, index: usize, cause: &str) -> LineError {
+        self.error(&format!("bad '{}' {index}: {cause}", of.name))
     }
 
-    /// Appends a hint at the first element that is not a whole line. From there on, numbers may have been misread.
-    fn hinted(&self, cause: &str) -> String {
+    /// Returns an error in the current line, with a hint at the first element that is not a whole line. From there on,
+    /// numbers may have been misread.
+    fn error(&self, cause: &str) -> LineError {
         let hint = |first: &String| format!("{cause}; {first} is not on a line of its own");
         let hinted = self.unaligned.as_ref().map(hint);
-        hinted.unwrap_or_else(|| cause.to_owned())
+        LineError::new(self.line, hinted.unwrap_or_else(|| cause.to_owned()))
     }
 }
 

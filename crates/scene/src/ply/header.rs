@@ -1,9 +1,9 @@
 //! The file header, which declares the elements in words separated by blanks.
 
-use crate::text::lines;
+use crate::text::{LineError, lines};
 use ply_rs_bw::ply::{Addable, ElementDef, Encoding, PropertyDef, PropertyType, ScalarType};
 
-pub(super) struct Header {
+pub(super) struct PlyHeader {
     pub(super) encoding: Encoding,
     /// Elements in file order. Names of unused elements may occur twice.
     pub(super) elements: Vec<ElementDef>,
@@ -12,14 +12,11 @@ pub(super) struct Header {
     pub(super) lines: usize,
 }
 
-/// Line number of the error, if one line is the cause, and the reason.
-type Wrong = (Option<usize>, String);
-
-impl Header {
-    pub(super) fn read(bytes: &[u8]) -> Result<Self, Wrong> {
+impl PlyHeader {
+    pub(super) fn read(bytes: &[u8]) -> Result<Self, LineError> {
         let Some(length) = length(bytes) else {
             let cause = "not a whole PLY header: no line 'end_header'";
-            return Err((None, cause.to_owned()));
+            return Err(LineError::new(None, cause));
         };
         let mut declared = Declared::default();
         let mut count = 0;
@@ -33,10 +30,10 @@ impl Header {
             };
             known.ok_or_else(|| {
                 let cause = format!("{:?} is not understood in a PLY header", line.trim());
-                (Some(count), cause)
+                LineError::new(count, cause)
             })?;
         }
-        let no_format = || (None, "the header has no line 'format'".to_owned());
+        let no_format = || LineError::new(None, "the header has no line 'format'");
         Ok(Self {
             encoding: declared.encoding.ok_or_else(no_format)?,
             elements: declared.elements,

@@ -1,7 +1,7 @@
 //! Fast path for key-frame sequences: files whose bytes differ only in the vertices have equal topology.
 
-use super::header::Header;
-use super::{File, size};
+use super::header::PlyHeader;
+use super::reader::{PlyFile, size};
 use crate::rounding::Position;
 use crate::{Result, SceneError};
 use ply_rs_bw::ply::{Encoding, PropertyType, ScalarType};
@@ -23,9 +23,10 @@ struct Floats {
 }
 
 impl Pattern {
-    /// Returns the pattern of a file whose header ends at `start` and whose vertices end at `end`. Returns `None` for
-    /// text files and for files that do not begin with their vertices.
-    pub(super) fn of(header: &Header, (bytes, [start, end]): (&[u8], [usize; 2])) -> Option<Self> {
+    /// Returns the pattern of a file whose elements were read. Returns `None` for text files and for files that do not
+    /// begin with their vertices.
+    pub(super) fn of(file: &PlyFile<'_>) -> Option<Self> {
+        let (header, bytes, [start, end]) = (&file.header, file.bytes, file.ends);
         let first = header.elements.first()?;
         let is_binary = header.encoding != Encoding::Ascii;
         (is_binary && first.name == "vertex").then(|| Self {
@@ -66,7 +67,7 @@ impl Pattern {
             return Ok(kept.map(|v| floats.point(rows, v)).collect());
         }
         let bytes = [&self.head[..], rows].concat();
-        let mut file = File::open(path, &bytes)?;
+        let mut file = PlyFile::open(path, &bytes)?;
         let first = file.header.elements.first().cloned();
         file.element(&first.expect("the header is that of the first file"))?;
         Ok(kept.map(|v| file.points[v]).collect())
@@ -75,7 +76,7 @@ impl Pattern {
 
 impl Floats {
     /// Returns the layout if all vertex properties are scalars, and x, y and z are 32-bit floats. Otherwise `None`.
-    fn of(header: &Header) -> Option<Self> {
+    fn of(header: &PlyHeader) -> Option<Self> {
         let vertex = header.element("vertex")?;
         let (mut row, mut xyz) = (0, [None; 3]);
         for (name, property) in &vertex.properties {

@@ -1,12 +1,19 @@
 //! Tests with valid and broken files that are built in memory.
 
 use super::*;
+use crate::mesh::Paint;
+use crate::rounding::Position;
+use crate::stream::ReadSize;
 use crate::testing::{Surface, put, refused, surface};
 use std::fs;
 
 const SQUARE: [[f64; 3]; 4] = [[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
 
-fn parse(bytes: impl AsRef<[u8]>) -> Result<Mesh> {
+fn parse(bytes: impl AsRef<[u8]>) -> Result<PolygonMesh> {
+    Ok(parse_all(bytes)?.mesh)
+}
+
+fn parse_all(bytes: impl AsRef<[u8]>) -> Result<Ply> {
     let file = tempfile::Builder::new().suffix(".ply").tempfile().unwrap();
     fs::write(file.path(), bytes).unwrap();
     read(file.path())
@@ -74,12 +81,17 @@ fn all_three_encodings_say_the_same() {
 fn room_is_asked_for_every_corner() {
     let need = |bytes: &[u8]| {
         let path = Path::new("a.ply");
-        File::open(path, bytes).unwrap().need()
+        PlyFile::open(path, bytes).unwrap().size()
     };
     let square = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n";
     let triangles = ascii(square, "3 0 1 2\n3 3 2 0\n");
     let small = 4 * 84 + 2 * 80;
-    assert_eq!(need(triangles.as_bytes()), ([4, 2], small));
+    let size = |bytes| ReadSize {
+        vertices: 4,
+        faces: 2,
+        bytes,
+    };
+    assert_eq!(need(triangles.as_bytes()), size(small));
     let rim: Vec<i16> = (0..1000).map(|i| i % 4).collect();
     let words = rim.iter().map(|v| format!(" {v}")).collect::<String>();
     let text = ascii(square, &format!("1000{words}\n3 0 1 2\n"));
@@ -90,10 +102,10 @@ fn room_is_asked_for_every_corner() {
         // In a truncated file, or with a false list length, only the existing data counts.
         binary(true, &[(3, &[0, 1, 2]), (i32::MAX, &rim)]),
     ] {
-        let (counts, need) = need(&bytes);
-        assert_eq!((counts, need), ([4, 2], small + 997 * 32));
+        let need = need(&bytes);
+        assert_eq!(need, size(small + 997 * 32));
         // A corner takes 4 bytes and a triangle takes 12.
-        assert!(need >= 1003 * 4 + 999 * 12);
+        assert!(need.bytes >= 1003 * 4 + 999 * 12);
     }
 }
 
@@ -104,7 +116,7 @@ fn vertices_that_no_face_uses_are_dropped() {
     let Surface { points, triangles } = surface(&mesh);
     assert_eq!(points, [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
     assert_eq!(triangles, [[2, 0, 1]]);
-    assert_eq!(mesh.topology.vertices, 5);
+    assert_eq!(mesh.polygons.vertices, 5);
 }
 
 #[test]
@@ -182,7 +194,7 @@ fn a_file_that_differs_in_its_vertices_alone_is_read_as_any_other() {
     for big in [false, true] {
         // No face uses vertex 2.
         let first = binary(big, &[(3, &[0, 1, 3])]);
-        let pattern = parse(&first).unwrap().pattern.unwrap();
+        let pattern = parse_all(&first).unwrap().pattern.unwrap();
         let kept = [0, 1, 3];
         let mut later = first.clone();
         let z = later.len() - (4 + 6) - 3 - 8;
@@ -205,7 +217,7 @@ fn a_file_that_differs_in_its_vertices_alone_is_read_as_any_other() {
             assert!(pattern.read(&path, &kept).unwrap().is_none());
         }
     }
-    let text = parse(ascii("0 0 0\n", "3 0 0 0\n")).unwrap();
+    let text = parse_all(ascii("0 0 0\n", "3 0 0 0\n")).unwrap();
     assert!(text.pattern.is_none());
 }
 
@@ -222,10 +234,10 @@ fn floats_are_found_wherever_they_lie_in_a_row() {
     }
     bytes.push(3);
     bytes.extend([0_i32, 1, 2].map(i32::to_le_bytes).as_flattened());
-    let mesh = parse(&bytes).unwrap();
+    let Ply { mesh, pattern } = parse_all(&bytes).unwrap();
     let file = tempfile::NamedTempFile::new().unwrap();
     fs::write(file.path(), &bytes).unwrap();
-    let pattern = mesh.pattern.unwrap();
+    let pattern = pattern.unwrap();
     let bits = |points: Vec<Position>| points.concat().into_iter().map(f64::to_bits);
     let kept = [0, 1, 2];
     let read = pattern.read(file.path(), &kept).unwrap().unwrap();
@@ -237,7 +249,7 @@ fn floats_are_found_wherever_they_lie_in_a_row() {
 
 const TRIANGLE: &str = "0 0 0\n1 0 0\n0 1 0\n";
 
-fn only_triangle(bytes: impl AsRef<[u8]>) -> Mesh {
+fn only_triangle(bytes: impl AsRef<[u8]>) -> PolygonMesh {
     let mesh = parse(bytes).unwrap();
     let Surface { points, triangles } = surface(&mesh);
     assert_eq!(points, [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
@@ -245,7 +257,7 @@ fn only_triangle(bytes: impl AsRef<[u8]>) -> Mesh {
     mesh
 }
 
-fn note_with(mesh: &Mesh, says: &str) {
+fn note_with(mesh: &PolygonMesh, says: &str) {
     let is_there = mesh.notes.iter().any(|n| n.contains(says));
     assert!(is_there, "{says:?} is not in {:?}", mesh.notes);
 }

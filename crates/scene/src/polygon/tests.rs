@@ -6,10 +6,10 @@ use proptest::prelude::*;
 use std::collections::BTreeSet;
 
 fn triangles(points: &[Position]) -> Vec<[u32; 3]> {
-    let mut topology = Topology::default();
-    topology.vertices = points.len();
-    topology.push(0..points.len() as u32);
-    let found = triangulate(&topology, points);
+    let mut polygons = Polygons::default();
+    polygons.vertices = points.len();
+    polygons.push(0..points.len() as u32);
+    let found = triangulate(&polygons, points);
     assert_eq!(found.fanned, 0);
     found.triangles
 }
@@ -179,10 +179,10 @@ fn concave_polygons_of_too_many_vertices_are_counted() {
         [cos * radius, sin * radius, 0.0]
     };
     let points: Vec<Position> = (0..count).map(point).collect();
-    let mut topology = Topology::default();
-    topology.vertices = count;
-    topology.push(0..count as u32);
-    let found = triangulate(&topology, &points);
+    let mut polygons = Polygons::default();
+    polygons.vertices = count;
+    polygons.push(0..count as u32);
+    let found = triangulate(&polygons, &points);
     assert_eq!((found.triangles.len(), found.fanned), (count - 2, 1));
 }
 

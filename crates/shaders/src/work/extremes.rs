@@ -29,7 +29,7 @@ impl Extremes {
             _ if !has_extremes(intersector) => Self::None,
             _ if params.extreme == 1 => Self::All,
             Rays::Camera(camera) if params.is_extreme(camera.eye) => Self::All,
-            Rays::Given(_, true) => Self::Some,
+            Rays::Given(..) => Self::Some,
             _ if params.is_unknown() => Self::Some,
             _ => Self::None,
         }

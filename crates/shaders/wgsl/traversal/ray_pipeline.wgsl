@@ -4,7 +4,7 @@
 // which the build replaces (build/rays.rs).
 
 import package::geometry::light::to_light;
-import package::geometry::queries::through_pixel;
+import package::geometry::queries::{is_void_ray, through_pixel};
 import package::geometry::units::{is_finite_point, scale_bits, scaled_point, snapped3};
 import package::lib::buffers::{hits, occluded, rays};
 import package::lib::params::params;
@@ -89,12 +89,14 @@ fn camera_shadow(@ray_invocation_id id: vec3<u32>) {
 
 struct Given { origin: vec3<f32>, t_min: f32, direction: vec3<f32>, t_max: f32, traced: bool }
 
-// The host marks rays that can hit nothing by a direction of zero. Drivers do not trace behind a ray's origin.
+// Invalid rays are not traced. Drivers do not trace behind a ray's origin.
 fn given(i: u32) -> Given {
-    let a = bitcast<vec4<f32>>(rays[2u * i]);
-    let b = bitcast<vec4<f32>>(rays[2u * i + 1u]);
+    let first = rays[2u * i];
+    let second = rays[2u * i + 1u];
+    let a = bitcast<vec4<f32>>(first);
+    let b = bitcast<vec4<f32>>(second);
     let t_min = max(a.w, 0.0);
-    return Given(a.xyz, t_min, b.xyz, b.w, any(b.xyz != vec3<f32>(0.0)) && t_min < b.w);
+    return Given(a.xyz, t_min, b.xyz, b.w, !is_void_ray(first, second) && t_min < b.w);
 }
 
 fn meet_given(i: u32) -> vec4<u32> {

@@ -1,6 +1,7 @@
 //! Tests of trees for future times, and of trees that are rejected because they are no better.
 
 use super::*;
+use crate::driver::next_tree::NextTree;
 use crate::frame::Adopted;
 use crate::tree_builder::BuildStrategy;
 
@@ -60,14 +61,17 @@ fn early(from: u64, latency: u64) -> Run {
         let time = index as f64 * 0.5;
         let queries = [query(QueryKind::Closest)];
         driver.begin(Frame { index, time }, &queries).unwrap();
-        while driver.candidate.as_ref().is_some_and(|c| c.is_building()) {
+        while matches!(
+            driver.trees.next,
+            NextTree::Requested(..) | NextTree::Building(..)
+        ) {
             driver.poll_builder().unwrap();
         }
         let record = driver.finish(Wanted::default(), &mut Answers::default());
         record.unwrap().unwrap()
     };
     let records = (0..5).map(frame).collect();
-    let built = driver.builder_thread.is_open();
+    let built = driver.builder.is_open();
     drop(driver);
     let log = read(log);
     Run {
@@ -80,20 +84,20 @@ fn early(from: u64, latency: u64) -> Run {
 #[test]
 fn a_tree_waits_until_its_moment_is_nearer_than_the_last_ones() {
     let records = early(1, 2).records;
-    assert!(records[1].asked.is_some());
+    assert!(records[1].requested.is_some());
     for waiting in &records[2..4] {
         assert!(waiting.adopted.is_none() && waiting.rejected.is_none());
     }
     // Frame 3 would have evaluated it if the fake measured costs.
     let adopted = records[4].adopted.unwrap();
     // The first tree was built for the first key frame interval.
-    assert_eq!((adopted.latency_frames, moment(&adopted)), (1, 1.75));
+    assert_eq!(moment(&adopted), 1.75);
 }
 
 #[test]
 fn a_tree_whose_moment_is_far_off_gives_way_to_one_that_is_asked_for_at_once() {
     let run = early(1, 20);
-    assert!(run.records[2].rejected.is_some() && run.records[2].asked.is_some());
+    assert!(run.records[2].rejected.is_some() && run.records[2].requested.is_some());
     assert_eq!(moment(&run.records[4].adopted.unwrap()), 1.5);
     // It is built from subtrees of the current tree.
     assert!(run.log.trees[1] == early(2, 1).log.trees[1]);
@@ -103,7 +107,10 @@ fn a_tree_whose_moment_is_far_off_gives_way_to_one_that_is_asked_for_at_once() {
 fn a_first_tree_that_is_used_for_nobody_knows_how_long_is_built_for_a_key_frame() {
     let animation = shuffled(30, 64);
     let halves = [0.25, 0.75].map(|time| animation.pose(time));
-    let own = (at(&animation, 0.0), Some(halves));
+    let own = BuildInput {
+        halves: Some(halves),
+        ..BuildInput::of(at(&animation, 0.0))
+    };
     let swept = words(TreeBuilder::default().build(&animation, own, &Cancel::new()));
     let plain = tree_at(&animation, 0.0, None);
     assert_ne!(swept, plain);
@@ -118,15 +125,18 @@ fn a_first_tree_that_is_used_for_nobody_knows_how_long_is_built_for_a_key_frame(
 #[test]
 fn the_second_tree_is_asked_for_once_the_pace_is_known_and_built_ahead() {
     let run = run_scene(&shuffled(65, 1 << 13), 128, FREE, None);
-    let asked = run.records[1..].iter().find(|r| r.asked.is_some()).unwrap();
+    let asked = run.records[1..]
+        .iter()
+        .find(|r| r.requested.is_some())
+        .unwrap();
     assert_eq!(asked.frame.index, 3);
-    let second = |r: &&FrameRecord| r.tree_generation == Generation(2);
+    let second = |r: &&FrameRecord| r.tree.generation == Generation(2);
     // It may have been rejected.
     if let Some(tree) = run.records.iter().find(second).and_then(|r| r.adopted) {
         assert!(moment(&tree) >= asked.frame.time + 0.5, "{tree:?}");
     }
     let run = run_scene(&shuffled(30, 64), 29, (lockstep(3), true), None);
-    assert!(run.records[1].asked.is_some());
+    assert!(run.records[1].requested.is_some());
 }
 
 /// Returns a fake that measures the costs of trees.
@@ -145,7 +155,7 @@ fn weighed(by: Config, frames: u64, knows_key_frames: bool) -> Run {
         driver.forget_key_frames();
     }
     let records = play(&mut driver, (0..frames).map(|index| index as f64), |_| 1);
-    let built = driver.builder_thread.is_open();
+    let built = driver.builder.is_open();
     drop(driver);
     let log = read(log);
     Run {
@@ -170,7 +180,7 @@ fn a_tree_is_adopted_if_it_costs_less_than_the_current_one_whoever_knows_the_ver
         assert!(rejected.is_sorted() && run.log.adopted.len() > 1);
         for record in &run.records {
             assert!(record.rejected.is_none() || record.adopted.is_none());
-            assert!(!rejected.contains(&record.tree_generation));
+            assert!(!rejected.contains(&record.tree.generation));
         }
         // The last evaluation decides.
         for (generation, [candidate, current]) in &run.log.evaluated {
@@ -211,16 +221,13 @@ fn an_evaluation_that_was_not_submitted_is_recorded_again() {
     let mut fails = 0;
     for index in 60..160 {
         driver.poll_builder().unwrap();
-        let is_due = |driver: &Driver| {
-            let candidate = driver.candidate.as_ref();
-            candidate.is_some_and(|c| matches!(c.state, candidate::State::Due(_)))
-        };
+        let is_due = |driver: &Driver| matches!(driver.trees.next, NextTree::Due(_));
         let time = index as f64;
         let frame = Frame { index, time };
         if driver.in_flight().is_ok() && is_due(&driver) && fails == 0 {
             fails += 1;
             driver.record_evaluation().unwrap();
-            driver.candidate.as_mut().unwrap().abandoned();
+            driver.trees.next.advance(Event::FrameFailed);
         }
         driver.begin(frame, &[query(QueryKind::Closest)]).unwrap();
         let finished = driver.finish(Wanted::default(), &mut Answers::default());
@@ -260,7 +267,7 @@ fn a_scene_at_rest_asks_for_no_tree_again_that_was_no_better() {
         let last = records.iter().rposition(|r| r.rejected.is_some());
         left += u32::from(last.is_some_and(|frame| frame > 12));
         // A slow builder may work on an earlier pose when the scene comes to rest.
-        let at_rest = records[11..].iter().filter(|r| r.asked.is_some());
+        let at_rest = records[11..].iter().filter(|r| r.requested.is_some());
         assert!(at_rest.count() <= 2, "{seed}");
     }
     assert!(left > 0);
@@ -289,7 +296,7 @@ fn vertices_that_nobody_else_knows_are_read_back_in_two_frames_for_each_tree() {
     let bytes = 2 * (64 * 3 * size_of::<Point>()) as u64;
     assert!(trees.len() > 2 && trees.iter().all(|t| t.snapshot_bytes == bytes));
     // The first tree uses only its own frame's vertices.
-    let asked = records.iter().filter(|r| r.asked.is_some()).count() - 1;
+    let asked = records.iter().filter(|r| r.requested.is_some()).count() - 1;
     assert!((2 * asked..=2 * asked + 1).contains(&log.requested));
 }
 
@@ -312,5 +319,5 @@ fn a_scene_of_such_vertices_that_comes_to_rest_gets_its_tree() {
     let (records, _) = unknown(120, 5);
     let last = records.iter().rev().find_map(|r| r.adopted);
     assert_eq!(moment(&last.unwrap()), 1.25);
-    assert!(records[80..].iter().all(|r| r.asked.is_none()));
+    assert!(records[80..].iter().all(|r| r.requested.is_none()));
 }

@@ -66,7 +66,7 @@ fn what_leads_nowhere_is_named() {
     refuse(&bin.json(&rest, ""), &bin, changes);
     let (bin, rest) = skinned();
     let changes = r#"
-        "joints":[1,2] | "joints":[1] | vertex 1 hangs on joint 1
+        "joints":[1,2] | "joints":[1] | vertex 1 uses joint 1
         "joints":[1,2] | "joints":[1,2,0] | 2 inverse bind matrices for 3 joints
     "#;
     refuse(&bin.json(&rest, ""), &bin, changes);

@@ -1,4 +1,4 @@
-//! Key frames that arrive during playback, whose coordinates the host need not examine.
+//! Streamed key frames, whose coordinates the host need not examine.
 
 use super::Check;
 use super::answers::verify;
@@ -27,10 +27,10 @@ const LEAPS: [Point; 6] = [
     [-5.0, 3.0, 40.0],
 ];
 
-/// Tests that key frames that arrive give the same hits and counts as an animation that holds them all.
+/// Tests that streamed key frames give the same hits and counts as an animation that holds them all.
 pub(super) fn pushed(c: &mut Check<'_>) -> Result<()> {
     let rng = &mut Rng::with_seed(c.case.chance);
-    let (case, live) = leaping(c.case, rng)?;
+    let (case, streamed) = leaping(c.case, rng)?;
     // Resets the reference, which has another scene loaded.
     c.reference.backend();
     let mut c = Check {
@@ -39,14 +39,14 @@ pub(super) fn pushed(c: &mut Check<'_>) -> Result<()> {
         reference: &mut *c.reference,
         method: c.method,
     };
-    for (ticket, time, kind) in push_all(&mut c, &live, rng)? {
+    for (ticket, time, kind) in push_all(&mut c, &streamed, rng)? {
         let found = fetch(c.subject, ticket)?;
         verify(&mut c, time, (Rays::List(&case.rays), kind), &found)?;
     }
     Ok(())
 }
 
-/// Returns a case that repeats the key frames, and a live animation with only its first key frame.
+/// Returns a case that repeats the key frames, and a streamed animation with only its first key frame.
 ///
 /// In some key frames one vertex leaps. Some vertices may be fixed.
 fn leaping(case: &Case, rng: &mut Rng) -> Result<(Case, Arc<Animation>)> {
@@ -54,7 +54,7 @@ fn leaping(case: &Case, rng: &mut Rng) -> Result<(Case, Arc<Animation>)> {
     let triangles = || case.animation.triangles().to_vec();
     let still = rng.usize(..first.len()) * rng.usize(..2);
     let marks: Vec<bool> = (0..first.len()).map(|v| v < still).collect();
-    let live = Animation::live(first.to_vec(), &marks, triangles())?;
+    let streamed = Animation::streamed(first.to_vec(), &marks, triangles())?;
     let mut keys = vec![first.to_vec()];
     for key in 1..=PUSHED {
         let mut frame = own[key % own.len()].to_vec();
@@ -64,7 +64,7 @@ fn leaping(case: &Case, rng: &mut Rng) -> Result<(Case, Arc<Animation>)> {
         }
         // An animation that knows all key frames may choose another scale, in which hits round differently.
         let both = Animation::new(vec![first.to_vec(), frame.clone()], triangles())?;
-        if both.scale_exponent() == live.scale_exponent() {
+        if both.scale_exponent() == streamed.scale_exponent() {
             keys.push(frame);
         }
     }
@@ -83,31 +83,31 @@ fn leaping(case: &Case, rng: &mut Rng) -> Result<(Case, Arc<Animation>)> {
         times,
         ..case.clone()
     };
-    Ok((case, Arc::new(live)))
+    Ok((case, Arc::new(streamed)))
 }
 
 /// Pushes the case's key frames in memory of every kind, adopts trees of random key frames, and starts a query at each.
 fn push_all(
     c: &mut Check<'_>,
-    live: &Arc<Animation>,
+    streamed: &Arc<Animation>,
     rng: &mut Rng,
 ) -> Result<Vec<(Ticket, f64, QueryKind)>> {
     let frames = c.case.animation.all_keys()?;
     let (rays, light) = (c.rays(), c.case.light);
-    open(c.subject, live, 0.0, c.method)?;
+    open(c.subject, streamed, 0.0, c.method)?;
     c.subject.keep(frames.len());
-    stand(c.subject, live, 0.0)?;
+    stand(c.subject, streamed, 0.0)?;
     c.subject.submit()?;
     let mut started = Vec::new();
     for (frame, generation) in frames[1..].iter().zip(2..) {
-        let mut memory = memory(c.subject, live, rng)?;
+        let mut memory = memory(c.subject, streamed, rng)?;
         memory.copy_from_slice(frame);
-        let time = live.push(memory)?;
+        let time = streamed.push(memory)?;
         if rng.bool() {
-            let tree = tree_over(live, &frames[rng.usize(..frames.len())]);
+            let tree = tree_over(streamed, &frames[rng.usize(..frames.len())]);
             c.subject.adopt(&tree, Generation(generation))?;
         }
-        c.subject.interpolate(live.pose(time))?;
+        c.subject.interpolate(streamed.pose(time))?;
         boxes_anew(c.subject)?;
         let kind = [QueryKind::Any, QueryKind::ClosestAndShadow { light }][rng.usize(..2)];
         started.push((start(c.subject, rays, kind)?, time, kind));
@@ -116,9 +116,9 @@ fn push_all(
 }
 
 /// Returns memory for a key frame: allocated on the host, borrowed from the subject, or of a dropped key frame.
-fn memory(subject: &mut dyn Backend, live: &Animation, rng: &mut Rng) -> Result<PointBuffer> {
-    let count = live.vertex_count();
-    Ok(match live.spare_frame().filter(|_| rng.bool()) {
+fn memory(subject: &mut dyn Backend, streamed: &Animation, rng: &mut Rng) -> Result<PointBuffer> {
+    let count = streamed.vertex_count();
+    Ok(match streamed.spare_frame().filter(|_| rng.bool()) {
         Some(spare) => spare,
         None if rng.bool() => vec![[0.0; 3]; count].into(),
         None => subject.point_buffer(count)?,
@@ -138,8 +138,13 @@ pub(super) fn measured(c: &mut Check<'_>) -> Result<()> {
     let [unseen, seen] = [false, true].map(|looks| {
         let marks = vec![false; first.len()];
         let triangles = c.case.animation.triangles().to_vec();
-        let live = Animation::live(first.clone(), &marks, triangles).map(Arc::new)?;
-        play(c.subject, (&live, c.method, looks), &frames, &c.case.rays)
+        let streamed = Animation::streamed(first.clone(), &marks, triangles).map(Arc::new)?;
+        play(
+            c.subject,
+            (&streamed, c.method, looks),
+            &frames,
+            &c.case.rays,
+        )
     });
     for ((found, expected), (name, _)) in unseen?.iter().zip(&seen?).zip(&frames) {
         same(found, expected).with_context(|| (*name).to_owned())?;
@@ -162,17 +167,17 @@ fn same(found: &Answers, expected: &Answers) -> Result<()> {
 /// Returns the results of the same queries at each key frame. If `looks` is set, the host computes the range first.
 fn play(
     subject: &mut dyn Backend,
-    (live, method, looks): (&Arc<Animation>, Method, bool),
+    (streamed, method, looks): (&Arc<Animation>, Method, bool),
     frames: &[Odd],
     own: &[Ray],
 ) -> Result<Vec<Answers>> {
-    open(subject, live, 0.0, method)?;
+    open(subject, streamed, 0.0, method)?;
     let play = |(_, frame): &Odd| {
-        let time = live.push(frame.clone())?;
+        let time = streamed.push(frame.clone())?;
         if looks {
-            live.range(live.pose(time));
+            streamed.range(streamed.pose(time));
         }
-        stand(subject, live, time)?;
+        stand(subject, streamed, time)?;
         let some = own.iter().copied().take(RAYS);
         let rays: Vec<Ray> = some.chain(from_the_middle(frame)).collect();
         let rays = Rays::List(&rays);

@@ -11,12 +11,12 @@ use std::sync::Arc;
 const RUN: usize = 1 << 12;
 
 /// Source of the positions of a build: the animation's key frames, or two observed frames.
-pub(crate) struct Moments<'a> {
+pub(crate) struct PoseSource<'a> {
     pub(super) animation: &'a Animation,
     pub(super) observed: Option<[KeyFrame; 2]>,
 }
 
-impl<'a> Moments<'a> {
+impl<'a> PoseSource<'a> {
     /// Uses the animation's key frames.
     pub(crate) fn of(animation: &'a Animation) -> Self {
         Self {
@@ -33,7 +33,7 @@ impl<'a> Moments<'a> {
     }
 
     /// Returns the positions, blended first if `vertices` is a pose.
-    pub(super) fn stand<'v>(
+    pub(super) fn positions<'v>(
         &self,
         vertices: &'v Vertices,
         blended: &'v mut Vec<Point>,
@@ -66,7 +66,7 @@ pub(super) fn blend(moment: &Moment<'_>, positions: &mut Vec<Point>) {
 }
 
 /// Copies observed positions into the memory of an unused key frame, so that the backend gets its own memory back.
-pub(super) fn keep((seen, frame): (Snapshot, &mut KeyFrame)) {
+pub(super) fn store(seen: &Snapshot, frame: &mut KeyFrame) {
     let mut list = match Arc::get_mut(frame).map(take) {
         Some(PointBuffer::List(list)) => list,
         _ => Vec::new(),

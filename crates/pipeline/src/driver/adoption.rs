@@ -1,0 +1,153 @@
+//! The rule by which finished trees are adopted or rejected. It is the same for all sources of vertices.
+//!
+//! 1. With a fixed latency every tree is adopted.
+//! 2. Otherwise a tree waits until its target time is at least as near as the current tree's, or until time does not
+//!    approach it. It is rejected if a newer tree would arrive before that.
+//! 3. A frame then evaluates it: it refits both trees to the same positions. The tree is adopted if it costs less than
+//!    the current one, or if a cost is unknown.
+//! 4. A tree that costs more is rejected. But if time still approaches its target, it is evaluated again each time the
+//!    distance has halved.
+
+use super::next_tree::{Candidate, Event};
+use crate::latency::LatencyPredictor;
+use backend::{FrameReport, Policy, Ticket};
+use geom::Pose;
+
+/// How a policy adopts trees.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct AdoptionRule {
+    /// Whether a tree is adopted only if it costs less than the current one.
+    pub(super) by_cost: bool,
+    /// Whether trees are built for a future time.
+    pub(super) builds_ahead: bool,
+}
+
+impl AdoptionRule {
+    /// Returns the rule of a policy. `predict` is [`DriverOptions::predict`](super::DriverOptions::predict).
+    pub(super) fn of(policy: Policy, predict: bool) -> Self {
+        Self {
+            by_cost: policy.adopts_by_cost(),
+            builds_ahead: predict && !policy.waits_for_tree(),
+        }
+    }
+
+    /// Decides about a tree that is on the device. `current` is the target time of the current tree, or NaN. Returns
+    /// `None` if the tree keeps waiting.
+    pub(super) fn review(
+        self,
+        tree: &Candidate,
+        current: f64,
+        predictor: &LatencyPredictor,
+    ) -> Option<Event> {
+        let target = tree.request.target_time;
+        if !self.by_cost {
+            return Some(Event::Admitted);
+        }
+        if self.builds_ahead && !predictor.is_nearer_than(current, target) {
+            return predictor
+                .newer_tree_due_first(current, target)
+                .then_some(Event::Superseded);
+        }
+        let is_due = predictor.has_halved(target, tree.costlier_at);
+        is_due.then_some(Event::BecameDue)
+    }
+
+    /// Returns the evaluation of a tree in frame `frame`, whose positions are at `pose`.
+    pub(super) fn evaluation(self, frame: u64, pose: Pose, distance: Option<f64>) -> Evaluation {
+        Evaluation {
+            ticket: None,
+            frame,
+            pose,
+            approach: distance.filter(|_| self.builds_ahead),
+        }
+    }
+}
+
+/// Evaluation of a tree in one frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Evaluation {
+    /// `None` until the frame is submitted.
+    pub(super) ticket: Option<Ticket>,
+    /// Number of frames begun before the one that evaluates it.
+    pub(super) frame: u64,
+    pub(super) pose: Pose,
+    /// Distance in key frames to the tree's target time; `None` if time does not approach it.
+    pub(super) approach: Option<f64>,
+}
+
+/// Result of an evaluation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Verdict {
+    /// The tree costs less, or a cost is unknown.
+    Accept {
+        /// Its cost divided by the current tree's, if known.
+        cost_ratio: Option<f64>,
+    },
+    /// It costs more, but time still approaches its target.
+    Wait,
+    /// It costs more.
+    Reject,
+}
+
+impl Verdict {
+    /// Compares the costs that the evaluation's frame reports.
+    pub(super) fn of(report: &FrameReport, evaluation: &Evaluation) -> Self {
+        let costs = report.candidate_cost.zip(report.sah_cost);
+        match costs {
+            Some((candidate, current)) if candidate >= current => match evaluation.approach {
+                Some(_) => Self::Wait,
+                None => Self::Reject,
+            },
+            _ => Self::Accept {
+                cost_ratio: costs.map(|(candidate, current)| candidate / current),
+            },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_lower_cost_is_accepted_and_a_target_ahead_is_waited_for() {
+        let verdict = |candidate_cost, sah_cost, approach| {
+            let report = FrameReport {
+                candidate_cost,
+                sah_cost,
+                ..FrameReport::default()
+            };
+            let rule = AdoptionRule::of(Policy::Async, true);
+            let evaluation = rule.evaluation(0, Pose::default(), approach);
+            Verdict::of(&report, &evaluation)
+        };
+        let accept = |cost_ratio| Verdict::Accept { cost_ratio };
+        for approach in [None, Some(2.0)] {
+            for [candidate, current] in [[None, Some(2.0)], [Some(2.0), None], [None; 2]] {
+                assert_eq!(verdict(candidate, current, approach), accept(None));
+            }
+            let cheaper = verdict(Some(1.5), Some(2.0), approach);
+            assert_eq!(cheaper, accept(Some(0.75)));
+        }
+        for costlier in [2.0, 2.1] {
+            assert_eq!(verdict(Some(costlier), Some(2.0), None), Verdict::Reject);
+            assert_eq!(verdict(Some(costlier), Some(2.0), Some(1.0)), Verdict::Wait);
+        }
+    }
+
+    #[test]
+    fn a_rule_that_does_not_build_ahead_approaches_no_target() {
+        for (policy, predict, builds_ahead) in [
+            (Policy::Async, true, true),
+            (Policy::Async, false, false),
+            (Policy::Lockstep(0), true, false),
+            (Policy::Lockstep(2), true, true),
+        ] {
+            let rule = AdoptionRule::of(policy, predict);
+            assert_eq!(rule.builds_ahead, builds_ahead, "{policy:?}");
+            let evaluation = rule.evaluation(0, Pose::default(), Some(1.0));
+            assert_eq!(evaluation.approach.is_some(), builds_ahead);
+        }
+        assert!(!AdoptionRule::of(Policy::Lockstep(2), true).by_cost);
+    }
+}

@@ -1,0 +1,387 @@
+//! The next tree: its states from the request to the adoption or rejection, and the transitions between them.
+
+use super::adoption::{Evaluation, Verdict};
+use crate::tree_builder::Built;
+use backend::{Generation, Snapshot, Ticket};
+use geom::Pose;
+use std::time::Instant;
+
+/// Which tree was requested, when, and for what time of use.
+#[derive(Clone, Debug)]
+pub(super) struct Request {
+    pub(super) generation: Generation,
+    /// Number of frames begun before the one that requested it.
+    pub(super) frame: u64,
+    /// Time of the requesting frame, in key frames.
+    pub(super) time: f64,
+    /// Pose that the tree is built for.
+    pub(super) pose: Pose,
+    /// Middle of the expected time of use, in key frames.
+    pub(super) target_time: f64,
+    /// Middles of both halves of the expected time of use, in key frames.
+    pub(super) halves: [f64; 2],
+    pub(super) requested: Instant,
+}
+
+/// Positions that a build from two observed frames waits for.
+#[derive(Default)]
+pub(super) struct Observation {
+    /// Positions of the requesting frame, until those of the second frame arrive.
+    pub(super) first: Option<Snapshot>,
+    /// Time of the second frame, in key frames; `None` before it begins.
+    pub(super) second_time: Option<f64>,
+}
+
+/// Arrival of a build's vertices on the host.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct VerticesArrived {
+    pub(super) at: Instant,
+    /// Bytes that were read back for the build.
+    pub(super) bytes: u64,
+    /// Time of the second observed frame, or of the requesting frame if the build uses one, in key frames.
+    pub(super) last_time: f64,
+}
+
+/// A finished tree that is neither adopted nor rejected yet.
+#[derive(Debug)]
+pub(super) struct Candidate {
+    pub(super) request: Request,
+    pub(super) vertices: VerticesArrived,
+    pub(super) built: Built,
+    /// Whether the upload is finished, so that the latency is known.
+    pub(super) has_arrived: bool,
+    /// Distance in key frames to the target time when the tree was last found to cost more than the current one.
+    pub(super) costlier_at: Option<f64>,
+    /// Its cost divided by the current tree's, from the evaluation that accepted it.
+    pub(super) cost_ratio: Option<f64>,
+}
+
+impl Candidate {
+    pub(super) fn new(mut request: Request, vertices: VerticesArrived, built: Built) -> Self {
+        if built.gave_up_extrapolation {
+            request.target_time = vertices.last_time;
+        }
+        Self {
+            request,
+            vertices,
+            built,
+            has_arrived: false,
+            costlier_at: None,
+            cost_ratio: None,
+        }
+    }
+}
+
+/// State of the next tree. [`NextTree::after`] is the table of transitions.
+#[derive(Default)]
+pub(super) enum NextTree {
+    /// No tree is requested.
+    #[default]
+    Idle,
+    /// Waits for the vertices that it is built from.
+    Requested(Request, Observation),
+    /// The builder thread builds it.
+    Building(Request, VerticesArrived),
+    /// On the host. It is being uploaded, or waits until its target time is near enough.
+    Waiting(Candidate),
+    /// The next frame evaluates it.
+    Due(Candidate),
+    /// A frame evaluates it.
+    Evaluating(Candidate, Evaluation),
+    /// Adopted at the next frame boundary.
+    Accepted(Candidate),
+    /// Dropped at the next frame boundary. Contains the pose at which it cost more than the current tree, if that is
+    /// the reason.
+    Rejected(Candidate, Option<Pose>),
+}
+
+/// An event in the life of the next tree.
+pub(super) enum Event {
+    /// A frame requests a tree.
+    Requested(Request),
+    /// The builder thread received the vertices.
+    BuildStarted(VerticesArrived),
+    BuildFinished(Built),
+    BuildFailed,
+    /// The tree is adopted without an evaluation.
+    Admitted,
+    /// The target time is near enough for an evaluation.
+    BecameDue,
+    /// A newer tree would arrive before this one is due.
+    Superseded,
+    EvaluationRecorded(Evaluation),
+    Evaluated(Verdict),
+    /// The frame that was being recorded failed.
+    FrameFailed,
+    /// Submitted frames never ran, so their read-backs and boxes do not exist.
+    FramesDropped,
+}
+
+/// A tree that leaves the state machine at a frame boundary.
+pub(super) enum Decided {
+    Adopt(Candidate),
+    /// See [`NextTree::Rejected`].
+    Reject(Candidate, Option<Pose>),
+}
+
+impl NextTree {
+    /// Returns the state that follows. An event that does not concern the state leaves it unchanged.
+    fn after(self, event: Event) -> Self {
+        match (self, event) {
+            (Self::Idle, Event::Requested(request)) => {
+                Self::Requested(request, Observation::default())
+            }
+            (Self::Requested(request, _), Event::BuildStarted(vertices)) => {
+                Self::Building(request, vertices)
+            }
+            (Self::Building(request, vertices), Event::BuildFinished(built)) => {
+                Self::Waiting(Candidate::new(request, vertices, built))
+            }
+            (Self::Requested(..), Event::FramesDropped)
+            | (Self::Building(..), Event::BuildFailed) => Self::Idle,
+            (Self::Waiting(tree), Event::BecameDue) => Self::Due(tree),
+            (Self::Waiting(tree), Event::Superseded) => Self::Rejected(tree, None),
+            (Self::Waiting(tree) | Self::Due(tree), Event::Admitted) => Self::Accepted(tree),
+            (Self::Due(tree), Event::EvaluationRecorded(evaluation)) => {
+                Self::Evaluating(tree, evaluation)
+            }
+            (Self::Evaluating(tree, evaluation), Event::Evaluated(verdict)) => match verdict {
+                Verdict::Accept { cost_ratio } => Self::Accepted(Candidate { cost_ratio, ..tree }),
+                Verdict::Wait => Self::Waiting(Candidate {
+                    costlier_at: evaluation.approach,
+                    ..tree
+                }),
+                Verdict::Reject => Self::Rejected(tree, Some(evaluation.pose)),
+            },
+            (Self::Evaluating(tree, evaluation), Event::FrameFailed)
+                if evaluation.ticket.is_none() =>
+            {
+                Self::Waiting(tree)
+            }
+            (
+                Self::Due(tree) | Self::Evaluating(tree, _) | Self::Accepted(tree),
+                Event::FramesDropped,
+            ) => Self::Waiting(tree),
+            (state, _) => state,
+        }
+    }
+
+    /// Moves to the state that follows.
+    pub(super) fn advance(&mut self, event: Event) {
+        *self = std::mem::take(self).after(event);
+    }
+
+    /// Removes the tree if it is accepted or rejected.
+    pub(super) fn take_decided(&mut self) -> Option<Decided> {
+        match std::mem::take(self) {
+            Self::Accepted(tree) => Some(Decided::Adopt(tree)),
+            Self::Rejected(tree, pose) => Some(Decided::Reject(tree, pose)),
+            state => {
+                *self = state;
+                None
+            }
+        }
+    }
+
+    pub(super) fn is_idle(&self) -> bool {
+        matches!(self, Self::Idle)
+    }
+
+    /// Returns whether the tree is adopted or dropped at the next frame boundary.
+    pub(super) fn is_decided(&self) -> bool {
+        matches!(self, Self::Accepted(_) | Self::Rejected(..))
+    }
+
+    /// Returns the request; `None` in the state `Idle`.
+    pub(super) fn request(&self) -> Option<&Request> {
+        match self {
+            Self::Idle => None,
+            Self::Requested(request, _) | Self::Building(request, _) => Some(request),
+            Self::Waiting(tree)
+            | Self::Due(tree)
+            | Self::Evaluating(tree, _)
+            | Self::Accepted(tree)
+            | Self::Rejected(tree, _) => Some(&tree.request),
+        }
+    }
+
+    /// Sets the ticket of the frame that evaluates the tree, once it is submitted.
+    pub(super) fn submitted(&mut self, ticket: Ticket) {
+        if let Self::Evaluating(_, evaluation) = self {
+            evaluation.ticket.get_or_insert(ticket);
+        }
+    }
+
+    /// Returns the evaluation that the submission `ticket` contains.
+    pub(super) fn evaluation_in(&self, ticket: Ticket) -> Option<Evaluation> {
+        match self {
+            Self::Evaluating(_, evaluation) if evaluation.ticket == Some(ticket) => {
+                Some(*evaluation)
+            }
+            _ => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tree_builder::tests::{at_key, row};
+
+    /// Target time of the request, and time of the last observed positions.
+    const TARGET: f64 = 5.0;
+    const OBSERVED: f64 = 2.0;
+
+    fn request() -> Request {
+        Request {
+            generation: Generation(7),
+            frame: 3,
+            time: 1.0,
+            pose: Pose { key: 5, alpha: 0.0 },
+            target_time: TARGET,
+            halves: [4.0, 6.0],
+            requested: Instant::now(),
+        }
+    }
+
+    fn vertices() -> VerticesArrived {
+        VerticesArrived {
+            at: Instant::now(),
+            bytes: 0,
+            last_time: OBSERVED,
+        }
+    }
+
+    fn built() -> Built {
+        at_key(&row(2, 1, |_, i| i as f32), 0)
+    }
+
+    fn evaluation(ticket: Option<Ticket>) -> Evaluation {
+        Evaluation {
+            ticket,
+            frame: 9,
+            pose: Pose { key: 4, alpha: 0.5 },
+            approach: Some(0.5),
+        }
+    }
+
+    fn state(letter: char) -> NextTree {
+        let tree = || Candidate::new(request(), vertices(), built());
+        match letter {
+            'i' => NextTree::Idle,
+            'r' => NextTree::Requested(request(), Observation::default()),
+            'b' => NextTree::Building(request(), vertices()),
+            'w' => NextTree::Waiting(tree()),
+            'd' => NextTree::Due(tree()),
+            // Its frame is being recorded.
+            'e' => NextTree::Evaluating(tree(), evaluation(None)),
+            // Its frame is submitted.
+            's' => NextTree::Evaluating(tree(), evaluation(Some(Ticket(1)))),
+            'a' => NextTree::Accepted(tree()),
+            _ => NextTree::Rejected(tree(), None),
+        }
+    }
+
+    fn letter(state: &NextTree) -> char {
+        match state {
+            NextTree::Idle => 'i',
+            NextTree::Requested(..) => 'r',
+            NextTree::Building(..) => 'b',
+            NextTree::Waiting(_) => 'w',
+            NextTree::Due(_) => 'd',
+            NextTree::Evaluating(_, evaluation) if evaluation.ticket.is_none() => 'e',
+            NextTree::Evaluating(..) => 's',
+            NextTree::Accepted(_) => 'a',
+            NextTree::Rejected(..) => 'x',
+        }
+    }
+
+    /// An event's name, the event, and the state that follows each of the states `irbwdesax`.
+    type Row = (&'static str, fn() -> Event, &'static str);
+
+    const STATES: &str = "irbwdesax";
+    const TABLE: [Row; 13] = [
+        ("requested", || Event::Requested(request()), "rrbwdesax"),
+        ("started", || Event::BuildStarted(vertices()), "ibbwdesax"),
+        ("finished", || Event::BuildFinished(built()), "irwwdesax"),
+        ("failed", || Event::BuildFailed, "iriwdesax"),
+        ("admitted", || Event::Admitted, "irbaaesax"),
+        ("due", || Event::BecameDue, "irbddesax"),
+        ("superseded", || Event::Superseded, "irbxdesax"),
+        (
+            "recorded",
+            || Event::EvaluationRecorded(evaluation(None)),
+            "irbweesax",
+        ),
+        (
+            "cheaper",
+            || {
+                let cost_ratio = Some(0.5);
+                Event::Evaluated(Verdict::Accept { cost_ratio })
+            },
+            "irbwdaaax",
+        ),
+        ("wait", || Event::Evaluated(Verdict::Wait), "irbwdwwax"),
+        (
+            "costlier",
+            || Event::Evaluated(Verdict::Reject),
+            "irbwdxxax",
+        ),
+        ("frame failed", || Event::FrameFailed, "irbwdwsax"),
+        ("frames dropped", || Event::FramesDropped, "iibwwwwwx"),
+    ];
+
+    #[test]
+    fn every_event_leads_from_every_state_to_the_one_in_the_table() {
+        for (name, event, expected) in TABLE {
+            let found: String = STATES
+                .chars()
+                .map(|from| letter(&state(from).after(event())))
+                .collect();
+            assert_eq!(found, expected, "{name}");
+        }
+    }
+
+    #[test]
+    fn only_a_decided_tree_leaves_and_none_is_left() {
+        for from in STATES.chars() {
+            let mut next = state(from);
+            let is_decided = next.is_decided();
+            let decided = next.take_decided();
+            let adopts = decided.map(|decided| matches!(decided, Decided::Adopt(_)));
+            let expected = match from {
+                'a' => Some(true),
+                'x' => Some(false),
+                _ => None,
+            };
+            assert_eq!((adopts, is_decided), (expected, expected.is_some()));
+            let left = if is_decided { 'i' } else { from };
+            assert_eq!(letter(&next), left);
+        }
+    }
+
+    #[test]
+    fn a_verdict_is_kept_with_the_tree() {
+        let after = |verdict| state('s').after(Event::Evaluated(verdict));
+        let accepted = after(Verdict::Accept {
+            cost_ratio: Some(0.5),
+        });
+        assert!(matches!(accepted, NextTree::Accepted(tree) if tree.cost_ratio == Some(0.5)));
+        let waiting = after(Verdict::Wait);
+        assert!(matches!(waiting, NextTree::Waiting(tree) if tree.costlier_at == Some(0.5)));
+        let pose = Some(evaluation(None).pose);
+        assert!(matches!(after(Verdict::Reject), NextTree::Rejected(_, at) if at == pose));
+    }
+
+    #[test]
+    fn a_tree_that_was_not_extrapolated_is_for_the_positions_seen_last() {
+        for (gave_up_extrapolation, target) in [(false, TARGET), (true, OBSERVED)] {
+            let built = Built {
+                gave_up_extrapolation,
+                ..built()
+            };
+            let next = state('b').after(Event::BuildFinished(built));
+            assert_eq!(next.request().map(|r| r.target_time), Some(target));
+        }
+    }
+}

@@ -1,0 +1,49 @@
+//! Input of a build.
+
+use super::Vertices;
+use backend::{Snapshot, TreeWriter};
+use bvh_layout::Spare;
+use geom::{Point, Pose};
+
+/// Vertices of a build. See [`TreeBuilder::rebuild`](super::TreeBuilder::rebuild).
+pub(crate) struct BuildInput {
+    /// Source of the vertices.
+    pub(crate) vertices: Vertices,
+    /// Poses at the middles of both halves of the tree's expected use, if known.
+    pub(crate) halves: Option<[Pose; 2]>,
+    /// Positions that all poses refer to, if they do not refer to key frames.
+    pub(crate) observed: Option<Observed>,
+    /// Whether the tree is compared with the last one, because it is adopted only if it costs less.
+    pub(crate) is_compared: bool,
+}
+
+impl BuildInput {
+    /// Creates the input of a tree that is built from these vertices alone and compared with no other tree.
+    pub(crate) fn of(vertices: Vertices) -> Self {
+        Self {
+            vertices,
+            halves: None,
+            observed: None,
+            is_compared: false,
+        }
+    }
+}
+
+/// Positions of two frames that were read back, and the times of these frames.
+pub(crate) struct Observed {
+    pub(crate) frames: [Snapshot; 2],
+    pub(crate) times: [f64; 2],
+}
+
+/// Input and options of one build.
+pub(crate) struct Job {
+    pub(crate) input: BuildInput,
+    /// Common end point of the any-hit rays, if they have one.
+    pub(crate) toward: Option<Point>,
+    /// Memory of an old topology, or empty.
+    pub(crate) spare: Spare,
+    /// Whether the previous job's tree was never used.
+    pub(crate) discarded_last: bool,
+    /// Writes the tree in the device's format, if the backend provides a writer.
+    pub(crate) writer: Option<TreeWriter>,
+}

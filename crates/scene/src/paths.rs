@@ -1,0 +1,117 @@
+//! Names of inputs: encoding of paths as strings, patterns, and file extensions.
+
+use crate::{Result, SceneError};
+use std::ffi::OsStr;
+use std::fmt::Write;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Escape character before a byte that is not UTF-8. Paths never contain it.
+const NUL: char = '\0';
+
+/// Encodes a path, or several joined by `+`, as a scene name for [`crate::open`] and [`crate::files`]. Each byte that
+/// is not UTF-8 becomes a NUL and two hexadecimal digits. All other characters are unchanged.
+#[must_use]
+pub fn word(path: &OsStr) -> String {
+    let mut word = String::new();
+    for chunk in path.as_encoded_bytes().utf8_chunks() {
+        word += chunk.valid();
+        for byte in chunk.invalid() {
+            // Writing to a string cannot fail.
+            let _ = write!(word, "{NUL}{byte:02x}");
+        }
+    }
+    word
+}
+
+/// Decodes a path from a scene name.
+#[cfg(unix)]
+pub(crate) fn path(word: &str) -> PathBuf {
+    use std::os::unix::ffi::OsStringExt;
+    let decoded = || {
+        let mut parts = word.split(NUL);
+        let mut bytes = parts.next()?.as_bytes().to_vec();
+        for part in parts {
+            let byte = u8::from_str_radix(part.get(..2)?, 16).ok()?;
+            bytes.push(Some(byte).filter(|byte| !byte.is_ascii())?);
+            bytes.extend(&part.as_bytes()[2..]);
+        }
+        Some(std::ffi::OsString::from_vec(bytes).into())
+    };
+    // A malformed escape is no path. Opening the undecoded string reports the error.
+    decoded().unwrap_or_else(|| word.into())
+}
+
+#[cfg(not(unix))]
+pub(crate) fn path(word: &str) -> PathBuf {
+    word.into()
+}
+
+/// Returns whether `spec` as a whole names an existing input.
+pub(crate) fn exists(spec: &str) -> bool {
+    let matches = || glob::glob(spec).is_ok_and(|mut all| all.next().is_some());
+    let is_demo = spec.starts_with("demo:") && !spec.contains(['+', '@']);
+    is_demo || path(spec).exists() || is_pattern(spec) && matches()
+}
+
+/// Returns whether the input has a format that supports clips.
+pub(crate) fn has_clips(spec: &str) -> bool {
+    is_gltf(&path(spec))
+}
+
+/// Returns whether `spec` is a glob.
+pub(crate) fn is_pattern(spec: &str) -> bool {
+    spec.contains(['*', '?', '['])
+}
+
+/// Returns the extension in lower case.
+pub(crate) fn extension(path: &Path) -> String {
+    let extension = path.extension().unwrap_or_default();
+    extension.to_string_lossy().to_lowercase()
+}
+
+pub(crate) fn is_gltf(path: &Path) -> bool {
+    matches!(extension(path).as_str(), "gltf" | "glb")
+}
+
+pub(crate) fn stem(path: &Path) -> String {
+    let stem = path.file_stem().unwrap_or(path.as_os_str());
+    stem.to_string_lossy().into_owned()
+}
+
+pub(crate) fn entries(directory: &Path) -> Result<Vec<PathBuf>> {
+    let unreadable = |e| SceneError::unreadable(directory, e);
+    let all = fs::read_dir(directory).map_err(unreadable)?;
+    let paths = all.map(|entry| entry.map(|e| e.path()));
+    paths.collect::<Result<_, _>>().map_err(unreadable)
+}
+
+pub(crate) fn matches(pattern: &str) -> Result<glob::Paths> {
+    let bad = |e| SceneError::unusable(pattern, format!("not a pattern of paths: {e}"));
+    glob::glob(pattern).map_err(bad)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[cfg(unix)]
+    #[test]
+    fn every_path_comes_back_from_its_word() {
+        use std::os::unix::ffi::OsStrExt;
+        for bytes in [
+            &b"plain \xc3\xa9.obj"[..],
+            b"\xff",
+            b"a\xe9b.obj+c\xff\xfe.ply@1,2,3",
+            b"cut\xc3",
+            b"",
+        ] {
+            let name = OsStr::from_bytes(bytes);
+            assert_eq!(path(&word(name)).as_os_str(), name);
+        }
+        assert_eq!(word(OsStr::from_bytes(b"a\xff.obj")), "a\0ff.obj");
+        for none in ["a\0", "a\0zz", "a\x0041"] {
+            assert_eq!(path(none), Path::new(none));
+        }
+    }
+}
