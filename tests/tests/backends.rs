@@ -10,8 +10,6 @@ use backend::Backend;
 use conformance::{Cases, Disagreement, Minimal, PROPERTIES, Property, Reference, hold};
 use cpu_ref::CpuBackend;
 use gpu_common::{Options, Validation};
-use gpu_vulkan::VulkanBackend;
-use gpu_wgpu::WgpuBackend;
 use integration::regressions::{Regressions, StoredCase};
 use integration::{is_required, number};
 use libtest_mimic::Trial;
@@ -26,7 +24,7 @@ const BACKENDS: &[(&str, &str, Open)] = &[
         Ok(Box::new(CpuBackend::new(Some(2))?))
     }),
     ("vulkan", "vulkan", || {
-        Ok(Box::new(VulkanBackend::new(&vulkan())?))
+        Ok(Box::new(gpu_vulkan::open(&vulkan())?))
     }),
     ("wgpu", "wgpu", || wgpu(false)),
     ("wgpu-wgsl", "wgpu", || wgpu(true)),
@@ -51,7 +49,7 @@ fn wgpu(checks_kernels: bool) -> backend::Result<Box<dyn Backend>> {
         checks_kernels,
         ..Default::default()
     };
-    Ok(Box::new(WgpuBackend::new(&options)?))
+    Ok(Box::new(gpu_wgpu::open(&options)?))
 }
 
 fn main() {

@@ -83,6 +83,6 @@ impl VulkanRt {
 
     /// Returns the messages of the validation layer in this process.
     pub fn complaints(&mut self) -> Vec<String> {
-        self.engine.gpu.complaints()
+        self.engine.gpu.info().complaints
     }
 }

@@ -38,20 +38,20 @@ impl<T: Deref<Target = [Point]> + Send + Sync + 'static> Spares<T> {
     /// Lends positions. Their memory returns to the pool when the snapshot is dropped.
     #[must_use]
     pub fn lend(&self, positions: T) -> Snapshot {
-        Box::new(Lent {
+        Box::new(LentPositions {
             positions: Some(positions),
             home: Arc::clone(&self.0),
         })
     }
 }
 
-struct Lent<T> {
+struct LentPositions<T> {
     /// `None` once the memory was returned.
     positions: Option<T>,
     home: Arc<Mutex<Vec<T>>>,
 }
 
-impl<T: Deref<Target = [Point]>> Deref for Lent<T> {
+impl<T: Deref<Target = [Point]>> Deref for LentPositions<T> {
     type Target = [Point];
 
     fn deref(&self) -> &[Point] {
@@ -61,7 +61,7 @@ impl<T: Deref<Target = [Point]>> Deref for Lent<T> {
     }
 }
 
-impl<T> Drop for Lent<T> {
+impl<T> Drop for LentPositions<T> {
     fn drop(&mut self) {
         let mut home = lock(&self.home);
         home.extend(self.positions.take());

@@ -41,7 +41,7 @@ pub const KNOWN: &[Known<'static>] = &[
         place: "vulkan comes before wgpu: trees and vertices travel on a queue of their own",
         kinds: GPUS,
         list: &gpu_vulkan::adapters,
-        open: &|adapter, _| Ok(Box::new(gpu_vulkan::VulkanBackend::new(&options(adapter))?)),
+        open: &|adapter, _| Ok(Box::new(gpu_vulkan::open(&options(adapter))?)),
         ..CPU
     },
     #[cfg(feature = "wgpu")]
@@ -55,7 +55,7 @@ pub const KNOWN: &[Known<'static>] = &[
             None
         },
         list: &gpu_wgpu::adapters,
-        open: &|adapter, _| Ok(Box::new(gpu_wgpu::WgpuBackend::new(&options(adapter))?)),
+        open: &|adapter, _| Ok(Box::new(gpu_wgpu::open(&options(adapter))?)),
     },
     CPU,
     Known {

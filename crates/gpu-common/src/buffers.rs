@@ -64,7 +64,7 @@ impl<D: GpuDevice> BufferTable<D> {
     /// may use.
     pub(crate) fn fit(&mut self, gpu: &D, name: BufferName, bytes: u64) -> Result<&mut D::Buffer> {
         let mut all = self.0.iter();
-        let fits = all.position(|(n, buffer)| *n == name && D::size(buffer) >= bytes);
+        let fits = all.position(|(n, buffer)| *n == name && D::size(buffer).bytes >= bytes);
         if fits.is_none() {
             self.0.retain(|(n, _)| *n != name);
             self.0.push((name, gpu.buffer(name, bytes)?));
@@ -73,20 +73,25 @@ impl<D: GpuDevice> BufferTable<D> {
         Ok(&mut self.0[at].1)
     }
 
-    /// Replaces the buffer of this name by a larger one, with slack, if it is smaller than `bytes`.
-    pub(crate) fn grow(&mut self, gpu: &mut D, name: BufferName, bytes: u64) -> Result<()> {
+    /// Replaces the buffer of this name by a larger one, with slack, if it is smaller than `bytes`. Returns the smaller
+    /// one, which recorded or submitted work may still use.
+    pub(crate) fn grow(
+        &mut self,
+        gpu: &D,
+        name: BufferName,
+        bytes: u64,
+    ) -> Result<Option<D::Buffer>> {
         let mut found = self.0.iter_mut().filter(|(n, _)| *n == name);
-        let Some((_, buffer)) = found.next().filter(|(_, b)| D::size(b) < bytes) else {
-            return Ok(());
+        let Some((_, buffer)) = found.next().filter(|(_, b)| D::size(b).bytes < bytes) else {
+            return Ok(None);
         };
         let larger = with_slack(bytes, |bytes| gpu.buffer(name, bytes))?;
-        gpu.discard(std::mem::replace(buffer, larger));
-        Ok(())
+        Ok(Some(std::mem::replace(buffer, larger)))
     }
 
     /// Returns the bytes of device memory.
     pub(crate) fn held(&self) -> u64 {
-        self.0.iter().map(|(_, b)| D::held(b)).sum()
+        self.0.iter().map(|(_, b)| D::size(b).allocated).sum()
     }
 }
 

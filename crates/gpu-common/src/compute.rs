@@ -4,7 +4,7 @@ mod trace;
 
 use crate::traces::as_given;
 use crate::tree::TreeBuffers;
-use crate::{Engine, GpuDevice, LastUse, Options, Stage, Stale};
+use crate::{Engine, GpuDevice, LastUse, PendingWork, Stage, Stale, check_kernels};
 use backend::{
     Backend, Device, DeviceBytes, FrameReport, Generation, Hits, Inspect, Intersector, Opener,
     Palette, Query, Result, Snapshot, Ticket, TreeFormat, TreeWriter,
@@ -27,15 +27,6 @@ pub struct ComputeBackend<D: GpuDevice> {
 }
 
 impl<D: GpuDevice> ComputeBackend<D> {
-    /// Opens a device.
-    ///
-    /// # Errors
-    /// [`backend::BackendError::NoDevice`] with the reason, or [`backend::BackendError::Limit`] if a limit is too low
-    /// for any scene.
-    pub fn new(options: &Options) -> Result<Self> {
-        Self::over(D::open(options)?)
-    }
-
     /// Creates a backend on an open device.
     ///
     /// # Errors
@@ -117,7 +108,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
         tree.progress.preprocessed(&tree.shape);
         let work = tree.progress.refit(params, &tree.shape);
         engine.run(Some(Stage::Refit), &work, |name| tree.get(name))?;
-        engine.frames.record()?.extents.candidate = true;
+        engine.frames.record().extents.candidate = true;
         Ok(())
     }
 
@@ -141,9 +132,9 @@ impl<D: GpuDevice> ComputeBackend<D> {
             engine.pipelines.prepare(&engine.gpu, kernels)?;
             tree.make_build(&mut engine.gpu)?;
         }
-        tree.current.grow(&mut engine.gpu, &shape)?;
+        tree.current.grow(&engine.gpu, &mut engine.frames, &shape)?;
         let params = Params::of(animation.scale_exponent(), &shape);
-        let extents = &mut engine.frames.record()?.extents;
+        let extents = &mut engine.frames.record().extents;
         extents.uncounted = Some(0);
         extents.boxes = true;
         let sort = rebuild::sort(params, animation.vertex_count(), &shape);
@@ -166,7 +157,7 @@ fn builders(intersector: Intersector) -> impl Iterator<Item = &'static Kernel> {
 
 impl<D: GpuDevice> Backend for ComputeBackend<D> {
     fn device(&self) -> &Device {
-        &self.engine.device
+        &self.engine.info.device
     }
 
     fn another(&self) -> Option<Opener> {
@@ -182,7 +173,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         engine.pipelines.begin(&engine.gpu, usual);
         if animation.is_streamed() {
             let later = work::kernels_of_arriving_keys(intersector);
-            let copies = D::COPIES.then(|| common("copy_points"));
+            let copies = engine.info.copies_points.then(|| common("copy_points"));
             engine.pipelines.begin(&engine.gpu, later.chain(copies));
         }
         engine.unload()?;
@@ -198,21 +189,20 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
             generation > self.tree().current.generation,
             "generations rise"
         );
-        let engine = &mut self.engine;
-        let (recording, last) = (engine.frames.recording, engine.frames.submitted);
-        assert!(!recording, "trees are adopted between submissions");
+        let Engine { gpu, frames, .. } = &mut self.engine;
+        let is_between = !frames.is_recording();
+        assert!(is_between, "trees are adopted between submissions");
         let current = self.tree.as_mut().expect("a scene was loaded");
-        current.adopt(&mut engine.gpu, (tree, generation), last)?;
+        current.adopt(gpu, frames, tree, generation)?;
         self.engine.stale = self.engine.stale.min(Stale::Records);
         Ok(())
     }
 
     fn evaluate(&mut self, tree: &Topology, generation: Generation) -> Result<bool> {
         assert!(self.engine.stale >= Stale::Records, "positions come first");
-        let (engine, trees) = (&mut self.engine, self.tree.as_mut());
-        let trees = trees.expect("a scene was loaded");
-        let last = engine.frames.submitted;
-        let loaded = trees.load_candidate(&mut engine.gpu, (tree, generation), last)?;
+        let Engine { gpu, frames, .. } = &mut self.engine;
+        let trees = self.tree.as_mut().expect("a scene was loaded");
+        let loaded = trees.load_candidate(gpu, frames, tree, generation)?;
         let Some(shape) = loaded.map(|candidate| candidate.shape.clone()) else {
             return Ok(false);
         };
@@ -232,9 +222,8 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     fn bring(&mut self, tree: &Topology, generation: Generation) -> Result<bool> {
         let (gpu, current) = (&mut self.engine.gpu, self.tree.as_mut());
         let current = current.expect("a scene was loaded");
-        let arrival = current.send(gpu, (tree, generation))?;
-        let sent = LastUse { arrival, ticket: 0 };
-        gpu.has_ended(sent, false)
+        let arrival = current.send(gpu, tree, generation)?;
+        gpu.has_finished(PendingWork::Use(LastUse { arrival, ticket: 0 }))
     }
 
     fn tree_format(&self) -> TreeFormat {
@@ -265,7 +254,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         let progress = &tree.progress;
         let (work, uncounted) = progress.preprocess(self.intersector, params, &tree.shape);
         self.run(Stage::Preprocess, &work)?;
-        self.engine.frames.record()?.extents.uncounted = Some(uncounted);
+        self.engine.frames.record().extents.uncounted = Some(uncounted);
         let tree = &mut self.tree_mut().current;
         tree.progress.preprocessed(&tree.shape);
         self.engine.stale = Stale::Boxes;
@@ -283,14 +272,14 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         let (params, tree) = (self.params(), &self.tree().current);
         let work = tree.progress.refit(params, &tree.shape);
         self.run(Stage::Refit, &work)?;
-        self.engine.frames.record()?.extents.boxes = true;
+        self.engine.frames.record().extents.boxes = true;
         self.tree_mut().current.progress.refitted();
         self.engine.stale = Stale::Fresh;
         Ok(())
     }
 
     fn check_rebuild(&self) -> Result<()> {
-        self.engine.gpu.check_kernels(&Kernel::makes_trees)
+        check_kernels(&self.engine.info.kernel_limits, Kernel::makes_trees)
     }
 
     fn rebuild(&mut self, generation: Generation) -> Result<()> {
@@ -415,7 +404,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     }
 
     fn free_device_bytes(&self) -> Option<u64> {
-        self.engine.gpu.free_bytes()
+        self.engine.gpu.info().free_bytes
     }
 
     fn inspect(&mut self) -> &mut dyn Inspect {

@@ -1,9 +1,10 @@
 //! State and operations that every kind of frame needs.
 
+use crate::device::read_all;
 use crate::snapshots::Snapshots;
-use crate::{BufferTable, Frames, GpuDevice, Pipelines, SceneBuffers, Stage};
+use crate::{BufferTable, DeviceInfo, Frames, GpuDevice, Pipelines, SceneBuffers, Stage};
 use backend::{
-    Arithmetic, BackendError, Device, DeviceBytes, FrameReport, Hits, Palette, Query, Rays, Result,
+    Arithmetic, BackendError, DeviceBytes, FrameReport, Hits, Palette, Query, Rays, Result,
     Snapshot, Ticket,
 };
 use geom::{Animation, Point, Pose};
@@ -30,11 +31,11 @@ pub enum Stale {
 /// Stages are timed by the device's clock. Without such a clock, each stage's time is `None`. Then `device_ms` is the
 /// host's time from the submission until its end was noticed.
 pub struct Engine<D: GpuDevice> {
-    /// Name, driver and kind of the device, and its arithmetic.
-    pub device: Device,
+    /// Properties of the device, with the arithmetic that was tested.
+    pub info: DeviceInfo,
     /// Submissions and their results.
     pub frames: Frames<D>,
-    snapshots: Snapshots<D>,
+    snapshots: Snapshots,
     /// The loaded scene.
     pub scene: Option<SceneBuffers<D>>,
     /// Index of the current position buffer.
@@ -56,24 +57,21 @@ impl<D: GpuDevice> Engine<D> {
     /// [`backend::BackendError::NoDevice`] if the arithmetic is wrong or the driver rejects a kernel.
     pub fn new(mut gpu: D, kernels: impl IntoIterator<Item = &'static Kernel>) -> Result<Self> {
         let mut pipelines = Pipelines::of(&gpu, kernels)?;
-        let mut frames = Frames::new(&gpu)?;
+        let mut frames = Frames::new(&gpu);
         let (arithmetic, fuses_once) = test_arithmetic(&mut gpu, &mut frames, &pipelines)?;
-        let device = Device {
-            arithmetic,
-            ..gpu.device()
-        };
-        let (packets, rasterizes) = gpu.forms();
+        let mut info = gpu.info();
+        info.device.arithmetic = arithmetic;
         pipelines.traits = Traits {
             fuses_once,
-            packets,
-            rasterizes,
+            packets: info.packets,
+            rasterizes: info.rasterizes,
         };
-        Ok(Self::with((gpu, device), frames, pipelines))
+        Ok(Self::with(gpu, info, frames, pipelines))
     }
 
-    fn with((gpu, device): (D, Device), frames: Frames<D>, pipelines: Pipelines<D>) -> Self {
+    fn with(gpu: D, info: DeviceInfo, frames: Frames<D>, pipelines: Pipelines<D>) -> Self {
         Self {
-            device,
+            info,
             frames,
             snapshots: Snapshots::default(),
             scene: None,
@@ -88,12 +86,12 @@ impl<D: GpuDevice> Engine<D> {
     /// Returns a function that creates another engine on the same device. It reuses the test results and compiled
     /// kernels.
     pub fn another(&self) -> impl FnOnce() -> Result<Self> + Send + use<D> {
-        let device = self.device.clone();
-        let (maker, pipelines) = (self.gpu.pipeline_maker(), self.pipelines.ready());
+        let (info, pipelines) = (self.info.clone(), self.pipelines.ready());
+        let open = self.gpu.another();
         move || {
-            let gpu = D::beside(maker)?;
-            let frames = Frames::new(&gpu)?;
-            Ok(Self::with((gpu, device), frames, pipelines))
+            let gpu = open()?;
+            let frames = Frames::new(&gpu);
+            Ok(Self::with(gpu, info, frames, pipelines))
         }
     }
 
@@ -125,11 +123,13 @@ impl<D: GpuDevice> Engine<D> {
     /// of the key frames at the same time.
     pub fn interpolate(&mut self, pose: Pose, params: Params, measure: Option<Work>) -> Result<()> {
         let gpu = &mut self.gpu;
-        self.position = self.snapshots.position_to_write(gpu, self.position)?;
-        self.pose = pose;
+        let (position, overwritten) = self.snapshots.position_to_write(gpu, self.position)?;
+        self.frames.record().overwrites(overwritten);
+        (self.position, self.pose) = (position, pose);
         let scene = self.scene.as_mut().expect("a scene was loaded");
         let last = self.frames.submitted;
-        scene.keys.bring(gpu, (&scene.animation, pose), last)?;
+        let arrival = scene.keys.bring(gpu, (&scene.animation, pose), last)?;
+        self.frames.await_upload(arrival);
         self.copy_points()?;
         let scene = self.scene();
         let (vertices, rows) = (scene.animation.vertex_count(), scene.moving_row_count);
@@ -145,7 +145,7 @@ impl<D: GpuDevice> Engine<D> {
 
     /// Records the copies of positions from buffers of the device's owner.
     fn copy_points(&mut self) -> Result<()> {
-        for copy in self.gpu.take_copies() {
+        for copy in std::mem::take(&mut self.gpu.lent().copies) {
             let words = |bytes: u64| bytes as usize / 4;
             let ((from, start), (to, place)) = (copy.from, copy.to);
             let work = work::copy_points(words(copy.bytes), [start, place].map(words));
@@ -181,8 +181,7 @@ impl<D: GpuDevice> Engine<D> {
             let found = own(name).or_else(|| scene.get(name, key, position));
             found.unwrap_or_else(|| panic!("no buffer {name:?}"))
         };
-        let slot = self.frames.record()?;
-        slot.record(pipelines, stage, work, &find)
+        self.frames.record().record(pipelines, stage, work, find)
     }
 
     /// Records the shading of the pending trace of `query`, if there is a palette and a tree.
@@ -225,7 +224,8 @@ impl<D: GpuDevice> Engine<D> {
         let scene = self.scene.as_mut().expect("a scene was loaded");
         scene.make_positions(&mut self.gpu)?;
         self.snapshots.request(self.position);
-        self.frames.record()?.split()
+        self.frames.record().split();
+        Ok(())
     }
 
     /// Submits the recording. `never_active` is the number of triangles in no tree, which count as inactive.
@@ -233,9 +233,8 @@ impl<D: GpuDevice> Engine<D> {
         let scene = self.scene.as_ref().expect("a scene was loaded");
         let place = |p: usize| (&scene.positions[p], scene.position_bytes());
         let positions = self.snapshots.requested.map(place);
-        let submitted = self.frames.submit(&mut self.gpu, positions, never_active);
-        let (ticket, copy) = submitted?;
-        self.snapshots.submitted(ticket, copy);
+        let ticket = self.frames.submit(&mut self.gpu, positions, never_active)?;
+        self.snapshots.submitted(ticket);
         let scene = self.scene.as_mut().expect("a scene was loaded");
         let (keys, gpu) = (&mut scene.keys, &mut self.gpu);
         keys.submitted(gpu, &scene.animation, ticket)?;
@@ -301,29 +300,36 @@ impl<D: GpuDevice> Engine<D> {
 
     /// Returns the bytes of device memory by purpose. Adds the owner's bytes of trees, of scratch memory and of frames.
     pub fn bytes(&self, [tree, scratch, frames]: [u64; 3]) -> DeviceBytes {
-        let bytes = DeviceBytes {
+        let memory = self.gpu.memory();
+        let scratch = scratch + memory.waiting;
+        let scene = self.scene.as_ref().map_or(0, SceneBuffers::held);
+        let frames = match memory.allocated {
+            // All other buffers.
+            Some(all) => all.saturating_sub(tree + scratch + scene),
+            None => frames + self.frames.bytes() + memory.submissions,
+        };
+        DeviceBytes {
             tree,
             scratch,
-            scene: self.scene.as_ref().map_or(0, SceneBuffers::held),
-            frames: frames + self.frames.bytes(),
-        };
-        self.gpu.with_own_bytes(bytes)
+            scene,
+            frames,
+        }
     }
 
     /// Waits for all submissions and reads the current positions.
     pub fn positions(&mut self) -> Result<Vec<Point>> {
-        self.gpu.wait_idle()?;
+        self.gpu.wait(None)?;
         let scene = self.scene.as_ref().expect("a scene was loaded");
         let count = scene.animation.vertex_count();
         let from = &scene.positions[self.position];
-        self.gpu.read_all(from, count)
+        read_all(&mut self.gpu, from, count)
     }
 }
 
 impl<D: GpuDevice> Drop for Engine<D> {
     fn drop(&mut self) {
         // An error means that the device is lost; there is nothing to wait for.
-        let _ = self.gpu.wait_idle();
+        let _ = self.gpu.wait(None);
     }
 }
 
@@ -344,12 +350,10 @@ fn test_arithmetic<D: GpuDevice>(
     buffers.fill(gpu, &[(BufferName::Operands, operands)])?;
     let find = |name| buffers.get(name).expect("it names no other buffer");
     let work = [work::arithmetic(all.len())];
-    let slot = frames.record()?;
-    slot.record(pipelines, None, &work, &find)?;
-    let (ticket, _) = frames.submit(gpu, None, 0)?;
+    frames.record().record(pipelines, None, &work, find)?;
+    let ticket = frames.submit(gpu, None, 0)?;
     frames.retire(gpu, ticket)?;
-    let results = gpu.read_all(find(BufferName::Results), all.len())?;
-    let adapter = gpu.device().adapter;
-    arithmetic::verify(&all, &results)
-        .map_err(|e| BackendError::NoDevice(format!("{adapter}: {e}")))
+    let results = read_all(gpu, find(BufferName::Results), all.len())?;
+    let refused = |e| BackendError::NoDevice(format!("{}: {e}", gpu.info().device.adapter));
+    arithmetic::verify(&all, &results).map_err(refused)
 }

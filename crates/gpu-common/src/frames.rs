@@ -1,33 +1,30 @@
-//! Recorded and unfinished submissions, and the reports and traces of finished ones.
+//! The recording, unfinished submissions, and the reports and traces of finished ones.
 
-use crate::{Clock, Dispatch, Find, GpuDevice, GpuSlot, Pipelines, Stage, Trace};
+use crate::clock::StageSet;
+use crate::recorder::Recorder;
+use crate::{Clock, GpuDevice, Outcome, PendingWork, SubmissionOutput, Trace};
 use backend::{BackendError, FRAMES_IN_FLIGHT, FrameReport, Result, StageTimes, Ticket};
-use shaders::work::Work;
-use shaders::{Counts, Extents, RasterBackoff, TreeStats};
+use shaders::{Extents, RasterBackoff, TreeStats};
 use std::collections::VecDeque;
-use std::mem::offset_of;
 use std::time::Instant;
 
-/// One slot more than the maximum number of unfinished submissions, so that recording never waits.
-const SLOTS: usize = FRAMES_IN_FLIGHT + 1;
-
-/// Bytes of the counts of `preprocess`. It may run several times per submission; only the last run counts.
-const LEAF_COUNTS: u64 = offset_of!(Counts, hits) as u64;
-
-/// A ring of slots, and the results of their submissions.
+/// The recording, and the results of submissions.
 pub struct Frames<D: GpuDevice> {
-    slots: Vec<Slot<D>>,
-    pub(crate) recording: bool,
+    recorder: Recorder<D>,
     /// Last submitted ticket.
     pub(crate) submitted: Ticket,
+    /// Number of the upload that the next submission must wait for; 0 for no upload.
+    awaited_upload: u64,
     /// Traces that are recorded but not yet submitted, in order.
     pub pending: Vec<Trace<D>>,
     /// Traces of a batch that failed in part. Recorded commands still use their buffers.
     refused: Vec<Trace<D>>,
+    /// Buffers that were replaced, each with the last ticket that may use it.
+    replaced: Vec<(Ticket, D::Buffer)>,
     /// Number of further submissions that contain a trace for which a submission is remembered.
     kept: usize,
     /// Remembered submissions, oldest first.
-    ledger: VecDeque<Submission<D>>,
+    ledger: VecDeque<SubmissionRecord<D>>,
     /// Latest results of `preprocess` and `refit`.
     tree_stats: TreeStats,
     /// Latest results of traces by rasterization.
@@ -37,7 +34,7 @@ pub struct Frames<D: GpuDevice> {
     clock: Clock,
 }
 
-struct Submission<D: GpuDevice> {
+struct SubmissionRecord<D: GpuDevice> {
     ticket: Ticket,
     traces: Vec<Trace<D>>,
     /// Whether it has traces that were not released.
@@ -46,167 +43,62 @@ struct Submission<D: GpuDevice> {
     is_released: bool,
     never_active: u64,
     at: Instant,
+    /// Stages without work.
+    idle: StageSet,
+    /// Parts of the scene that `preprocess` and `refit` processed.
+    extents: Extents,
+    readback_bytes: u64,
     /// `None` until the submission has finished.
     report: Option<FrameReport>,
 }
 
-/// Resources of one submission at a time.
-pub struct Slot<D: GpuDevice> {
-    /// The device's resources.
-    own: D::Slot,
-    stages: Vec<Stage>,
-    /// Stages without work.
-    idle: Vec<Stage>,
-    max_groups: u32,
-    /// Whether `interpolate` was recorded last and its stage is still open, so that `preprocess` may run concurrently.
-    open: bool,
-    /// Parts of the scene that `preprocess` and `refit` processed.
-    pub extents: Extents,
-    pub(crate) readback_bytes: u64,
-}
-
-impl<D: GpuDevice> Slot<D> {
-    fn new(gpu: &D) -> Result<Self> {
-        Ok(Self {
-            own: gpu.slot()?,
-            stages: Vec::new(),
-            idle: Vec::new(),
-            max_groups: gpu.max_groups(),
-            open: false,
-            extents: Extents::default(),
-            readback_bytes: 0,
-        })
-    }
-
-    fn begin(&mut self) -> Result<()> {
-        self.stages.clear();
-        self.idle.clear();
-        (self.open, self.readback_bytes) = (false, 0);
-        self.extents = Extents::default();
-        self.own.begin()
-    }
-
-    /// Records kernels as a stage, or as part of no stage. Checks all dispatches before it records the first one.
-    /// `interpolate` stays open for kernels that may run concurrently, and is then timed together with them. A stage
-    /// without work takes no time, but if it comes first, the frame's time starts with it.
-    pub(crate) fn record(
-        &mut self,
-        pipelines: &Pipelines<D>,
-        stage: Option<Stage>,
-        work: &[Work],
-        find: Find<'_, '_, D::Buffer>,
-    ) -> Result<()> {
-        if stage.is_none() || !work.first().is_some_and(|w| w.alongside) {
-            self.close()?;
-        }
-        if work.is_empty() && !self.stages.is_empty() {
-            self.idle.extend(stage);
-            return Ok(());
-        }
-        let again = |stage: Stage| stage == Stage::Preprocess && self.stages.contains(&stage);
-        if stage.is_some_and(again) {
-            self.own.clear_counts(LEAF_COUNTS)?;
-        }
-        let dispatch = |work| dispatch(pipelines, work, self.max_groups);
-        let all = work.iter().map(dispatch).collect::<Result<Vec<_>>>()?;
-        self.own.dispatch(&all, find)?;
-        self.open = stage == Some(Stage::Interpolate);
-        match stage.filter(|_| !self.open) {
-            Some(stage) => self.end(stage),
-            None => Ok(()),
-        }
-    }
-
-    /// Records a stage that is not a list of kernels.
-    pub fn record_as(
-        &mut self,
-        stage: Stage,
-        record: impl FnOnce(&mut D::Slot) -> Result<()>,
-    ) -> Result<()> {
-        self.close()?;
-        record(&mut self.own)?;
-        self.end(stage)
-    }
-
-    /// Ends `interpolate` if it is open, because the following work must not run concurrently with it.
-    fn close(&mut self) -> Result<()> {
-        match std::mem::take(&mut self.open) {
-            true => self.end(Stage::Interpolate),
-            false => Ok(()),
-        }
-    }
-
-    fn end(&mut self, stage: Stage) -> Result<()> {
-        self.stages.push(stage);
-        self.own.end_stage(stage)
-    }
-
-    /// Records that the positions recorded so far are copied to the host.
-    pub(crate) fn split(&mut self) -> Result<()> {
-        if !D::Slot::SPLITS {
-            return Ok(());
-        }
-        self.close()?;
-        self.own.split()
-    }
-}
-
-fn dispatch<'a, D: GpuDevice>(
-    pipelines: &'a Pipelines<D>,
-    work: &'a Work,
-    limit: u32,
-) -> Result<Dispatch<'a, D>> {
-    let refused = |need: u32| BackendError::Limit {
-        what: format!("kernel {} (workgroups along an axis)", work.kernel.name),
-        need: need.into(),
-        limit: limit.into(),
-    };
-    Ok(Dispatch {
-        work,
-        pipeline: pipelines.get(work.kernel),
-        groups: work.group_counts(limit).map_err(refused)?,
-    })
-}
-
 impl<D: GpuDevice> Frames<D> {
-    pub(crate) fn new(gpu: &D) -> Result<Self> {
-        Ok(Self {
-            slots: (0..SLOTS).map(|_| Slot::new(gpu)).collect::<Result<_>>()?,
-            recording: false,
+    pub(crate) fn new(gpu: &D) -> Self {
+        let info = gpu.info();
+        Self {
+            clock: info.clock,
+            recorder: Recorder::new(&info),
             submitted: Ticket(0),
+            awaited_upload: 0,
             pending: Vec::new(),
             refused: Vec::new(),
+            replaced: Vec::new(),
             kept: FRAMES_IN_FLIGHT,
             ledger: VecDeque::new(),
             tree_stats: TreeStats::default(),
             raster_backoff: RasterBackoff::default(),
             spread: false,
-            clock: gpu.clock(),
-        })
-    }
-
-    /// Returns the index of the slot of the current or next recording.
-    fn place(&self) -> usize {
-        self.submitted.0 as usize % SLOTS
-    }
-
-    /// Returns the slot of the recording, and begins one if needed.
-    pub fn record(&mut self) -> Result<&mut Slot<D>> {
-        let place = self.place();
-        let slot = &mut self.slots[place];
-        if !self.recording {
-            slot.begin()?;
-            self.recording = true;
         }
-        Ok(slot)
     }
 
-    /// Returns the bytes of device memory of all slots and traces.
+    /// Returns the recording, and begins one if needed.
+    pub fn record(&mut self) -> &mut Recorder<D> {
+        self.recorder.begin();
+        &mut self.recorder
+    }
+
+    /// Returns whether a recording was begun.
+    pub(crate) fn is_recording(&self) -> bool {
+        self.recorder.is_begun()
+    }
+
+    /// Makes the next submission wait for this upload and all uploads before it.
+    pub(crate) fn await_upload(&mut self, arrival: u64) {
+        self.awaited_upload = self.awaited_upload.max(arrival);
+    }
+
+    /// Drops a buffer once the work recorded so far no longer uses it.
+    pub(crate) fn replace(&mut self, buffer: impl IntoIterator<Item = D::Buffer>) {
+        let last = Ticket(self.submitted.0 + 1);
+        self.replaced.extend(buffer.into_iter().map(|b| (last, b)));
+    }
+
+    /// Returns the bytes of device memory of all traces and replaced buffers.
     pub(crate) fn bytes(&self) -> u64 {
-        let slots = self.slots.iter().map(|slot| slot.own.bytes());
         let kept = self.ledger.iter().flat_map(|s| &s.traces);
         let traces = kept.chain(&self.pending).chain(&self.refused);
-        slots.chain(traces.map(Trace::held)).sum()
+        let replaced = self.replaced.iter().map(|(_, b)| D::size(b).allocated);
+        traces.map(Trace::held).chain(replaced).sum()
     }
 
     /// Refuses all traces of a batch because one of them failed.
@@ -216,7 +108,7 @@ impl<D: GpuDevice> Frames<D> {
 
     /// Drops the recording.
     pub(crate) fn abandon(&mut self) {
-        self.recording = false;
+        self.recorder.abandon();
         self.pending.clear();
         self.refused.clear();
     }
@@ -258,39 +150,42 @@ impl<D: GpuDevice> Frames<D> {
         found.expect("this submission had no trace, or was too long ago")
     }
 
-    /// Submits the recording with the requested positions. Waits for the oldest submission if too many are unfinished.
-    /// The submission is remembered for `kept` further submissions that contain a trace.
+    /// Submits the recording. Copies `positions`, a buffer and its bytes, to the host. Waits for the oldest submission if
+    /// too many are unfinished. The submission is remembered for `kept` further submissions that contain a trace.
     pub(crate) fn submit(
         &mut self,
         gpu: &mut D,
         positions: Option<(&D::Buffer, u64)>,
         never_active: u64,
-    ) -> Result<(Ticket, Option<D::Copy>)> {
-        self.record()?.close()?;
+    ) -> Result<Ticket> {
+        self.record().close();
         while self.under_way().count() >= FRAMES_IN_FLIGHT {
             let oldest = self.under_way().next();
             self.finish(gpu, oldest.expect("counted just now"))?;
         }
         let ticket = Ticket(self.submitted.0 + 1);
-        let place = self.place();
-        let (slot, at) = (&mut self.slots[place], Instant::now());
-        slot.readback_bytes = positions.map_or(0, |(_, bytes)| bytes);
-        let copy = gpu.submit(&mut slot.own, ticket, positions)?;
-        self.recording = false;
+        let at = Instant::now();
+        let recording = self.recorder.complete(positions, self.awaited_upload);
+        gpu.submit(recording, ticket)?;
+        self.awaited_upload = 0;
         self.submitted = ticket;
         let mut traces = std::mem::take(&mut self.pending);
         traces.append(&mut self.refused);
-        self.ledger.push_back(Submission {
+        self.ledger.push_back(SubmissionRecord {
             ticket,
             is_traced: !traces.is_empty(),
             is_released: false,
             traces,
             never_active,
             at,
+            idle: self.recorder.idle,
+            extents: self.recorder.extents,
+            readback_bytes: positions.map_or(0, |(_, bytes)| bytes),
             report: None,
         });
+        self.recorder.abandon();
         self.forget_the_old();
-        Ok((ticket, copy))
+        Ok(ticket)
     }
 
     /// Returns the submissions that were not seen to finish.
@@ -302,14 +197,23 @@ impl<D: GpuDevice> Frames<D> {
     /// Forgets submissions whose command buffers the program dropped, and returns their tickets.
     pub(crate) fn give_up_dropped(&mut self, gpu: &mut D) -> Vec<Ticket> {
         let mut dropped = Vec::new();
-        for submission in self.ledger.iter_mut().filter(|s| s.report.is_none()) {
-            let slot = &mut self.slots[(submission.ticket.0 - 1) as usize % SLOTS];
-            if gpu.give_up_dropped(&mut slot.own, submission.ticket) {
-                submission.report = Some(FrameReport::default());
-                dropped.push(submission.ticket);
+        for ticket in self.under_way().collect::<Vec<_>>() {
+            // An error is returned again when the program waits for the submission.
+            let has_finished = gpu
+                .has_finished(PendingWork::Submission(ticket))
+                .unwrap_or(false);
+            if has_finished && let Ok(false) = self.finish_one(gpu, ticket) {
+                self.submission_mut(ticket).report = Some(FrameReport::default());
+                dropped.push(ticket);
             }
         }
         dropped
+    }
+
+    fn submission_mut(&mut self, ticket: Ticket) -> &mut SubmissionRecord<D> {
+        let mut ledger = self.ledger.iter_mut();
+        let found = ledger.find(|s| s.ticket == ticket);
+        found.expect("unfinished submissions are remembered")
     }
 
     /// Forgets finished submissions that have expired, and released traces beyond the number that is kept.
@@ -337,35 +241,54 @@ impl<D: GpuDevice> Frames<D> {
 
     /// Waits for a submission, and so for all before it.
     fn finish(&mut self, gpu: &mut D, ticket: Ticket) -> Result<()> {
-        let open = |s: &&mut Submission<D>| s.ticket <= ticket && s.report.is_none();
-        for submission in self.ledger.iter_mut().filter(open) {
-            let slot = &mut self.slots[(submission.ticket.0 - 1) as usize % SLOTS];
-            let done = gpu.finish(&mut slot.own, submission.ticket)?;
-            let times = match &done.ticks {
-                Some(ticks) => self.clock.times(&done.marks, ticks, &slot.idle),
-                // Without a device clock, use the host's.
-                None => StageTimes {
-                    device_ms: submission.at.elapsed().as_secs_f64() * 1e3,
-                    ..StageTimes::default()
-                },
-            };
-            let counts = done.counts;
-            let mut report = FrameReport {
-                times,
-                hits: u64::from(counts.hits),
-                blocked: u64::from(counts.blocked),
-                settled: counts.settled(),
-                readback_bytes: slot.readback_bytes,
-                ..FrameReport::default()
-            };
-            let counted = (&counts, slot.extents);
-            self.tree_stats
-                .complete(&mut report, counted, submission.never_active);
-            self.raster_backoff.note(&counts);
-            self.spread = counts.is_spread().unwrap_or(self.spread);
-            submission.report = Some(report);
+        let next = |frames: &Self| frames.under_way().next();
+        while let Some(oldest) = next(self).filter(|oldest| *oldest <= ticket) {
+            if !self.finish_one(gpu, oldest)? {
+                let why = "the program dropped the commands that the step is in";
+                return Err(BackendError::Misuse(why.into()));
+            }
         }
         Ok(())
+    }
+
+    /// Waits for a submission and completes its report. Returns `false` if the submission never runs.
+    fn finish_one(&mut self, gpu: &mut D, ticket: Ticket) -> Result<bool> {
+        let outcome = gpu.finish(ticket)?;
+        self.replaced.retain(|(last, _)| *last > ticket);
+        let Outcome::Finished(SubmissionOutput {
+            counts,
+            marks,
+            ticks,
+        }) = outcome
+        else {
+            return Ok(false);
+        };
+        let mut ledger = self.ledger.iter_mut();
+        let submission = ledger.find(|s| s.ticket == ticket);
+        let submission = submission.expect("unfinished submissions are remembered");
+        let times = match &ticks {
+            Some(ticks) => self.clock.times(&marks, ticks, submission.idle),
+            // Without a device clock, use the host's.
+            None => StageTimes {
+                device_ms: submission.at.elapsed().as_secs_f64() * 1e3,
+                ..StageTimes::default()
+            },
+        };
+        let mut report = FrameReport {
+            times,
+            hits: u64::from(counts.hits),
+            blocked: u64::from(counts.blocked),
+            settled: counts.settled(),
+            readback_bytes: submission.readback_bytes,
+            ..FrameReport::default()
+        };
+        let counted = (&counts, submission.extents);
+        self.tree_stats
+            .complete(&mut report, counted, submission.never_active);
+        self.raster_backoff.note(&counts);
+        self.spread = counts.is_spread().unwrap_or(self.spread);
+        submission.report = Some(report);
+        Ok(true)
     }
 
     /// Returns whether a submission has finished. Never blocks.
@@ -375,10 +298,9 @@ impl<D: GpuDevice> Frames<D> {
     pub(crate) fn is_done(&self, gpu: &D, ticket: Ticket) -> Result<bool> {
         let found = self.ledger.iter().find(|s| s.ticket == ticket);
         let submission = found.expect("this ticket was never given, or was given too long ago");
-        let slot = &self.slots[(ticket.0 - 1) as usize % SLOTS];
         match submission.report {
             Some(_) => Ok(true),
-            None => gpu.is_done(&slot.own, ticket),
+            None => gpu.has_finished(PendingWork::Submission(ticket)),
         }
     }
 
@@ -404,7 +326,8 @@ impl<D: GpuDevice> Frames<D> {
         self.raster_backoff = RasterBackoff::default();
         self.spread = false;
         gpu.unload()?;
-        self.slots.iter_mut().for_each(|slot| slot.own.forget());
+        self.replaced.clear();
+        self.awaited_upload = 0;
         Ok(())
     }
 }

@@ -1,5 +1,6 @@
 //! Access to the output of a stage.
 
+use crate::device::read_all;
 use crate::{ComputeBackend, GpuDevice};
 use backend::{BackendError, Inspect, Result};
 use bvh_layout::Topology;
@@ -24,7 +25,7 @@ impl<D: GpuDevice> Inspect for ComputeBackend<D> {
     }
 
     fn complaints(&mut self) -> Vec<String> {
-        self.engine.gpu.complaints()
+        self.engine.gpu.info().complaints
     }
 }
 
@@ -36,8 +37,8 @@ impl<D: GpuDevice> ComputeBackend<D> {
     pub fn read_tree<T: Pod>(&mut self, name: BufferName, count: usize) -> Result<Vec<T>> {
         let tree = self.tree.as_ref().expect("a scene was loaded");
         let buffer = tree.get(name).expect("a buffer of the tree's");
-        self.engine.gpu.wait_idle()?;
-        self.engine.gpu.read_all(buffer, count)
+        self.engine.gpu.wait(None)?;
+        read_all(&mut self.engine.gpu, buffer, count)
     }
 
     /// Reads the current tree back, after all submissions, and passes it to `look`.

@@ -1,7 +1,8 @@
 //! Key frames on the device: all of them, or those around the current pose.
 
+use crate::device::has_ended;
 use crate::pool::LARGE;
-use crate::{GpuDevice, LastUse, Pool};
+use crate::{GpuDevice, LastUse, Pool, Upload};
 use backend::{Result, Ticket};
 use geom::{Animation, KeyFrame, Point, Pose};
 use shaders::BufferName;
@@ -20,7 +21,7 @@ pub(crate) struct KeySlots<D: GpuDevice> {
     /// In upload order.
     slots: Vec<KeySlot<D>>,
     /// Buffers of evicted key frames.
-    free: Pool<D>,
+    free: Pool<D::Buffer>,
     /// Maximum number of paged or streamed key frames.
     kept: usize,
     /// Increases with each use.
@@ -36,7 +37,7 @@ pub(crate) struct KeySlots<D: GpuDevice> {
 struct KeySlot<D: GpuDevice> {
     key: usize,
     buffer: D::Buffer,
-    /// See [`GpuDevice::send_key`].
+    /// Number of the upload that fills it.
     arrival: u64,
     /// Value of the clock at the last use. The lowest one is evicted first.
     used: u64,
@@ -77,14 +78,15 @@ impl<D: GpuDevice> KeySlots<D> {
     }
 
     /// Makes the key frames of a pose available to work recorded from now on, after the last submission. Blocks while
-    /// missing ones are read.
+    /// missing ones are read. Returns the number of the upload that the recording must wait for.
     pub(crate) fn bring(
         &mut self,
         gpu: &mut D,
         (animation, pose): (&Animation, Pose),
         last: Ticket,
-    ) -> Result<()> {
+    ) -> Result<u64> {
         (self.pose, self.next) = (pose, last.0 + 1);
+        let mut arrival = 0;
         for key in pose.keys() {
             if self.find(key).is_none() {
                 self.send(gpu, (key, &animation.key(key)?))?;
@@ -92,9 +94,9 @@ impl<D: GpuDevice> KeySlots<D> {
             let next = self.next;
             let slot = self.touch(key).expect("it was sent");
             slot.read_by = next;
-            gpu.expect(slot.arrival);
+            arrival = arrival.max(slot.arrival);
         }
-        Ok(())
+        Ok(arrival)
     }
 
     /// Notes that the recording was submitted. Uploads one of the upcoming key frames, if the host has read it.
@@ -151,27 +153,30 @@ impl<D: GpuDevice> KeySlots<D> {
             };
             let old = self.slots.remove(oldest);
             let (arrival, ticket) = (old.arrival, old.read_by);
-            self.free.put(old.buffer, LastUse { arrival, ticket });
+            let size = D::size(&old.buffer);
+            self.free.put(old.buffer, size, LastUse { arrival, ticket });
         }
         let bytes = size_of_val(&frame[..]) as u64;
-        let (buffer, held_another) = self.free.fit(
-            bytes,
-            |last, may_wait| gpu.has_ended(last, may_wait),
-            || gpu.room("key frames", bytes),
-        )?;
+        let spare = self
+            .free
+            .fit(bytes, |last, may_wait| has_ended(gpu, last, may_wait))?;
         let all = 0..frame.len();
-        let runs = match held_another {
-            true => &self.moving,
-            false => std::slice::from_ref(&all),
+        let runs = if spare.is_some() {
+            &self.moving
+        } else {
+            std::slice::from_ref(&all)
         };
-        let arrival = match gpu.send_key(frame, runs, &buffer) {
-            Ok(arrival) => arrival,
-            Err(e) => {
-                // Part of the upload may have started.
-                gpu.discard(buffer);
-                return Err(e);
-            }
+        let buffer = match spare {
+            Some(buffer) => buffer,
+            None => gpu.buffer(BufferName::KeyFrame, bytes)?,
         };
+        let upload = Upload::KeyFrame { key: frame, runs };
+        let sent = gpu.send(upload, &buffer);
+        if sent.is_err() {
+            // Part of the upload may have started. If the wait fails too, the device is lost.
+            let _ = gpu.wait(None);
+        }
+        let arrival = sent?;
         self.clock += 1;
         self.slots.push(KeySlot {
             key,
@@ -195,7 +200,10 @@ impl<D: GpuDevice> KeySlots<D> {
 
     /// Returns the bytes of device memory.
     pub(crate) fn held(&self) -> u64 {
-        let slots = self.slots.iter().map(|slot| D::held(&slot.buffer));
+        let slots = self
+            .slots
+            .iter()
+            .map(|slot| D::size(&slot.buffer).allocated);
         slots.sum::<u64>() + self.free.held()
     }
 }

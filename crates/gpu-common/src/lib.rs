@@ -2,11 +2,12 @@
 //!
 //! [`ComputeBackend`] implements [`backend::Backend`] over a [`GpuDevice`]. It decides which kernels run over which
 //! buffers, when trees and positions are transferred, and what a submission reports. A device only creates buffers and
-//! pipelines, records dispatches, copies, submits and waits.
+//! pipelines, copies, executes recordings and waits.
 //!
 //! - [`Engine`] holds what every kind of frame needs: a scene, submissions, traces, and position copies to the host. A
 //!   backend with other trees can be built on it.
-//! - [`Frames`] holds one slot more than the maximum number of unfinished submissions, so recording never waits.
+//! - A [`Recording`] holds the commands of a submission as data, with the buffers that they use. [`Recorder`] adds the
+//!   commands of each stage. [`GpuDevice::submit`] executes them, so recording never waits.
 //! - Buffers are looked up by [`shaders::BufferName`], never by text.
 //!
 //! To add a GPU interface, implement [`GpuDevice`]. Its documentation states which methods may block.
@@ -22,6 +23,8 @@ mod inspect;
 mod key_slots;
 mod pipelines;
 mod pool;
+mod recorder;
+mod recording;
 mod scene;
 mod snapshots;
 mod traces;
@@ -32,11 +35,15 @@ pub use buffers::{refuse_above, without};
 pub use clock::{Clock, Stage};
 pub use compute::ComputeBackend;
 pub use device::{
-    Dispatch, Find, Finished, GpuDevice, GpuSlot, LentRays, Options, PointsCopy, Validation,
+    BufferSize, DeviceInfo, GpuDevice, KernelLimit, LentBuffers, LentRays, MemoryReport, Options,
+    Outcome, PendingWork, PointsCopy, RecordingOf, Staging, SubmissionOutput, Upload, Validation,
+    check_kernels, read_parts,
 };
 pub use engine::{Engine, Stale};
-pub use frames::{Frames, Slot};
+pub use frames::Frames;
 pub use pipelines::{KernelCode, Pipelines, compile_door, device_door};
 pub use pool::{LastUse, Pool, with_slack};
+pub use recorder::Recorder;
+pub use recording::{BoundBuffer, Dispatch, PositionsCopy, RecordedCommand, Recording};
 pub use scene::SceneBuffers;
 pub use traces::{Trace, are_given};

@@ -65,13 +65,9 @@ impl<D: GpuDevice> Pipelines<D> {
             return;
         }
         let kernels = missing.iter().map(|(kernel, _)| *kernel).collect();
-        let make = gpu.pipeline_maker();
+        let compile = gpu.compiler();
         let make_all = move || {
-            let all = || {
-                missing
-                    .par_iter()
-                    .map(|&kernel| D::make_pipeline(&make, kernel))
-            };
+            let all = || missing.par_iter().map(|&kernel| compile(kernel));
             // Compilation takes seconds. In a pool of its own it does not delay other parallel work.
             match own_pool(ThreadPoolBuilder::new().num_threads(parallelism())) {
                 Ok(pool) => pool.install(|| all().collect()),
@@ -101,7 +97,7 @@ impl<D: GpuDevice> Pipelines<D> {
                 self.wait(at)?;
             } else {
                 let code = (kernel, kernel.code_for(self.traits));
-                let made = D::make_pipeline(&gpu.pipeline_maker(), code)?;
+                let made = gpu.compiler()(code)?;
                 self.made.push((kernel, Arc::new(made)));
             }
         }
@@ -132,17 +128,17 @@ impl<D: GpuDevice> Pipelines<D> {
         missing
     }
 
-    fn find(&self, kernel: &Kernel) -> Option<&D::Pipeline> {
+    fn find(&self, kernel: &Kernel) -> Option<&Arc<D::Pipeline>> {
         let mut made = self.made.iter();
         let found = made.find(|(k, _)| k.name == kernel.name);
-        found.map(|(_, pipeline)| &**pipeline)
+        found.map(|(_, pipeline)| pipeline)
     }
 
     /// Returns a compiled kernel.
     ///
     /// # Panics
     /// If the kernel was not compiled.
-    pub(crate) fn get(&self, kernel: &Kernel) -> &D::Pipeline {
+    pub(crate) fn get(&self, kernel: &Kernel) -> &Arc<D::Pipeline> {
         let found = self.find(kernel);
         found.expect("pipelines are prepared before they are recorded")
     }

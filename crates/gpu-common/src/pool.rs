@@ -1,6 +1,6 @@
 //! Buffers that wait for their last use to finish before they are reused or dropped.
 
-use crate::GpuDevice;
+use crate::BufferSize;
 use backend::{FRAMES_IN_FLIGHT, Result};
 
 /// Bytes of a buffer from which on only few are kept, because their memory costs more than a wait.
@@ -12,7 +12,7 @@ pub fn with_slack<B>(bytes: u64, make: impl Fn(u64) -> Result<B>) -> Result<B> {
     make(bytes + bytes / 32).or_else(|_| make(bytes))
 }
 
-/// Last use of a buffer: a ticket, and the number of an [upload](GpuDevice::send) to it or from it; 0 for no use.
+/// Last use of a buffer: a ticket, and the number of an [upload](crate::GpuDevice::send) to it or from it; 0 for no use.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct LastUse {
     /// Number of the upload.
@@ -22,52 +22,56 @@ pub struct LastUse {
 }
 
 /// Buffers of one kind with their last uses.
-pub struct Pool<D: GpuDevice>(Vec<(LastUse, D::Buffer)>);
+pub struct Pool<B>(Vec<PooledBuffer<B>>);
 
-impl<D: GpuDevice> Default for Pool<D> {
+struct PooledBuffer<B> {
+    buffer: B,
+    size: BufferSize,
+    last: LastUse,
+}
+
+impl<B> Default for Pool<B> {
     fn default() -> Self {
         Self(Vec::new())
     }
 }
 
-impl<D: GpuDevice> Pool<D> {
+impl<B> Pool<B> {
     /// Adds a buffer.
-    pub fn put(&mut self, buffer: D::Buffer, last: LastUse) {
-        self.0.push((last, buffer));
+    pub fn put(&mut self, buffer: B, size: BufferSize, last: LastUse) {
+        self.0.push(PooledBuffer { buffer, size, last });
     }
 
-    /// Returns a buffer of at least `bytes`, and whether it was used before. Creates a buffer if the pool has no unused
-    /// buffer or the one it takes is too small. If the pool is full, waits for the buffer whose use ends first instead.
-    /// See [`GpuDevice::has_ended`].
+    /// Returns a buffer of at least `bytes` that was used before. Returns `None` if the pool has no unused buffer, or if
+    /// the one that it drops is too small. If the pool is full, waits for the buffer whose use ends first. `has_ended`
+    /// returns whether a use has ended, and may wait for it if its second argument is set.
     pub fn fit(
         &mut self,
         bytes: u64,
         has_ended: impl Fn(LastUse, bool) -> Result<bool>,
-        make: impl FnOnce() -> Result<D::Buffer>,
-    ) -> Result<(D::Buffer, bool)> {
+    ) -> Result<Option<B>> {
         // With one buffer per unfinished submission, one is free for the next. Large buffers are limited to one.
         let most = if bytes < LARGE { FRAMES_IN_FLIGHT } else { 1 };
         let spare = self.take(most, has_ended)?;
-        match spare.filter(|buffer| D::size(buffer) >= bytes) {
-            Some(buffer) => Ok((buffer, true)),
-            None => Ok((make()?, false)),
-        }
+        Ok(spare
+            .filter(|spare| spare.size.bytes >= bytes)
+            .map(|spare| spare.buffer))
     }
 
     fn take(
         &mut self,
         most: usize,
         has_ended: impl Fn(LastUse, bool) -> Result<bool>,
-    ) -> Result<Option<D::Buffer>> {
+    ) -> Result<Option<PooledBuffer<B>>> {
         for i in 0..self.0.len() {
-            if has_ended(self.0[i].0, false)? {
-                return Ok(Some(self.0.remove(i).1));
+            if has_ended(self.0[i].last, false)? {
+                return Ok(Some(self.0.remove(i)));
             }
         }
         let all = self.0.iter().enumerate();
-        match all.min_by_key(|(_, (last, _))| *last) {
-            Some((i, &(last, _))) if self.0.len() >= most && has_ended(last, true)? => {
-                Ok(Some(self.0.remove(i).1))
+        match all.min_by_key(|(_, spare)| spare.last) {
+            Some((i, spare)) if self.0.len() >= most && has_ended(spare.last, true)? => {
+                Ok(Some(self.0.remove(i)))
             }
             _ => Ok(None),
         }
@@ -76,10 +80,11 @@ impl<D: GpuDevice> Pool<D> {
     /// Drops the buffers whose last use has finished.
     pub fn prune(&mut self, has_ended: impl Fn(LastUse) -> Result<bool>) -> Result<()> {
         let mut at = 0;
-        while let Some((last, _)) = self.0.get(at) {
-            match has_ended(*last)? {
-                true => drop(self.0.remove(at)),
-                false => at += 1,
+        while let Some(spare) = self.0.get(at) {
+            if has_ended(spare.last)? {
+                drop(self.0.remove(at));
+            } else {
+                at += 1;
             }
         }
         Ok(())
@@ -87,7 +92,7 @@ impl<D: GpuDevice> Pool<D> {
 
     /// Returns the bytes of device memory.
     pub fn held(&self) -> u64 {
-        self.0.iter().map(|(_, buffer)| D::held(buffer)).sum()
+        self.0.iter().map(|spare| spare.size.allocated).sum()
     }
 }
 

@@ -92,7 +92,11 @@ impl<D: GpuDevice> SceneBuffers<D> {
 
     /// Returns the bytes of device memory.
     pub(crate) fn held(&self) -> u64 {
-        let positions = self.positions.iter().map(D::held).sum::<u64>();
+        let positions = self
+            .positions
+            .iter()
+            .map(|b| D::size(b).allocated)
+            .sum::<u64>();
         self.keys.held() + positions + self.others.held() + self.palette.held()
     }
 

@@ -1,27 +1,19 @@
 //! Copies of positions for the builder.
 
-use crate::GpuDevice;
+use crate::{GpuDevice, PendingWork};
 use backend::{Result, Snapshot, Ticket};
 use std::collections::VecDeque;
 
 /// Requests of positions and their copies.
-pub(crate) struct Snapshots<D: GpuDevice> {
+#[derive(Default)]
+pub(crate) struct Snapshots {
     /// Index of the position buffer that the recording requested.
     pub(crate) requested: Option<usize>,
-    /// In the order of the requests, which is that of the copies.
-    under_way: VecDeque<(Ticket, usize, D::Copy)>,
+    /// Submissions whose copies were not taken, each with the index of the position buffer. In the order of the copies.
+    under_way: VecDeque<(Ticket, usize)>,
 }
 
-impl<D: GpuDevice> Default for Snapshots<D> {
-    fn default() -> Self {
-        Self {
-            requested: None,
-            under_way: VecDeque::new(),
-        }
-    }
-}
-
-impl<D: GpuDevice> Snapshots<D> {
+impl Snapshots {
     /// Notes that the recording requests these positions.
     ///
     /// # Panics
@@ -31,47 +23,49 @@ impl<D: GpuDevice> Snapshots<D> {
         assert!(requested.is_none(), "one request of positions a submission");
     }
 
-    /// Returns the index of the position buffer that the next interpolation writes. If both are being read, the device
-    /// makes the interpolation wait.
-    pub(crate) fn position_to_write(&self, gpu: &mut D, current: usize) -> Result<usize> {
+    /// Returns the index of the position buffer that the next interpolation writes. If both are being read, also returns
+    /// the submission whose copy it must wait for.
+    pub(crate) fn position_to_write<D: GpuDevice>(
+        &self,
+        gpu: &D,
+        current: usize,
+    ) -> Result<(usize, Option<Ticket>)> {
         let mut busy_until = [None; 2];
-        for (i, (_, position, copy)) in self.under_way.iter().enumerate() {
-            if !gpu.has_arrived(copy)? {
+        for (i, (ticket, position)) in self.under_way.iter().enumerate() {
+            if !gpu.has_finished(PendingWork::Positions(*ticket))? {
                 busy_until[*position] = Some(i);
             }
         }
         let (position, busy) = soonest(current, self.requested, busy_until);
-        if let Some(i) = busy {
-            gpu.overwrites(&self.under_way[i].2);
-        }
-        Ok(position)
+        Ok((position, busy.map(|i| self.under_way[i].0)))
     }
 
-    /// Notes that the recording was submitted with this copy.
-    pub(crate) fn submitted(&mut self, ticket: Ticket, copy: Option<D::Copy>) {
-        let requested = self.requested.take().zip(copy);
-        let under_way = requested.map(|(position, copy)| (ticket, position, copy));
+    /// Notes that the recording was submitted.
+    pub(crate) fn submitted(&mut self, ticket: Ticket) {
+        let requested = self.requested.take();
+        let under_way = requested.map(|position| (ticket, position));
         self.under_way.extend(under_way);
     }
 
-    /// Drops the copies of these submissions, which never run.
+    /// Forgets the copies of these submissions, which never run.
     pub(crate) fn give_up(&mut self, dropped: &[Ticket]) {
-        self.under_way.retain(|(of, ..)| !dropped.contains(of));
+        self.under_way.retain(|(of, _)| !dropped.contains(of));
     }
 
     /// Returns the oldest positions if they have arrived.
-    pub(crate) fn take(
+    pub(crate) fn take<D: GpuDevice>(
         &mut self,
         gpu: &mut D,
         vertices: usize,
     ) -> Result<Option<(Ticket, Snapshot)>> {
-        match self.under_way.front() {
-            Some((.., copy)) if gpu.has_arrived(copy)? => (),
-            _ => return Ok(None),
+        let Some(&(ticket, _)) = self.under_way.front() else {
+            return Ok(None);
+        };
+        if !gpu.has_finished(PendingWork::Positions(ticket))? {
+            return Ok(None);
         }
-        let oldest = self.under_way.pop_front();
-        let (ticket, _, copy) = oldest.expect("it was there a moment ago");
-        Ok(Some((ticket, gpu.take(copy, vertices)?)))
+        self.under_way.pop_front();
+        Ok(Some((ticket, gpu.take_positions(ticket, vertices)?)))
     }
 }
 

@@ -186,8 +186,8 @@ fn lent_rays<D: GpuDevice>(gpu: &mut D, query: &Query<'_>) -> Result<Option<Lent
     if !matches!(query.rays, Rays::OnDevice(_)) {
         return Ok(None);
     }
-    let lent = gpu.take_lent_rays();
-    let refused = || BackendError::no_rays_on_device(gpu.device().backend);
+    let lent = gpu.lent().rays.pop_front();
+    let refused = || BackendError::no_rays_on_device(gpu.info().device.backend);
     lent.ok_or_else(refused).map(Some)
 }
 

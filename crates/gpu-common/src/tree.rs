@@ -1,6 +1,7 @@
 //! Trees on the device: the current one and a candidate.
 
-use crate::{BufferTable, GpuDevice, LastUse, Pool, with_slack};
+use crate::device::has_ended;
+use crate::{BufferTable, Frames, GpuDevice, LastUse, Pool, Staging, Upload, with_slack};
 use backend::{BackendError, Generation, Intersector, Result, Ticket, TreeWriter, check_tree};
 use bvh_layout::Topology;
 use geom::{Animation, lock};
@@ -19,13 +20,13 @@ pub(crate) struct TreeBuffers<D: GpuDevice> {
     /// Visibility buffers, as large as the largest trace so far.
     picture: BufferTable<D>,
     /// Topology buffers that no tree uses.
-    free: Pool<D>,
+    free: Pool<D::Buffer>,
     /// Bytes of the topology that was uploaded last; 0 before the first.
     last_bytes: u64,
     /// A topology that was uploaded but is not part of a tree yet, with the number of its upload.
     sent: Option<(Generation, D::Buffer, u64)>,
     /// The next topology, as the builder wrote it.
-    written: Arc<Mutex<Option<Written<D::Buffer>>>>,
+    written: Arc<Mutex<Option<Written<D::Staging>>>>,
     /// Buffers for tree builds on the device; `None` before the first.
     pub(crate) build: Option<BufferTable<D>>,
     /// Whether the current tree was built on the device.
@@ -64,15 +65,17 @@ impl<D: GpuDevice> DeviceTree<D> {
     }
 
     /// Enlarges the buffers of nodes and costs to fit a tree of this shape.
-    pub(crate) fn grow(&mut self, gpu: &mut D, shape: &Shape) -> Result<()> {
+    pub(crate) fn grow(&mut self, gpu: &D, frames: &mut Frames<D>, shape: &Shape) -> Result<()> {
         let nodes = shape.node_rows * 16;
-        self.buffers.grow(gpu, BufferName::Nodes, nodes)?;
-        self.buffers.grow(gpu, BufferName::Costs, shape.cost_bytes)
+        frames.replace(self.buffers.grow(gpu, BufferName::Nodes, nodes)?);
+        let costs = shape.cost_bytes;
+        frames.replace(self.buffers.grow(gpu, BufferName::Costs, costs)?);
+        Ok(())
     }
 
     fn held(&self) -> u64 {
         let record = self.record.as_ref();
-        self.buffers.held() + record.map_or(0, |(record, _)| D::held(record))
+        self.buffers.held() + record.map_or(0, |(record, _)| D::size(record).allocated)
     }
 }
 
@@ -125,7 +128,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
             let treelets = tree.to_treelets(animation.static_parts());
             let parts = treelets.parts();
             // If the staging buffer is too small, drop it. The next tree gets a larger one.
-            if D::fill(&mut staging, &parts) {
+            if staging.fill(&parts) {
                 *lock(&to) = Some(Written {
                     staging,
                     bytes: bytes(&parts),
@@ -139,22 +142,26 @@ impl<D: GpuDevice> TreeBuffers<D> {
     pub(crate) fn send(
         &mut self,
         gpu: &mut D,
-        (tree, generation): (&Topology, Generation),
+        tree: &Topology,
+        generation: Generation,
     ) -> Result<u64> {
         let (buffer, arrival) = match self.sent.take() {
             Some((of, buffer, arrival)) if of == generation => (buffer, arrival),
             left => {
                 if let Some((_, buffer, arrival)) = left {
-                    self.free.put(buffer, LastUse { arrival, ticket: 0 });
+                    let (size, last) = (D::size(&buffer), LastUse { arrival, ticket: 0 });
+                    self.free.put(buffer, size, last);
                 }
-                let (staging, bytes) = self.staged(gpu, (tree, generation))?;
-                let (buffer, _) = self.free.fit(
-                    bytes,
-                    |last, may_wait| gpu.has_ended(last, may_wait),
-                    || with_slack(bytes, |bytes| gpu.room(BufferName::Topology.name(), bytes)),
-                )?;
+                let Written { staging, bytes, .. } = self.staged(gpu, tree, generation)?;
+                let spare = self
+                    .free
+                    .fit(bytes, |last, may_wait| has_ended(gpu, last, may_wait))?;
+                let buffer = match spare {
+                    Some(buffer) => buffer,
+                    None => with_slack(bytes, |bytes| gpu.buffer(BufferName::Topology, bytes))?,
+                };
                 self.last_bytes = bytes;
-                let arrival = gpu.send(staging, bytes, &buffer)?;
+                let arrival = gpu.send(Upload::Staged(staging), &buffer)?;
                 (buffer, arrival)
             }
         };
@@ -162,32 +169,38 @@ impl<D: GpuDevice> TreeBuffers<D> {
         Ok(arrival)
     }
 
-    /// Returns a staging buffer that contains the tree, and its bytes.
+    /// Returns staging memory that contains the tree.
     fn staged(
         &self,
         gpu: &mut D,
-        (tree, generation): (&Topology, Generation),
-    ) -> Result<(D::Buffer, u64)> {
+        tree: &Topology,
+        generation: Generation,
+    ) -> Result<Written<D::Staging>> {
         let written = lock(&self.written).take();
         if let Some(written) = written.filter(|written| written.generation == generation) {
-            return Ok((written.staging, written.bytes));
+            return Ok(written);
         }
         let treelets = tree.to_treelets(self.animation.static_parts());
         let parts = treelets.parts();
         let mut staging = gpu.staging(bytes(&parts))?;
-        if D::fill(&mut staging, &parts) {
-            Ok((staging, bytes(&parts)))
-        } else {
-            Err(BackendError::DeviceLost("nothing can be written".into()))
+        if !staging.fill(&parts) {
+            let why = "the staging memory of a tree cannot be written";
+            return Err(BackendError::DeviceLost(why.into()));
         }
+        Ok(Written {
+            staging,
+            bytes: bytes(&parts),
+            generation,
+        })
     }
 
-    /// Makes `tree` current for work recorded from now on, after the last submission.
+    /// Makes `tree` current for work recorded from now on.
     pub(crate) fn adopt(
         &mut self,
         gpu: &mut D,
-        (tree, generation): (&Topology, Generation),
-        last: Ticket,
+        frames: &mut Frames<D>,
+        tree: &Topology,
+        generation: Generation,
     ) -> Result<()> {
         let evaluated = self.candidate.as_mut();
         if let Some(candidate) = evaluated.filter(|c| c.generation == generation) {
@@ -196,21 +209,25 @@ impl<D: GpuDevice> TreeBuffers<D> {
             self.made_here = false;
             return Ok(());
         }
-        let record = self.arrive(gpu, (tree, generation))?;
-        self.current.grow(gpu, &record.shape)?;
+        let record = self.arrive(gpu, tree, generation)?;
+        if let Err(e) = self.current.grow(gpu, frames, &record.shape) {
+            self.sent = Some((generation, record.buffer, record.arrival));
+            return Err(e);
+        }
+        frames.await_upload(record.arrival);
         let old = record.place(&mut self.current, Progress::default());
-        self.release(old, last);
+        self.release(old, frames.submitted);
         self.made_here = false;
         Ok(())
     }
 
-    /// Loads a candidate for the recording that follows the `last` submission. Returns `None` if memory does not
-    /// suffice.
+    /// Loads a candidate for the recording that follows the last submission. Returns `None` if memory does not suffice.
     pub(crate) fn load_candidate(
         &mut self,
         gpu: &mut D,
-        (tree, generation): (&Topology, Generation),
-        last: Ticket,
+        frames: &mut Frames<D>,
+        tree: &Topology,
+        generation: Generation,
     ) -> Result<Option<&mut DeviceTree<D>>> {
         if self.candidate.is_none() {
             let leaves = self.animation.live_count() as u64;
@@ -218,16 +235,17 @@ impl<D: GpuDevice> TreeBuffers<D> {
         }
         let is_loaded = |tree: &DeviceTree<D>| tree.generation == generation;
         if self.candidate.as_ref().is_some_and(|c| !is_loaded(c)) {
-            let record = self.arrive(gpu, (tree, generation))?;
+            let record = self.arrive(gpu, tree, generation)?;
             let Some(candidate) = &mut self.candidate else {
                 return Ok(None);
             };
-            if unless_too_large(candidate.grow(gpu, &record.shape))?.is_none() {
+            if unless_too_large(candidate.grow(gpu, frames, &record.shape))?.is_none() {
                 self.sent = Some((generation, record.buffer, record.arrival));
                 return Ok(None);
             }
+            frames.await_upload(record.arrival);
             let old = record.place(candidate, Progress::of_candidate());
-            self.release(old, last);
+            self.release(old, frames.submitted);
         }
         Ok(self.candidate.as_mut())
     }
@@ -262,15 +280,15 @@ impl<D: GpuDevice> TreeBuffers<D> {
     fn arrive(
         &mut self,
         gpu: &mut D,
-        (tree, generation): (&Topology, Generation),
-    ) -> Result<Arrived<D::Buffer>> {
+        tree: &Topology,
+        generation: Generation,
+    ) -> Result<ArrivingTree<D::Buffer>> {
         let animation = &self.animation;
         check_tree(tree, animation)?;
         let shape = Shape::of(&tree.to_treelets(animation.static_parts()));
-        self.send(gpu, (tree, generation))?;
+        self.send(gpu, tree, generation)?;
         let (_, buffer, arrival) = self.sent.take().expect("it was sent just now");
-        gpu.expect(arrival);
-        Ok(Arrived {
+        Ok(ArrivingTree {
             buffer,
             arrival,
             generation,
@@ -281,16 +299,22 @@ impl<D: GpuDevice> TreeBuffers<D> {
     /// Returns a topology buffer to the pool. The recording after the `last` submission may still use it.
     fn release(&mut self, old: Option<(D::Buffer, u64)>, last: Ticket) {
         if let Some((old, arrival)) = old {
-            let ticket = last.0;
-            self.free.put(old, LastUse { arrival, ticket });
+            let (size, ticket) = (D::size(&old), last.0);
+            self.free.put(old, size, LastUse { arrival, ticket });
         }
     }
 
     /// Enlarges the visibility buffers to fit a trace.
-    pub(crate) fn grow_picture(&mut self, gpu: &mut D, tracing: &Trace) -> Result<()> {
+    pub(crate) fn grow_picture(
+        &mut self,
+        gpu: &D,
+        frames: &mut Frames<D>,
+        tracing: &Trace,
+    ) -> Result<()> {
         let buffers = &mut self.picture;
-        buffers.grow(gpu, BufferName::Covers, tracing.cover_bytes)?;
-        buffers.grow(gpu, BufferName::Visibility, tracing.visibility_bytes)
+        frames.replace(buffers.grow(gpu, BufferName::Covers, tracing.cover_bytes)?);
+        frames.replace(buffers.grow(gpu, BufferName::Visibility, tracing.visibility_bytes)?);
+        Ok(())
     }
 
     /// Allocates the buffers for tree builds.
@@ -306,7 +330,8 @@ impl<D: GpuDevice> TreeBuffers<D> {
     pub(crate) fn held(&self) -> [u64; 3] {
         let build = self.build.as_ref().map_or(0, BufferTable::held);
         let candidate = self.candidate.as_ref().map_or(0, DeviceTree::held);
-        let visibility = self.picture.get(BufferName::Visibility).map_or(0, D::held);
+        let visibility = self.picture.get(BufferName::Visibility);
+        let visibility = visibility.map_or(0, |b| D::size(b).allocated);
         let covers = self.picture.held() - visibility;
         let trees = self.current.held() + candidate + covers + self.free.held();
         [trees, build, visibility]
@@ -314,14 +339,14 @@ impl<D: GpuDevice> TreeBuffers<D> {
 }
 
 /// A topology that is on the device, or will be when the next submission runs.
-struct Arrived<B> {
+struct ArrivingTree<B> {
     buffer: B,
     arrival: u64,
     generation: Generation,
     shape: Shape,
 }
 
-impl<B> Arrived<B> {
+impl<B> ArrivingTree<B> {
     /// Makes this the topology of `tree` and returns the previous one.
     fn place<D: GpuDevice<Buffer = B>>(
         self,
@@ -344,8 +369,8 @@ fn unless_too_large<T>(made: Result<T>) -> Result<Option<T>> {
 }
 
 /// A tree in a staging buffer.
-struct Written<B> {
-    staging: B,
+struct Written<S> {
+    staging: S,
     bytes: u64,
     generation: Generation,
 }

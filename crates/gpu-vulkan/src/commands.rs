@@ -2,7 +2,6 @@
 
 use crate::errors::failed;
 use crate::gpu::Gpu;
-use crate::memory::Buffer;
 use ash::vk;
 use backend::Result;
 use std::sync::Arc;
@@ -76,14 +75,14 @@ impl Commands {
     }
 
     /// Copies regions from one buffer to another. Records nothing without regions.
-    pub(crate) fn copy(&self, [from, to]: [&Buffer; 2], regions: &[vk::BufferCopy]) {
+    pub(crate) fn copy(&self, [from, to]: [vk::Buffer; 2], regions: &[vk::BufferCopy]) {
         if regions.is_empty() {
             return;
         }
         let vk = &self.gpu.vk;
         // SAFETY: the command buffer is being recorded; both buffers live until it has finished, and contain the
         // regions.
-        unsafe { vk.cmd_copy_buffer(self.vk(), from.vk, to.vk, regions) };
+        unsafe { vk.cmd_copy_buffer(self.vk(), from, to, regions) };
     }
 
     /// Orders all writes of `before`, in this or earlier submissions to the queue, before all accesses of `after`.

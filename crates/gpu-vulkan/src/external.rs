@@ -5,10 +5,9 @@
 
 use crate::errors::{failed, failed_for};
 use crate::gpu::Gpu;
-use crate::instance::Host;
-use crate::memory::create_buffer;
+use crate::raw_buffer::create_buffer;
+use crate::sharing::{MEMORY, SEMAPHORE, buffers};
 use crate::timeline::Timeline;
-use ash::ext::external_memory_host;
 use ash::{khr, vk};
 use backend::{BackendError, BackendName, Result};
 use std::ffi::CStr;
@@ -16,8 +15,6 @@ use std::ffi::CStr;
 use std::os::fd::{FromRawFd, OwnedFd};
 use std::sync::Arc;
 
-const MEMORY: &CStr = khr::external_memory_fd::NAME;
-const SEMAPHORE: &CStr = khr::external_semaphore_fd::NAME;
 const MEMORY_FD: vk::ExternalMemoryHandleTypeFlags = vk::ExternalMemoryHandleTypeFlags::OPAQUE_FD;
 const SEMAPHORE_FD: vk::ExternalSemaphoreHandleTypeFlags =
     vk::ExternalSemaphoreHandleTypeFlags::OPAQUE_FD;
@@ -28,11 +25,6 @@ const USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
         | vk::BufferUsageFlags::TRANSFER_SRC.as_raw()
         | vk::BufferUsageFlags::TRANSFER_DST.as_raw(),
 );
-
-/// Returns the extensions for sharing memory and semaphores that the device offers.
-pub(crate) fn extensions(host: &Host, device: vk::PhysicalDevice) -> Vec<&'static CStr> {
-    host.offered(device, &[MEMORY, SEMAPHORE, external_memory_host::NAME])
-}
 
 /// A buffer in an exported dedicated allocation.
 pub struct ExternalMemory {
@@ -181,21 +173,6 @@ impl Gpu {
 fn can_export_memory(gpu: &Gpu) -> bool {
     let features = buffers(&gpu.host, gpu.memory.physical, (USAGE, MEMORY_FD));
     features.contains(vk::ExternalMemoryFeatureFlags::EXPORTABLE)
-}
-
-/// Returns what the device supports for buffers with this usage in shared memory of this handle type.
-pub(crate) fn buffers(
-    host: &Host,
-    device: vk::PhysicalDevice,
-    (usage, kind): (vk::BufferUsageFlags, vk::ExternalMemoryHandleTypeFlags),
-) -> vk::ExternalMemoryFeatureFlags {
-    let info = vk::PhysicalDeviceExternalBufferInfo::default();
-    let info = info.usage(usage).handle_type(kind);
-    let mut found = vk::ExternalBufferProperties::default();
-    let host = &host.instance;
-    // SAFETY: the device belongs to the instance, which is alive.
-    unsafe { host.get_physical_device_external_buffer_properties(device, &info, &mut found) };
-    found.external_memory_properties.external_memory_features
 }
 
 fn can_export_timelines(gpu: &Gpu) -> bool {

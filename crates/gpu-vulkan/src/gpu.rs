@@ -1,13 +1,12 @@
 //! The logical device and its queues.
 
+use crate::allocator::Memory;
 use crate::errors::failed;
-use crate::external;
-use crate::host_memory::Import;
 use crate::instance::Host;
-use crate::limits::{Extras, Limits};
-use crate::memory::Memory;
-use crate::pipelines::PipelineCache;
+use crate::limits::{DeviceLimits, Extras};
+use crate::pipeline_cache::PipelineCache;
 use crate::queues::{QueueIndex, QueueSet, Queues};
+use crate::sharing::{self, Import};
 use ash::ext::pipeline_robustness;
 use ash::{khr, vk};
 use backend::{AdapterInfo, BackendError, DeviceKind, Result};
@@ -27,7 +26,7 @@ pub struct Gpu {
     pub families: Vec<u32>,
     /// Description of the adapter.
     pub adapter: AdapterInfo,
-    pub(crate) limits: Limits,
+    pub(crate) limits: DeviceLimits,
     /// Valid bits of a timestamp; 0 without a clock.
     pub(crate) timestamp_bits: u32,
     pub(crate) extras: Extras,
@@ -78,11 +77,11 @@ impl Gpu {
     ) -> Result<Arc<Self>> {
         let adapter = AdapterInfo::choose(list, options.adapter)?.clone();
         let physical = host.physical_devices()?[adapter.index];
-        let limits = Limits::of(&host, physical);
+        let limits = DeviceLimits::of(&host, physical);
         limits.admit_kernels(|k| !k.makes_trees())?;
         let queues = Queues::find(&host, physical)?;
         let extras = Extras::of(&host, physical)?;
-        let sharing = external::extensions(&host, physical);
+        let sharing = sharing::extensions(&host, physical);
         let vk = create(&host, physical, &queues, (traces_rays, extras, &sharing))?;
         let memory = match Memory::new(&host, physical, &vk, traces_rays) {
             Ok(memory) => memory,

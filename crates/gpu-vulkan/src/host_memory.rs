@@ -3,70 +3,22 @@
 //! A driver that allocates host memory prepares it page by page, and submissions block meanwhile: 17 ms for 64 MiB.
 //! Importing existing pages takes 4 ms, or 2 ms for large pages (NVIDIA 580, H100).
 
-use crate::external::buffers;
+use crate::allocator::usage;
 use crate::gpu::Gpu;
-use crate::instance::Host;
-use crate::memory::{create_buffer, usage};
-use ash::ext::external_memory_host;
+use crate::raw_buffer::create_buffer;
+use crate::sharing::{Import, PAGES};
 use ash::vk;
 use memmap2::MmapMut;
-use std::ffi::CStr;
 use std::sync::Arc;
 
 /// Minimum bytes of a buffer with pages of its own. Smaller buffers share an allocation.
 const LEAST: u64 = 1 << 20;
-const PAGES: vk::ExternalMemoryHandleTypeFlags =
-    vk::ExternalMemoryHandleTypeFlags::HOST_ALLOCATION_EXT;
-
-/// Properties of a device that can import host pages.
-pub(crate) struct Import {
-    calls: external_memory_host::Device,
-    /// Alignment of addresses and sizes, in bytes.
-    alignment: u64,
-    /// Bit mask of memory types that are cached and need no flushes.
-    types: u32,
-}
 
 /// Pages and the device memory imported from them.
 pub(crate) struct HostMemory {
     memory: vk::DeviceMemory,
     pub(crate) pages: MmapMut,
     gpu: Arc<Gpu>,
-}
-
-impl Import {
-    /// Returns `None` if the device, opened with these extensions, cannot import pages.
-    pub(crate) fn of(
-        host: &Host,
-        physical: vk::PhysicalDevice,
-        (vk, extensions): (&ash::Device, &[&CStr]),
-    ) -> Option<Self> {
-        let needed = vk::ExternalMemoryFeatureFlags::IMPORTABLE;
-        let is_enabled = extensions.contains(&external_memory_host::NAME);
-        if !is_enabled || !buffers(host, physical, (usage(false), PAGES)).contains(needed) {
-            return None;
-        }
-        let mut bounds = vk::PhysicalDeviceExternalMemoryHostPropertiesEXT::default();
-        let mut chain = vk::PhysicalDeviceProperties2::default().push_next(&mut bounds);
-        host.read_properties(physical, &mut chain);
-        // SAFETY: the device belongs to the instance, which is alive.
-        let memory = unsafe {
-            host.instance
-                .get_physical_device_memory_properties(physical)
-        };
-        let wanted = vk::MemoryPropertyFlags::HOST_COHERENT | vk::MemoryPropertyFlags::HOST_CACHED;
-        // Device-coherent memory requires a feature that is not enabled.
-        let other = vk::MemoryPropertyFlags::DEVICE_COHERENT_AMD;
-        let is_fit =
-            |flags: vk::MemoryPropertyFlags| flags.contains(wanted) && !flags.intersects(other);
-        let types = memory.memory_types_as_slice().iter().enumerate();
-        let types = types.filter(|(_, t)| is_fit(t.property_flags));
-        Some(Self {
-            calls: external_memory_host::Device::new(&host.instance, vk),
-            alignment: bounds.min_imported_host_pointer_alignment,
-            types: types.map(|(i, _)| 1 << i).sum(),
-        })
-    }
 }
 
 impl HostMemory {

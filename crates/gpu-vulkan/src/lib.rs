@@ -16,28 +16,34 @@
 
 #![expect(unsafe_code, reason = "Vulkan's calls, each with its reason")]
 
+mod adapters;
+mod allocator;
 pub mod commands;
+mod encoder;
 pub mod errors;
 pub mod external;
 pub mod gpu;
 mod host_memory;
 pub mod instance;
+mod lending;
 mod lent;
 mod limits;
 mod marks;
 pub mod memory;
 mod pages;
+mod pipeline_cache;
 mod pipelines;
 mod queues;
-mod slot;
+mod raw_buffer;
+mod sharing;
 mod staging;
 pub mod timeline;
 pub mod transfer;
 mod validation;
 mod vulkan_device;
 
+pub use adapters::{adapters, all};
+pub use encoder::{NativeCommand, RecordingEncoder};
 pub use gpu_common::LentRays;
-pub use instance::{adapters, all};
 pub use pipelines::{Layouts, descriptor_type, with_module};
-pub use slot::Slot;
-pub use vulkan_device::{VulkanBackend, VulkanDevice};
+pub use vulkan_device::{VulkanBackend, VulkanDevice, open};

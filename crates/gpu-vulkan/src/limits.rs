@@ -4,12 +4,12 @@ use crate::instance::Host;
 use ash::ext::pipeline_robustness;
 use ash::vk;
 use backend::{BackendError, Result};
-use gpu_common::refuse_above;
-use shaders::{KERNELS, Kernel, storage_buffers};
+use gpu_common::{KernelLimit, check_kernels, refuse_above};
+use shaders::{Kernel, storage_buffers};
 
 /// Limits that a scene, a query or a kernel may exceed.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Limits {
+pub(crate) struct DeviceLimits {
     /// `maxStorageBufferRange`, bytes.
     pub(crate) storage_range: u64,
     /// `maxMemoryAllocationSize`, bytes.
@@ -25,7 +25,7 @@ pub(crate) struct Limits {
     pub(crate) tick_ns: f64,
 }
 
-impl Limits {
+impl DeviceLimits {
     pub(crate) fn of(host: &Host, device: vk::PhysicalDevice) -> Self {
         let mut p11 = vk::PhysicalDeviceVulkan11Properties::default();
         let mut p = vk::PhysicalDeviceProperties2::default().push_next(&mut p11);
@@ -63,16 +63,23 @@ impl Limits {
     /// # Errors
     /// [`backend::BackendError::Limit`].
     pub(crate) fn admit_kernels(&self, asked: impl Fn(&Kernel) -> bool) -> Result<()> {
-        for kernel in KERNELS.iter().filter(|k| asked(k)) {
-            let about = |limit: &str| format!("kernel {} ({limit})", kernel.name);
-            let buffers = || about("maxPerStageDescriptorStorageBuffers");
-            let (need, most) = (storage_buffers(kernel.bindings), self.storage_buffers);
-            refuse_above(buffers, need.into(), most.into())?;
-            let threads = || about("maxComputeWorkGroupInvocations");
-            let (need, most) = (kernel.workgroup[0], self.workgroup);
-            refuse_above(threads, need.into(), most.into())?;
-        }
-        Ok(())
+        check_kernels(&self.of_kernels(), asked)
+    }
+
+    /// Returns the limits that a kernel may exceed.
+    pub(crate) fn of_kernels(&self) -> Vec<KernelLimit> {
+        vec![
+            KernelLimit {
+                name: "maxPerStageDescriptorStorageBuffers",
+                need: |kernel| storage_buffers(kernel.bindings),
+                most: self.storage_buffers,
+            },
+            KernelLimit {
+                name: "maxComputeWorkGroupInvocations",
+                need: |kernel| kernel.workgroup[0],
+                most: self.workgroup,
+            },
+        ]
     }
 
     /// Returns names and values, for display.
@@ -148,7 +155,7 @@ fn subgroups(host: &Host, device: vk::PhysicalDevice) -> Option<u32> {
 mod tests {
     use super::*;
 
-    const LIMITS: Limits = Limits {
+    const LIMITS: DeviceLimits = DeviceLimits {
         storage_range: 1 << 27,
         allocation: 1 << 30,
         groups: 65535,
@@ -165,7 +172,7 @@ mod tests {
         let expected =
             "hits (bytes, maxStorageBufferRange) needs 134217744, the limit is 134217728";
         assert_eq!(refused.to_string(), expected);
-        let generous = Limits {
+        let generous = DeviceLimits {
             storage_range: u64::from(u32::MAX),
             ..LIMITS
         };
@@ -179,7 +186,7 @@ mod tests {
     fn a_device_with_too_few_buffers_is_refused_by_the_kernels_name() {
         let always = |k: &Kernel| !k.makes_trees();
         assert_eq!(LIMITS.admit_kernels(always), Ok(()));
-        let poor = Limits {
+        let poor = DeviceLimits {
             storage_buffers: 3,
             ..LIMITS
         };

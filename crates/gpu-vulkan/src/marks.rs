@@ -11,14 +11,14 @@ use std::sync::Arc;
 const MARKS: usize = 16;
 
 /// The timestamps of one submission: one at its start, and one at the end of each stage.
-pub(crate) struct Marks {
+pub(crate) struct Timestamps {
     pools: Vec<vk::QueryPool>,
     /// The stage that starts at each timestamp.
     pub(crate) stages: Vec<Option<Stage>>,
     gpu: Arc<Gpu>,
 }
 
-impl Marks {
+impl Timestamps {
     pub(crate) fn new(gpu: &Arc<Gpu>) -> Self {
         Self {
             pools: Vec::new(),
@@ -88,7 +88,7 @@ fn query_pool(gpu: &Gpu) -> Result<vk::QueryPool> {
     unsafe { gpu.vk.create_query_pool(&info, None) }.map_err(failed("timestamps"))
 }
 
-impl Drop for Marks {
+impl Drop for Timestamps {
     fn drop(&mut self) {
         for &pool in &self.pools {
             // SAFETY: the backend waits for the device before it drops its slots.

@@ -2,11 +2,11 @@
 
 use crate::errors::failed;
 use crate::gpu::Gpu;
-use crate::memory::{Buffer, BufferUse};
-use crate::pipelines::{Pipeline, descriptor_type};
+use crate::memory::{Buffer, BufferRange, BufferUse};
+use crate::pipelines::descriptor_type;
 use ash::vk;
 use backend::Result;
-use shaders::{Binding, BufferName, KERNELS, Kind, Params, RAYS, storage_buffers};
+use shaders::{Binding, KERNELS, Params, RAYS, storage_buffers};
 use std::sync::Arc;
 
 /// Dispatches per page.
@@ -32,14 +32,6 @@ struct Page {
 pub(crate) struct ParamsRow {
     pub(crate) page: usize,
     pub(crate) offset: u32,
-}
-
-/// A descriptor set. It can be reused for the same kernel with the same buffers and rows of the same page.
-#[derive(Clone, Copy)]
-pub(crate) struct Bound {
-    pub(crate) set: vk::DescriptorSet,
-    kernel: &'static str,
-    page: usize,
 }
 
 impl Pages {
@@ -80,31 +72,20 @@ impl Pages {
         Ok(ParamsRow { page, offset })
     }
 
-    /// Returns a set for a kernel with this row: `last` if it matches, otherwise a new one over the buffers that `find`
-    /// returns for the names in the kernel.
-    pub(crate) fn bind<'a>(
-        &self,
-        pipeline: &Pipeline,
-        row: ParamsRow,
-        last: Option<Bound>,
-        find: impl Fn(BufferName) -> &'a Buffer,
-    ) -> Result<Bound> {
-        let (kernel, page) = (pipeline.kernel.name, row.page);
-        if let Some(last) = last.filter(|l| (l.kernel, l.page) == (kernel, page)) {
-            return Ok(last);
+    /// Returns the parameters of a page, for a dynamic offset.
+    pub(crate) fn params(&self, page: usize) -> BufferRange {
+        BufferRange {
+            vk: self.all[page].params.vk,
+            bytes: size_of::<Params>() as u64,
         }
-        let what = (pipeline.layouts.set, pipeline.kernel.bindings);
-        let set = self.set(what, page, find, None)?;
-        Ok(Bound { set, kernel, page })
     }
 
-    /// Creates a set with these bindings, over a page's parameters and the buffers that `find` returns by name.
-    /// Bindings of rays also include the driver's `tree`.
-    pub(crate) fn set<'a>(
+    /// Creates a set of a page with these bindings. Bindings of rays also include the driver's `tree`.
+    pub(crate) fn set<'b>(
         &self,
-        (layout, bindings): (vk::DescriptorSetLayout, &[Binding]),
+        layout: vk::DescriptorSetLayout,
         page: usize,
-        find: impl Fn(BufferName) -> &'a Buffer,
+        bindings: impl Iterator<Item = (&'b Binding, BufferRange)> + Clone,
         tree: Option<vk::AccelerationStructureKHR>,
     ) -> Result<vk::DescriptorSet> {
         let layouts = [layout];
@@ -114,25 +95,18 @@ impl Pages {
         // SAFETY: the pool has capacity for one set per row of the page.
         let sets = unsafe { self.gpu.vk.allocate_descriptor_sets(&info) };
         let set = sets.map_err(failed("descriptors"))?[0];
-        let info = |b: &Binding| {
-            let (buffer, bytes) = match b.kind {
-                Kind::Uniform => (self.all[page].params.vk, size_of::<Params>() as u64),
-                Kind::Read | Kind::ReadWrite => {
-                    let buffer = find(b.name);
-                    (buffer.vk, buffer.bytes)
-                }
-            };
-            let info = vk::DescriptorBufferInfo::default().buffer(buffer);
-            [info.range(bytes)]
+        let info = |(_, buffer): (_, BufferRange)| {
+            let info = vk::DescriptorBufferInfo::default().buffer(buffer.vk);
+            [info.range(buffer.bytes)]
         };
-        let infos: Vec<_> = bindings.iter().map(info).collect();
+        let infos: Vec<_> = bindings.clone().map(info).collect();
         let write = |number, kind| {
             vk::WriteDescriptorSet::default()
                 .dst_set(set)
                 .dst_binding(number)
                 .descriptor_type(kind)
         };
-        let each = bindings.iter().zip(&infos);
+        let each = bindings.map(|(b, _)| b).zip(&infos);
         let each = each.map(|(b, info)| write(b.number, descriptor_type(b.kind)).buffer_info(info));
         let mut writes: Vec<_> = each.collect();
         let mut scene = vk::WriteDescriptorSetAccelerationStructureKHR::default()

@@ -1,19 +1,15 @@
-//! Compute pipelines, with layouts derived from the kernels' bindings, and the cache of compiled kernels.
+//! Compute pipelines, with layouts derived from the kernels' bindings.
 
 use crate::errors::{failed, refused};
 use crate::gpu::Gpu;
-use crate::instance::Host;
 use ash::vk;
 use backend::Result;
-use gpu_common::cache_file::CacheFile;
 use gpu_common::compile_door;
 use shaders::{Kernel, Kind};
-use std::path::Path;
 use std::sync::Arc;
 
 /// A compiled kernel.
 pub struct Pipeline {
-    pub(crate) kernel: &'static Kernel,
     pub(crate) vk: vk::Pipeline,
     pub(crate) layouts: Layouts,
     gpu: Arc<Gpu>,
@@ -28,7 +24,6 @@ impl Pipeline {
             compile(gpu, kernel, module, layouts.pipeline)
         })?;
         Ok(Self {
-            kernel,
             vk,
             layouts,
             gpu: Arc::clone(gpu),
@@ -150,54 +145,5 @@ impl Drop for Layouts {
             vk.destroy_pipeline_layout(self.pipeline, None);
             vk.destroy_descriptor_set_layout(self.set, None);
         }
-    }
-}
-
-/// The driver's pipeline cache and its file. The cache is optional, so errors are ignored.
-pub struct PipelineCache {
-    /// Handle. Null if the driver could not create a cache.
-    pub vk: vk::PipelineCache,
-    file: Option<CacheFile>,
-}
-
-impl PipelineCache {
-    /// Loads the cache of this device and driver from a folder. Without a folder the cache is not stored.
-    pub(crate) fn open(
-        host: &Host,
-        physical: vk::PhysicalDevice,
-        device: &ash::Device,
-        folder: Option<&Path>,
-    ) -> Self {
-        // SAFETY: the device belongs to the instance, which is alive.
-        let p = unsafe { host.instance.get_physical_device_properties(physical) };
-        let uuid = u128::from_be_bytes(p.pipeline_cache_uuid);
-        let name = format!(
-            "vulkan-{:x}-{:x}-{:x}-{uuid:032x}",
-            p.vendor_id, p.device_id, p.driver_version
-        );
-        let mut file = folder.map(|folder| CacheFile::new(folder, &name));
-        let data = file.as_mut().and_then(CacheFile::load).unwrap_or_default();
-        let info = vk::PipelineCacheCreateInfo::default().initial_data(&data);
-        // SAFETY: the device is alive and `data` outlives the call. The file's digest shows that this driver wrote the
-        // data.
-        let vk = unsafe { device.create_pipeline_cache(&info, None) };
-        Self {
-            vk: vk.unwrap_or_default(),
-            file,
-        }
-    }
-
-    /// Stores new entries and destroys the cache.
-    pub(crate) fn close(&self, device: &ash::Device) {
-        if self.vk == vk::PipelineCache::null() {
-            return;
-        }
-        if let Some(file) = &self.file {
-            // SAFETY: device and cache are alive, and no thread compiles any more.
-            let data = unsafe { device.get_pipeline_cache_data(self.vk) };
-            data.iter().for_each(|data| file.store(data));
-        }
-        // SAFETY: the device is alive; a pipeline does not need its cache after its creation.
-        unsafe { device.destroy_pipeline_cache(self.vk, None) };
     }
 }

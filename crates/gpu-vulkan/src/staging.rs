@@ -4,34 +4,43 @@ use crate::gpu::Gpu;
 use crate::memory::{Buffer, BufferUse};
 use crate::timeline::Timeline;
 use crate::transfer::Transfer;
-use crate::vulkan_device::VulkanDevice;
 use backend::Result;
 use geom::{KeyFrame, Point, SharedMemory, copy_in_parallel};
-use gpu_common::{LastUse, Pool, with_slack};
+use gpu_common::{LastUse, Pool, Staging, with_slack};
 use std::collections::VecDeque;
 use std::ops::{Deref, DerefMut, Range};
 use std::sync::Arc;
 
-/// Writes parts one after another, using several threads. Returns `false` if they do not fit.
-pub(crate) fn fill(staging: &mut Buffer, parts: &[&[u32]]) -> bool {
-    let mut to = staging.view_mut();
-    if parts.iter().map(|part| part.len()).sum::<usize>() > to.len() {
-        return false;
+/// A buffer in host memory from which data is uploaded.
+pub struct StagingBuffer {
+    buffer: Buffer,
+    /// Bytes that were written.
+    filled: u64,
+}
+
+impl Staging for StagingBuffer {
+    fn fill(&mut self, parts: &[&[u32]]) -> bool {
+        let mut to = self.buffer.view_mut();
+        let words = parts.iter().map(|part| part.len()).sum::<usize>();
+        if words > to.len() {
+            return false;
+        }
+        for part in parts {
+            let (of_part, rest) = to.split_at_mut(part.len());
+            copy_in_parallel(of_part, part);
+            to = rest;
+        }
+        self.filled = (words * size_of::<u32>()) as u64;
+        true
     }
-    for part in parts {
-        let (of_part, rest) = to.split_at_mut(part.len());
-        copy_in_parallel(of_part, part);
-        to = rest;
-    }
-    true
 }
 
 /// Progress of uploads and submissions.
-pub(crate) type Done<'a> = (&'a Transfer, &'a Timeline);
+pub(crate) type QueueProgress<'a> = (&'a Transfer, &'a Timeline);
 
-/// See [`gpu_common::GpuDevice::has_ended`].
+/// Returns whether the last use of a buffer has finished. Waits for it first if `may_wait` is set.
 pub(crate) fn has_ended(
-    (uploads, submissions): Done<'_>,
+    (uploads, submissions): QueueProgress<'_>,
     last: LastUse,
     may_wait: bool,
 ) -> Result<bool> {
@@ -43,41 +52,50 @@ pub(crate) fn has_ended(
 }
 
 /// Staging buffers for one kind of data.
-pub(crate) struct Staging {
+pub(crate) struct StagingPool {
     what: &'static str,
-    pub(crate) free: Pool<VulkanDevice>,
+    pub(crate) free: Pool<Buffer>,
 }
 
-impl Staging {
+impl StagingPool {
     pub(crate) fn new(what: &'static str) -> Self {
         let free = Pool::default();
         Self { what, free }
     }
 
     /// Returns a staging buffer of at least `bytes`. A new one is created with slack.
-    pub(crate) fn take(&mut self, gpu: &Arc<Gpu>, done: Done<'_>, bytes: u64) -> Result<Buffer> {
-        let of = |bytes| Buffer::new(gpu, self.what, bytes, BufferUse::Staging);
-        let made = || with_slack(bytes, of);
+    pub(crate) fn take(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        done: QueueProgress<'_>,
+        bytes: u64,
+    ) -> Result<StagingBuffer> {
         let has_ended = |last, may_wait| has_ended(done, last, may_wait);
-        let (buffer, _) = self.free.fit(bytes, has_ended, made)?;
-        Ok(buffer)
+        let of = |bytes| Buffer::new(gpu, self.what, bytes, BufferUse::Staging);
+        let buffer = match self.free.fit(bytes, has_ended)? {
+            Some(buffer) => buffer,
+            None => with_slack(bytes, of)?,
+        };
+        Ok(StagingBuffer { buffer, filled: 0 })
     }
 
-    /// Starts the copy of the first `bytes` bytes. Returns the copy's timeline value.
+    /// Starts the copy of everything that was written. Returns the copy's timeline value.
     pub(crate) fn send(
         &mut self,
-        road: &mut Transfer,
-        (from, bytes): (Buffer, u64),
+        transfer: &mut Transfer,
+        from: StagingBuffer,
         to: &Buffer,
     ) -> Result<u64> {
-        let arrival = road.start([&from, to], &[(0..bytes, 0)], None)?;
-        self.free.put(from, LastUse { arrival, ticket: 0 });
+        let StagingBuffer { buffer, filled } = from;
+        let arrival = transfer.start([buffer.vk, to.vk], &[(0..filled, 0)], None)?;
+        let (size, last) = (buffer.size(), LastUse { arrival, ticket: 0 });
+        self.free.put(buffer, size, last);
         Ok(arrival)
     }
 }
 
 /// Positions or other bytes that the readback queue copies to the host.
-pub struct HostCopy {
+pub(crate) struct ReadbackCopy {
     pub(crate) buffer: Buffer,
     /// Timeline value of the copy.
     pub(crate) done_at: u64,
@@ -115,7 +133,7 @@ impl DerefMut for HostPoints {
 impl SharedMemory for HostPoints {}
 
 /// Returns the byte ranges of runs of positions, each with its destination offset, which is the same.
-fn bytes_of(runs: &[Range<usize>]) -> Vec<(Range<u64>, u64)> {
+pub(crate) fn bytes_of(runs: &[Range<usize>]) -> Vec<(Range<u64>, u64)> {
     let place = |v: usize| (v * size_of::<Point>()) as u64;
     let bytes = |run: &Range<usize>| (place(run.start)..place(run.end), place(run.start));
     runs.iter().map(bytes).collect()
@@ -136,27 +154,5 @@ impl KeysRead {
             self.0.pop_front();
         }
         Ok(())
-    }
-}
-
-impl VulkanDevice {
-    /// Starts the upload of runs of a key frame from the host.
-    pub(crate) fn send_host_key(
-        &mut self,
-        key: &KeyFrame,
-        runs: &[Range<usize>],
-        to: &Buffer,
-    ) -> Result<u64> {
-        if let Some(memory) = key.shared::<HostPoints>() {
-            let from = [&memory.buffer, to];
-            let value = self.upload.start(from, &bytes_of(runs), None)?;
-            self.keys_read.note(&self.upload.done, (value, key))?;
-            return Ok(value);
-        }
-        let (done, bytes) = ((&self.upload, &self.done), size_of_val(&key[..]) as u64);
-        let staging = &mut self.key_staging;
-        let mut from = staging.take(&self.gpu, done, bytes)?;
-        fill(&mut from, &[bytemuck::cast_slice(key)]);
-        staging.send(&mut self.upload, (from, bytes), to)
     }
 }

@@ -9,7 +9,7 @@ use std::slice::from_ref;
 use std::sync::Arc;
 
 /// A semaphore and the value that it must reach.
-pub type Moment = (vk::Semaphore, u64);
+pub type SemaphoreValue = (vk::Semaphore, u64);
 
 /// A timeline semaphore.
 pub struct Timeline {
@@ -43,7 +43,7 @@ impl Timeline {
     }
 
     /// Returns the moment at which the timeline reaches `value`.
-    pub fn at(&self, value: u64) -> Moment {
+    pub fn at(&self, value: u64) -> SemaphoreValue {
         (self.vk, value)
     }
 
@@ -93,14 +93,14 @@ impl Drop for Timeline {
 
 /// A command buffer, if any, that starts after some moments, and the moment at which it has finished.
 #[derive(Clone, Copy)]
-pub(crate) struct Batch<'a> {
+pub(crate) struct QueueBatch<'a> {
     pub(crate) commands: Option<vk::CommandBuffer>,
-    pub(crate) after: &'a [Moment],
-    pub(crate) done: Moment,
+    pub(crate) after: &'a [SemaphoreValue],
+    pub(crate) done: SemaphoreValue,
 }
 
 /// Submits batches to a queue in one call.
-pub(crate) fn submit(gpu: &Gpu, queue: &Queue, batches: &[Batch<'_>]) -> Result<()> {
+pub(crate) fn submit(gpu: &Gpu, queue: &Queue, batches: &[QueueBatch<'_>]) -> Result<()> {
     let waits = batches.iter().map(|b| b.after.iter().copied().unzip());
     let waits: Vec<(Vec<_>, Vec<_>)> = waits.collect();
     let all = || batches.iter().zip(&waits);

@@ -3,7 +3,7 @@
 use crate::commands::{COPIES, Commands, HOST};
 use crate::gpu::{Gpu, Queue};
 use crate::memory::{Buffer, BufferUse};
-use crate::timeline::{Batch, Moment, Timeline, submit};
+use crate::timeline::{QueueBatch, SemaphoreValue, Timeline, submit};
 use ash::vk;
 use backend::Result;
 use std::ops::Range;
@@ -19,12 +19,12 @@ pub struct Transfer {
     pub(crate) queue: Arc<Queue>,
     /// Value of the copy that started last.
     pub last: u64,
-    lanes: Vec<Lane>,
+    lanes: Vec<TransferCommands>,
     gpu: Arc<Gpu>,
 }
 
 /// A command buffer, and the timeline value at which it can be reused.
-struct Lane {
+struct TransferCommands {
     commands: Commands,
     busy_until: u64,
 }
@@ -44,9 +44,9 @@ impl Transfer {
     /// timeline value at which the copy has finished. Never blocks.
     pub fn start(
         &mut self,
-        buffers: [&Buffer; 2],
+        buffers: [vk::Buffer; 2],
         parts: &[(Range<u64>, u64)],
-        after: Option<Moment>,
+        after: Option<SemaphoreValue>,
     ) -> Result<u64> {
         let regions = parts.iter().flat_map(|(bytes, at)| pieces(bytes, *at));
         let regions: Vec<_> = regions.collect();
@@ -62,8 +62,8 @@ impl Transfer {
     /// at which all have finished. Never blocks.
     pub(crate) fn start_in_order(
         &mut self,
-        copies: &[([&Buffer; 2], Vec<vk::BufferCopy>)],
-        after: &[Moment],
+        copies: &[([vk::Buffer; 2], Vec<vk::BufferCopy>)],
+        after: &[SemaphoreValue],
     ) -> Result<u64> {
         self.start_recorded(after, |commands| {
             for (buffers, regions) in copies {
@@ -73,7 +73,11 @@ impl Transfer {
         })
     }
 
-    fn start_recorded(&mut self, after: &[Moment], record: impl FnOnce(&Commands)) -> Result<u64> {
+    fn start_recorded(
+        &mut self,
+        after: &[SemaphoreValue],
+        record: impl FnOnce(&Commands),
+    ) -> Result<u64> {
         let lane = self.free_lane()?;
         let commands = &mut self.lanes[lane].commands;
         commands.reset()?;
@@ -82,7 +86,7 @@ impl Transfer {
         commands.barrier(COPIES, HOST);
         commands.end()?;
         let value = self.last + 1;
-        let batch = Batch {
+        let batch = QueueBatch {
             commands: Some(commands.vk()),
             after,
             done: self.done.at(value),
@@ -99,7 +103,7 @@ impl Transfer {
                 return Ok(i);
             }
         }
-        self.lanes.push(Lane {
+        self.lanes.push(TransferCommands {
             commands: Commands::new(&self.gpu, self.queue.family)?,
             busy_until: 0,
         });
@@ -130,7 +134,11 @@ impl Drop for Transfer {
 }
 
 /// Uploads data in pieces through a staging buffer. Blocks until each piece has been copied.
-pub(crate) fn load(gpu: &Arc<Gpu>, road: &mut Transfer, all: &[(&[u8], &Buffer)]) -> Result<()> {
+pub(crate) fn load(
+    gpu: &Arc<Gpu>,
+    transfer: &mut Transfer,
+    all: &[(&[u8], &Buffer)],
+) -> Result<()> {
     const BYTES: usize = 32 << 20;
     let largest = all.iter().map(|(data, _)| data.len()).max().unwrap_or(0);
     let bytes = largest.min(BYTES) as u64;
@@ -140,8 +148,8 @@ pub(crate) fn load(gpu: &Arc<Gpu>, road: &mut Transfer, all: &[(&[u8], &Buffer)]
         for (i, piece) in data.chunks(most).enumerate() {
             window.write(0, piece);
             let part = (0..piece.len() as u64, (i * most) as u64);
-            road.start([&window, to], &[part], None)?;
-            road.wait()?;
+            transfer.start([window.vk, to.vk], &[part], None)?;
+            transfer.wait()?;
         }
     }
     Ok(())

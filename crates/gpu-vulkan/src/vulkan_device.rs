@@ -1,27 +1,47 @@
 //! The implementation of [`GpuDevice`] for Vulkan.
 
+use crate::adapters::all;
+use crate::encoder::{NativeCommand, RecordingEncoder, VulkanRecording};
 use crate::gpu::{Gpu, Queue};
-use crate::instance::{Host, all};
-use crate::lent::Lent;
-use crate::memory::{Buffer, BufferUse};
+use crate::instance::Host;
+use crate::lent::LentResources;
+use crate::memory::{Buffer, BufferRange, BufferUse};
 use crate::pipelines::Pipeline;
-use crate::slot::Slot;
-use crate::staging::{HostCopy, HostPoints, KeysRead, Staging, fill, has_ended};
-use crate::timeline::{Batch, Moment, Timeline, submit};
+use crate::staging::{
+    HostPoints, KeysRead, ReadbackCopy, StagingBuffer, StagingPool, bytes_of, has_ended,
+};
+use crate::timeline::{QueueBatch, SemaphoreValue, Timeline, submit};
 use crate::transfer::{Transfer, load};
 use crate::validation::messages;
-use backend::{Arithmetic, BackendName, Device, DeviceBytes, Result, Snapshot, Spares, Ticket};
+use ash::vk;
+use backend::{
+    Arithmetic, BackendName, Device, FRAMES_IN_FLIGHT, Result, Snapshot, Spares, Ticket,
+};
 use bytemuck::Pod;
 use geom::{KeyFrame, PointBuffer};
 use gpu_common::{
-    Clock, ComputeBackend, Finished, GpuDevice, KernelCode, LastUse, LentRays, Options, Pool,
+    BufferSize, Clock, ComputeBackend, DeviceInfo, GpuDevice, KernelCode, LastUse, LentBuffers,
+    MemoryReport, Options, Outcome, PendingWork, Pool, Staging, Upload, read_parts,
 };
-use shaders::{BufferName, Kernel, Packets};
+use shaders::{BufferName, Packets};
+use std::collections::VecDeque;
 use std::ops::Range;
 use std::sync::Arc;
 
 /// The backend that computes through Vulkan.
 pub type VulkanBackend = ComputeBackend<VulkanDevice>;
+
+/// Opens a backend.
+///
+/// # Errors
+/// [`backend::BackendError::NoDevice`] with the reason, or [`backend::BackendError::Limit`] if a limit is too low for
+/// any scene.
+pub fn open(options: &Options) -> Result<VulkanBackend> {
+    let host = Host::new(options.validation)?;
+    let list = all(&host)?;
+    let gpu = Gpu::open(host, &list, options, false)?;
+    ComputeBackend::over(VulkanDevice::over(&gpu, BackendName::Vulkan.name())?)
+}
 
 /// A Vulkan device for one scene: a queue for frames, and queues for uploads and readbacks.
 pub struct VulkanDevice {
@@ -37,19 +57,21 @@ pub struct VulkanDevice {
     pub upload: Transfer,
     /// Copies to the host.
     pub readback: Transfer,
+    /// One for each unfinished submission.
+    encoders: Vec<RecordingEncoder>,
     /// Host-visible buffers for reads of device buffers.
-    windows: Vec<Buffer>,
-    tree_staging: Staging,
-    pub(crate) key_staging: Staging,
-    pub(crate) keys_read: KeysRead,
-    /// Discarded buffers that may still be in use.
-    pub(crate) outgrown: Pool<Self>,
+    views: Vec<Buffer>,
+    tree_staging: StagingPool,
+    key_staging: StagingPool,
+    keys_read: KeysRead,
+    /// Host memory of lent positions and results that may still be in use.
+    pub(crate) outgrown: Pool<Buffer>,
     spares: Spares<HostPoints>,
-    /// The upload that the next submission must wait for.
-    pub(crate) arriving: Option<u64>,
-    /// The value of `readback` for the copy whose source the recording overwrites.
-    overwritten: Option<u64>,
-    pub(crate) lent: Lent,
+    /// Copies of positions that were not taken, by the submission that requested them.
+    copies: VecDeque<(Ticket, ReadbackCopy)>,
+    /// Value of `upload` for results that were written to lent memory, if the next submission must wait for it; else 0.
+    answers_at: u64,
+    pub(crate) lent: LentResources,
     /// The logical device and its memory.
     pub gpu: Arc<Gpu>,
 }
@@ -66,15 +88,18 @@ impl VulkanDevice {
             compute: queues.compute,
             upload: Transfer::new(gpu, queues.upload)?,
             readback: Transfer::new(gpu, queues.readback)?,
-            windows: Vec::new(),
-            tree_staging: Staging::new("the tree's record"),
-            key_staging: Staging::new("key frames"),
+            encoders: (0..FRAMES_IN_FLIGHT)
+                .map(|_| RecordingEncoder::new(gpu))
+                .collect::<Result<_>>()?,
+            views: Vec::new(),
+            tree_staging: StagingPool::new("the tree's record"),
+            key_staging: StagingPool::new("key frames"),
             keys_read: KeysRead::default(),
             outgrown: Pool::default(),
             spares: Spares::default(),
-            arriving: None,
-            overwritten: None,
-            lent: Lent::default(),
+            copies: VecDeque::new(),
+            answers_at: 0,
+            lent: LentResources::default(),
             gpu: Arc::clone(gpu),
         })
     }
@@ -86,46 +111,98 @@ impl VulkanDevice {
         is_own(up) && is_own(back) && !Arc::ptr_eq(up, back)
     }
 
-    fn copy_to_window(&mut self, from: &Buffer, bytes: Range<u64>) -> Result<HostCopy> {
+    /// Returns the encoder of a submission.
+    fn encoder(&mut self, ticket: Ticket) -> &mut RecordingEncoder {
+        let count = self.encoders.len();
+        &mut self.encoders[ticket.0 as usize % count]
+    }
+
+    fn begin_read(&mut self, from: &Buffer, bytes: Range<u64>) -> Result<ReadbackCopy> {
         let size = bytes.end - bytes.start;
-        let buffer = match self.windows.iter().position(|w| w.bytes >= size) {
-            Some(i) => self.windows.swap_remove(i),
+        let buffer = match self.views.iter().position(|view| view.bytes >= size) {
+            Some(i) => self.views.swap_remove(i),
             None => {
-                self.windows.pop();
+                self.views.pop();
                 let what = "a view for the host";
                 Buffer::new(&self.gpu, what, size, BufferUse::Readback)?
             }
         };
-        let done_at = self.readback.start([from, &buffer], &[(bytes, 0)], None)?;
-        Ok(HostCopy { buffer, done_at })
+        let buffers = [from.vk, buffer.vk];
+        let done_at = self.readback.start(buffers, &[(bytes, 0)], None)?;
+        Ok(ReadbackCopy { buffer, done_at })
     }
 
-    /// Returns the last use of a buffer that is discarded now and not part of the recording.
-    pub(crate) fn last_use(&self) -> LastUse {
-        LastUse {
+    /// Starts the upload of runs of a key frame, from the host and from external memory.
+    fn send_key(&mut self, key: &KeyFrame, runs: &[Range<usize>], to: &Buffer) -> Result<u64> {
+        let of_host = self.lent.others(runs);
+        let sent = if let Some(memory) = key.shared::<HostPoints>() {
+            let from = [memory.buffer.vk, to.vk];
+            let value = self.upload.start(from, &bytes_of(&of_host), None)?;
+            self.keys_read.note(&self.upload.done, (value, key))?;
+            value
+        } else {
+            let (done, bytes) = ((&self.upload, &self.done), size_of_val(&key[..]) as u64);
+            let mut from = self.key_staging.take(&self.gpu, done, bytes)?;
+            from.fill(&[bytemuck::cast_slice(key)]);
+            self.key_staging.send(&mut self.upload, from, to)?
+        };
+        Ok(self.copy_points(Some(to))?.unwrap_or(sent))
+    }
+
+    /// Copies lent positions: see [`LentResources::copy_points`].
+    pub(crate) fn copy_points(&mut self, key: Option<&Buffer>) -> Result<Option<u64>> {
+        self.lent
+            .copy_points(&mut self.upload, &mut self.outgrown, key)
+    }
+
+    /// Fills a lent buffer, in the order of submissions.
+    fn write_lent<T: Pod + Send + Sync>(&mut self, to: &Buffer, rows: &[T]) -> Result<()> {
+        let bytes = size_of_val(rows) as u64;
+        if bytes == 0 {
+            return Ok(());
+        }
+        let mut staging = Buffer::new(&self.gpu, "answers", bytes, BufferUse::Upload)?;
+        staging.set_rows(rows);
+        let region = vk::BufferCopy::default().size(bytes);
+        let copy = ([staging.vk, to.vk], vec![region]);
+        self.answers_at = self.upload.start_in_order(&[copy], &self.lent.waits)?;
+        let last = LastUse {
             arrival: self.upload.last,
             ticket: self.submitted,
-        }
+        };
+        let size = staging.size();
+        self.outgrown.put(staging, size, last);
+        Ok(())
     }
 
-    /// Submits the parts of a recording. Copies of positions wait only for the first of two parts.
-    fn submit_parts(&mut self, slot: &Slot, ticket: Ticket) -> Result<()> {
-        let arrived = self.arriving.map(|value| self.upload.done.at(value));
-        let unread = self.overwritten.map(|value| self.readback.done.at(value));
-        let after = arrived.into_iter().chain(unread);
-        let after: Vec<Moment> = after.chain(self.lent.waits.iter().copied()).collect();
-        let parts = slot.commands.all();
-        let batch = |(i, &commands)| Batch {
+    fn copy_of(&self, ticket: Ticket) -> Option<&ReadbackCopy> {
+        let found = self.copies.iter().find(|(of, _)| *of == ticket);
+        found.map(|(_, copy)| copy)
+    }
+
+    /// Submits the parts of an encoded recording. Copies of positions wait only for the first of two parts.
+    fn submit_parts(&mut self, recording: &VulkanRecording, ticket: Ticket) -> Result<()> {
+        let arrival = Some(recording.after_upload.max(self.answers_at));
+        let arrival = arrival.filter(|&value| value > 0);
+        let arrival = arrival.map(|value| self.upload.done.at(value));
+        let unread = recording.overwrites.and_then(|ticket| self.copy_of(ticket));
+        let unread = unread.map(|copy| self.readback.done.at(copy.done_at));
+        let after = arrival.into_iter().chain(unread);
+        let after: Vec<SemaphoreValue> = after.chain(self.lent.waits.iter().copied()).collect();
+        let (done, first_part) = (self.done.at(ticket.0), self.first_part.at(ticket.0));
+        let parts = self.encoder(ticket).commands.all();
+        let batch = |(i, &commands)| QueueBatch {
             commands: Some(commands),
             after: if i == 0 { &after } else { &[] },
-            done: match i + 1 == parts.len() {
-                true => self.done.at(ticket.0),
-                false => self.first_part.at(ticket.0),
+            done: if i + 1 == parts.len() {
+                done
+            } else {
+                first_part
             },
         };
         let batches: Vec<_> = parts.iter().enumerate().map(batch).collect();
         submit(&self.gpu, &self.compute, &batches)?;
-        (self.arriving, self.overwritten) = (None, None);
+        self.answers_at = 0;
         // Later submissions to the queue wait as well.
         self.lent.waits.clear();
         self.submitted = ticket.0;
@@ -136,51 +213,60 @@ impl VulkanDevice {
 
 impl GpuDevice for VulkanDevice {
     type Buffer = Buffer;
+    type Binding = BufferRange;
     type Pipeline = Pipeline;
-    type Maker = Arc<Gpu>;
-    type Slot = Slot;
-    type Copy = HostCopy;
+    type Native = NativeCommand;
+    type Staging = StagingBuffer;
 
-    fn open(options: &Options) -> Result<Self> {
-        let host = Host::new(options.validation)?;
-        let list = all(&host)?;
-        let gpu = Gpu::open(host, &list, options, false)?;
-        Self::over(&gpu, BackendName::Vulkan.name())
+    fn another(&self) -> impl FnOnce() -> Result<Self> + Send + use<> {
+        let gpu = Arc::clone(&self.gpu);
+        move || Self::over(&gpu, BackendName::Vulkan.name())
     }
 
-    fn beside(gpu: Arc<Gpu>) -> Result<Self> {
-        Self::over(&gpu, BackendName::Vulkan.name())
+    fn compiler(&self) -> impl Fn(KernelCode) -> Result<Pipeline> + Send + Sync + 'static + use<> {
+        let gpu = Arc::clone(&self.gpu);
+        move |(kernel, code)| Pipeline::new(&gpu, kernel, code.spirv)
     }
 
-    fn device(&self) -> Device {
-        let adapter = &self.gpu.adapter;
-        Device {
-            backend: self.backend,
-            adapter: adapter.name.clone(),
-            driver: adapter.driver.clone(),
-            kind: adapter.kind,
-            threads: 0,
-            arithmetic: Arithmetic::IEEE,
+    fn info(&self) -> DeviceInfo {
+        let Gpu {
+            adapter,
+            extras,
+            limits,
+            timestamp_bits,
+            ..
+        } = &*self.gpu;
+        let subgroups = extras.subgroups.map(|size| (size, size));
+        DeviceInfo {
+            device: Device {
+                backend: self.backend,
+                adapter: adapter.name.clone(),
+                driver: adapter.driver.clone(),
+                kind: adapter.kind,
+                threads: 0,
+                arithmetic: Arithmetic::IEEE,
+            },
+            packets: Packets::for_device(subgroups, self.gpu.is_software()),
+            rasterizes: extras.has_least_of_64_bits,
+            clock: Clock::new(*timestamp_bits, limits.tick_ns),
+            max_groups: limits.groups,
+            kernel_limits: limits.of_kernels(),
+            splits: true,
+            copies_points: false,
+            free_bytes: self.gpu.memory.free_bytes(&self.gpu.host),
+            complaints: messages().clone(),
         }
     }
 
-    fn forms(&self) -> (Option<Packets>, bool) {
-        let extras = self.gpu.extras;
-        let subgroups = extras.subgroups.map(|size| (size, size));
-        let packets = Packets::for_device(subgroups, self.gpu.is_software());
-        (packets, extras.has_least_of_64_bits)
-    }
-
-    fn clock(&self) -> Clock {
-        Clock::new(self.gpu.timestamp_bits, self.gpu.limits.tick_ns)
-    }
-
-    fn max_groups(&self) -> u32 {
-        self.gpu.limits.groups
-    }
-
-    fn check_kernels(&self, wanted: &dyn Fn(&Kernel) -> bool) -> Result<()> {
-        self.gpu.limits.admit_kernels(wanted)
+    fn memory(&self) -> MemoryReport {
+        let memory = &self.gpu.memory;
+        let staging = [&self.tree_staging, &self.key_staging].map(|s| s.free.held());
+        MemoryReport {
+            allocated: Some(memory.held()),
+            waiting: staging.iter().sum::<u64>() + self.outgrown.held(),
+            submissions: 0,
+            buffers_made: memory.made(),
+        }
     }
 
     fn buffer(&self, name: BufferName, bytes: u64) -> Result<Buffer> {
@@ -191,41 +277,16 @@ impl GpuDevice for VulkanDevice {
         Buffer::new(&self.gpu, name.name(), bytes, place)
     }
 
-    fn room(&self, what: &'static str, bytes: u64) -> Result<Buffer> {
-        Buffer::new(&self.gpu, what, bytes, BufferUse::Device)
+    fn size(buffer: &Buffer) -> BufferSize {
+        buffer.size()
     }
 
-    fn size(buffer: &Buffer) -> u64 {
-        buffer.bytes
+    fn bind(buffer: &Buffer) -> BufferRange {
+        buffer.range()
     }
 
-    fn held(buffer: &Buffer) -> u64 {
-        buffer.held()
-    }
-
-    fn free_bytes(&self) -> Option<u64> {
-        self.gpu.memory.free_bytes(&self.gpu.host)
-    }
-
-    fn discard(&mut self, buffer: Buffer) {
-        // The recording may use the buffer.
-        let last = LastUse {
-            ticket: self.submitted + 1,
-            ..self.last_use()
-        };
-        self.outgrown.put(buffer, last);
-    }
-
-    fn take_lent_rays(&mut self) -> Option<LentRays<Buffer>> {
-        self.lent.rays.take()
-    }
-
-    fn buffers_made(&self) -> u64 {
-        self.gpu.memory.made()
-    }
-
-    fn complaints(&self) -> Vec<String> {
-        messages().clone()
+    fn lent(&mut self) -> &mut LentBuffers<Buffer> {
+        &mut self.lent.buffers
     }
 
     fn upload(&mut self, all: &[(&[u8], &Buffer)]) -> Result<()> {
@@ -240,130 +301,89 @@ impl GpuDevice for VulkanDevice {
         Ok(())
     }
 
-    fn begin_read(&mut self, from: &Buffer, bytes: Range<u64>) -> Result<HostCopy> {
-        let begun = self.copy_to_window(from, bytes);
+    fn read<T: Pod>(
+        &mut self,
+        from: &Buffer,
+        count: usize,
+        mut each: impl FnMut(usize, &[T]),
+    ) -> Result<()> {
+        let begun = read_parts::<T>(count).map(|part| {
+            let bytes = [part.start, part.end].map(|n| (n * size_of::<T>()) as u64);
+            let copy = self.begin_read(from, bytes[0]..bytes[1])?;
+            Ok((copy, part))
+        });
+        let begun: Result<Vec<_>> = begun.collect();
         if begun.is_err() {
             // Copies that are under way are dropped with the failed read.
             self.readback.wait()?;
         }
-        begun
-    }
-
-    fn end_read(&mut self, copy: HostCopy, bytes: usize, look: impl FnOnce(&[u8])) -> Result<()> {
-        self.readback.done.wait(copy.done_at)?;
-        look(copy.buffer.read(bytes));
-        self.windows.push(copy.buffer);
+        for (copy, part) in begun? {
+            self.readback.done.wait(copy.done_at)?;
+            each(part.start, copy.buffer.read(part.len()));
+            self.views.push(copy.buffer);
+        }
         Ok(())
     }
 
-    fn staging(&mut self, bytes: u64) -> Result<Buffer> {
+    fn staging(&mut self, bytes: u64) -> Result<StagingBuffer> {
         let done = (&self.upload, &self.done);
         self.tree_staging.take(&self.gpu, done, bytes)
     }
 
-    fn fill(staging: &mut Buffer, parts: &[&[u32]]) -> bool {
-        fill(staging, parts)
-    }
-
-    fn send(&mut self, from: Buffer, bytes: u64, to: &Buffer) -> Result<u64> {
-        let road = &mut self.upload;
-        self.tree_staging.send(road, (from, bytes), to)
-    }
-
     fn point_buffer(&mut self, points: usize) -> Result<PointBuffer> {
-        Ok(PointBuffer::Shared(Box::new(HostPoints::new(
-            &self.gpu, points,
-        )?)))
+        let points = HostPoints::new(&self.gpu, points)?;
+        Ok(PointBuffer::Shared(Box::new(points)))
     }
 
-    fn send_key(&mut self, key: &KeyFrame, runs: &[Range<usize>], to: &Buffer) -> Result<u64> {
-        let sent = self.send_host_key(key, &self.lent.others(runs), to)?;
-        let copied = self.copy_points(Some(to))?;
-        Ok(copied.unwrap_or(sent))
+    fn send(&mut self, upload: Upload<'_, StagingBuffer>, to: &Buffer) -> Result<u64> {
+        match upload {
+            Upload::Staged(from) => self.tree_staging.send(&mut self.upload, from, to),
+            Upload::KeyFrame { key, runs } => self.send_key(key, runs, to),
+        }
     }
 
-    fn has_ended(&self, last: LastUse, may_wait: bool) -> Result<bool> {
-        has_ended((&self.upload, &self.done), last, may_wait)
-    }
-
-    fn expect(&mut self, arrival: u64) {
-        let arrival = Some(arrival).filter(|&value| value > 0);
-        self.arriving = self.arriving.max(arrival);
-    }
-
-    fn pipeline_maker(&self) -> Arc<Gpu> {
-        Arc::clone(&self.gpu)
-    }
-
-    fn make_pipeline(gpu: &Arc<Gpu>, (kernel, code): KernelCode) -> Result<Pipeline> {
-        Pipeline::new(gpu, kernel, code.spirv)
-    }
-
-    fn slot(&self) -> Result<Slot> {
-        Slot::new(&self.gpu)
-    }
-
-    fn submit(
-        &mut self,
-        slot: &mut Slot,
-        ticket: Ticket,
-        positions: Option<(&Buffer, u64)>,
-    ) -> Result<Option<HostCopy>> {
-        let to = positions.map(|(_, bytes)| {
-            let spare = self.spares.pop().map(|points| points.buffer);
-            let made = || {
+    fn submit(&mut self, recording: &mut VulkanRecording, ticket: Ticket) -> Result<()> {
+        let copy = match recording.positions {
+            None => None,
+            Some(positions) => {
+                let spare = self.spares.pop().map(|points| points.buffer);
                 let what = "vertices for the builder";
-                Buffer::new(&self.gpu, what, bytes, BufferUse::Readback)
-            };
-            spare.filter(|b| b.bytes >= bytes).map_or_else(made, Ok)
-        });
-        let to = to.transpose()?;
-        slot.end()?;
-        self.submit_parts(slot, ticket)?;
-        let Some(((from, bytes), buffer)) = positions.zip(to) else {
-            return Ok(None);
+                let to = match spare.filter(|buffer| buffer.bytes >= positions.bytes) {
+                    Some(buffer) => buffer,
+                    None => Buffer::new(&self.gpu, what, positions.bytes, BufferUse::Readback)?,
+                };
+                Some((positions, to))
+            }
         };
-        let ready = self.first_part.at(ticket.0);
-        let all = [(0..bytes, 0)];
-        let done_at = self.readback.start([from, &buffer], &all, Some(ready))?;
-        Ok(Some(HostCopy { buffer, done_at }))
-    }
-
-    fn finish(&mut self, slot: &mut Slot, ticket: Ticket) -> Result<Finished> {
-        self.done.wait(ticket.0)?;
-        slot.finished()
-    }
-
-    fn is_done(&self, _: &Slot, ticket: Ticket) -> Result<bool> {
-        self.done.has_reached(ticket.0)
-    }
-
-    fn has_arrived(&self, copy: &HostCopy) -> Result<bool> {
-        self.readback.done.has_reached(copy.done_at)
-    }
-
-    fn overwrites(&mut self, copy: &HostCopy) {
-        self.overwritten = self.overwritten.max(Some(copy.done_at));
-    }
-
-    fn take(&mut self, copy: HostCopy, vertices: usize) -> Result<Snapshot> {
-        let (buffer, count) = (copy.buffer, vertices);
-        Ok(self.spares.lend(HostPoints { buffer, count }))
-    }
-
-    fn unload(&mut self) -> Result<()> {
-        self.wait_idle()?;
-        self.tree_staging.free = Pool::default();
-        self.key_staging.free = Pool::default();
-        self.outgrown = Pool::default();
-        self.keys_read = KeysRead::default();
-        (self.spares, self.lent) = (Spares::default(), Lent::default());
-        self.windows.clear();
-        (self.arriving, self.overwritten) = (None, None);
+        self.encoder(ticket).encode(recording)?;
+        self.submit_parts(recording, ticket)?;
+        if let Some((positions, buffer)) = copy {
+            let ready = self.first_part.at(ticket.0);
+            let (buffers, all) = ([positions.from.vk, buffer.vk], [(0..positions.bytes, 0)]);
+            let done_at = self.readback.start(buffers, &all, Some(ready))?;
+            self.copies
+                .push_back((ticket, ReadbackCopy { buffer, done_at }));
+        }
         Ok(())
     }
 
-    fn wait_idle(&self) -> Result<()> {
+    fn has_finished(&self, work: PendingWork) -> Result<bool> {
+        match work {
+            PendingWork::Submission(ticket) => self.done.has_reached(ticket.0),
+            PendingWork::Positions(ticket) => {
+                let copy = self.copy_of(ticket);
+                copy.map_or(Ok(true), |copy| {
+                    self.readback.done.has_reached(copy.done_at)
+                })
+            }
+            PendingWork::Use(last) => has_ended((&self.upload, &self.done), last, false),
+        }
+    }
+
+    fn wait(&self, until: Option<LastUse>) -> Result<()> {
+        if let Some(last) = until {
+            return has_ended((&self.upload, &self.done), last, true).map(|_| ());
+        }
         self.done.wait(self.submitted)?;
         self.upload.wait()?;
         self.readback.wait()?;
@@ -374,16 +394,29 @@ impl GpuDevice for VulkanDevice {
         Ok(())
     }
 
-    fn with_own_bytes(&self, bytes: DeviceBytes) -> DeviceBytes {
-        let staging = [&self.tree_staging, &self.key_staging].map(|s| s.free.held());
-        let waiting = staging.iter().sum::<u64>() + self.outgrown.held();
-        let scratch = bytes.scratch + waiting;
-        // All other buffers.
-        let others = bytes.tree + scratch + bytes.scene;
-        DeviceBytes {
-            scratch,
-            frames: self.gpu.memory.held().saturating_sub(others),
-            ..bytes
-        }
+    fn finish(&mut self, ticket: Ticket) -> Result<Outcome> {
+        self.done.wait(ticket.0)?;
+        self.encoder(ticket).finished().map(Outcome::Finished)
+    }
+
+    fn take_positions(&mut self, ticket: Ticket, vertices: usize) -> Result<Snapshot> {
+        let found = self.copies.iter().position(|(of, _)| *of == ticket);
+        let found = found.and_then(|i| self.copies.remove(i));
+        let (_, copy) = found.expect("the submission copies positions");
+        let (buffer, count) = (copy.buffer, vertices);
+        Ok(self.spares.lend(HostPoints { buffer, count }))
+    }
+
+    fn unload(&mut self) -> Result<()> {
+        self.wait(None)?;
+        self.tree_staging.free = Pool::default();
+        self.key_staging.free = Pool::default();
+        self.outgrown = Pool::default();
+        self.keys_read = KeysRead::default();
+        (self.spares, self.lent) = (Spares::default(), LentResources::default());
+        self.views.clear();
+        self.copies.clear();
+        self.answers_at = 0;
+        Ok(())
     }
 }

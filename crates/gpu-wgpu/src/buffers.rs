@@ -1,49 +1,20 @@
 //! Creating, filling, copying and mapping buffers.
 
-use crate::gpu::Gpu;
-use crate::limits::span;
+use crate::gpu::{OpenGpu, READBACK, make, unmap};
 use backend::{BackendError, Result};
 use bytemuck::Pod;
 use geom::Point;
-use gpu_common::refuse_above;
 use std::ops::{Deref, Range};
 use std::sync::{Arc, OnceLock};
 use std::thread;
 use std::time::{Duration, Instant};
-use wgpu::{Buffer, BufferUsages, BufferView, CommandEncoder, MapMode, SubmissionIndex};
+use wgpu::{Buffer, BufferView, CommandEncoder, MapMode, SubmissionIndex};
 
 /// Bytes per copy command, so that a large readback does not slow down kernels that run at the same time.
 const PIECE: u64 = 512 << 10;
 
-/// Usage of a buffer that kernels read and write.
-pub(crate) const STORAGE: BufferUsages = BufferUsages::STORAGE
-    .union(BufferUsages::COPY_SRC)
-    .union(BufferUsages::COPY_DST);
-/// Usage of a buffer that the host maps to read.
-pub(crate) const READBACK: BufferUsages = BufferUsages::MAP_READ.union(BufferUsages::COPY_DST);
-/// Usage of a buffer that the host writes at creation and whenever it is mapped again.
-pub(crate) const STAGING: BufferUsages = BufferUsages::MAP_WRITE.union(BufferUsages::COPY_SRC);
-
-/// Creates a buffer of `bytes`, rounded up to 16 because zero-sized buffers cannot be bound.
-pub(crate) fn make(gpu: &Gpu, what: &str, bytes: u64, usage: BufferUsages) -> Result<Buffer> {
-    let size = bytes.max(16).next_multiple_of(16);
-    let (need, limit) = match usage.contains(BufferUsages::STORAGE) {
-        true => (bytes, span(&gpu.limits)),
-        false => (size, gpu.limits.max_buffer_size),
-    };
-    refuse_above(|| format!("{what} (bytes of one buffer)"), need, limit)?;
-    let desc = wgpu::BufferDescriptor {
-        label: Some(what),
-        size,
-        usage,
-        mapped_at_creation: usage.contains(BufferUsages::MAP_WRITE),
-    };
-    gpu.count_buffer();
-    gpu.guard(what, size, || gpu.device.create_buffer(&desc))
-}
-
 /// Writes at a byte offset, before all later submissions.
-pub(crate) fn write<T: Pod>(gpu: &Gpu, to: &Buffer, at: u64, data: &[T]) -> Result<()> {
+pub(crate) fn write<T: Pod>(gpu: &OpenGpu, to: &Buffer, at: u64, data: &[T]) -> Result<()> {
     let bytes: &[u8] = bytemuck::cast_slice(data);
     gpu.guard("an upload", bytes.len() as u64, || {
         gpu.queue.write_buffer(to, at, bytes);
@@ -51,7 +22,7 @@ pub(crate) fn write<T: Pod>(gpu: &Gpu, to: &Buffer, at: u64, data: &[T]) -> Resu
 }
 
 /// Fills buffers in pieces and blocks until the copies have finished. At most a few pieces are under way at a time.
-pub(crate) fn upload(gpu: &Gpu, all: &[(&[u8], &Buffer)]) -> Result<()> {
+pub(crate) fn upload(gpu: &OpenGpu, all: &[(&[u8], &Buffer)]) -> Result<()> {
     const BYTES: usize = 32 << 20;
     let flush = || {
         gpu.guard("an upload", 0, || gpu.queue.submit([]))?;
@@ -73,7 +44,7 @@ pub(crate) fn upload(gpu: &Gpu, all: &[(&[u8], &Buffer)]) -> Result<()> {
 
 /// Records a copy between two buffers, each with an offset.
 pub(crate) fn copy_part(
-    gpu: &Gpu,
+    gpu: &OpenGpu,
     encoder: &mut CommandEncoder,
     (from, at): (&Buffer, u64),
     (to, place): (&Buffer, u64),
@@ -86,7 +57,7 @@ pub(crate) fn copy_part(
 
 /// Records a copy in pieces to the start of a buffer.
 fn copy(
-    gpu: &Gpu,
+    gpu: &OpenGpu,
     encoder: &mut CommandEncoder,
     (from, at): (&Buffer, u64),
     to: &Buffer,
@@ -101,11 +72,11 @@ fn copy(
 }
 
 /// A requested mapping. It completes while the device is polled.
-pub(crate) struct Mapping(Arc<OnceLock<Outcome>>);
+pub(crate) struct Mapping(Arc<OnceLock<MapOutcome>>);
 
 /// Result of a mapping.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Outcome {
+enum MapOutcome {
     Mapped,
     Refused,
     /// The command buffer before the mapping was dropped without being submitted.
@@ -113,12 +84,12 @@ enum Outcome {
 }
 
 /// The part of a mapping that wgpu owns until it calls back.
-struct Callback(Arc<OnceLock<Outcome>>);
+struct Callback(Arc<OnceLock<MapOutcome>>);
 
 impl Drop for Callback {
     fn drop(&mut self) {
         // This has no effect if the callback was called.
-        let _ = self.0.set(Outcome::Dropped);
+        let _ = self.0.set(MapOutcome::Dropped);
     }
 }
 
@@ -129,8 +100,8 @@ impl Mapping {
         let callback = Callback(Arc::clone(&done));
         encoder.map_buffer_on_submit(buffer, mode, .., move |result| {
             let outcome = match result {
-                Ok(()) => Outcome::Mapped,
-                Err(_) => Outcome::Refused,
+                Ok(()) => MapOutcome::Mapped,
+                Err(_) => MapOutcome::Refused,
             };
             let _ = callback.0.set(outcome);
         });
@@ -139,19 +110,19 @@ impl Mapping {
 
     /// Returns whether the commands were dropped before they were submitted.
     pub(crate) fn is_dropped(&self) -> bool {
-        self.0.get() == Some(&Outcome::Dropped)
+        self.0.get() == Some(&MapOutcome::Dropped)
     }
 
     /// Returns whether the host can access the buffer. Treats a rejected mapping as the loss of the device.
-    pub(crate) fn poll(&self, gpu: &Gpu) -> Result<bool> {
+    pub(crate) fn poll(&self, gpu: &OpenGpu) -> Result<bool> {
         match self.0.get() {
-            Some(Outcome::Refused) => Err(gpu.faults.lose("a buffer cannot be mapped".into())),
-            outcome => Ok(outcome == Some(&Outcome::Mapped)),
+            Some(MapOutcome::Refused) => Err(gpu.faults.lose("a buffer cannot be mapped".into())),
+            outcome => Ok(outcome == Some(&MapOutcome::Mapped)),
         }
     }
 
     /// Waits until the host can access the buffer. The submission that fills it must have been waited for.
-    pub(crate) fn expect(&self, gpu: &Gpu) -> Result<()> {
+    pub(crate) fn expect(&self, gpu: &OpenGpu) -> Result<()> {
         match self.arrives_within(gpu, Duration::from_secs(10))? {
             true => Ok(()),
             false => Err(gpu.faults.lose("a buffer never arrived".into())),
@@ -160,7 +131,7 @@ impl Mapping {
 
     /// Returns whether the host can access the buffer within `patience`. Another thread that polls the device may run
     /// the callback.
-    pub(crate) fn arrives_within(&self, gpu: &Gpu, patience: Duration) -> Result<bool> {
+    pub(crate) fn arrives_within(&self, gpu: &OpenGpu, patience: Duration) -> Result<bool> {
         let begun = Instant::now();
         while !self.poll(gpu)? {
             if begun.elapsed() > patience {
@@ -173,30 +144,22 @@ impl Mapping {
     }
 }
 
-/// Unmaps a buffer. Returns `false` if the buffer was lost with its device.
-#[must_use]
-pub(crate) fn unmap(device: &wgpu::Device, buffer: &Buffer) -> bool {
-    let refused = device.push_error_scope(wgpu::ErrorFilter::Validation);
-    buffer.unmap();
-    pollster::block_on(refused.pop()).is_none()
-}
-
 pub(crate) fn unreadable(e: wgpu::MapRangeError) -> BackendError {
     BackendError::DeviceLost(format!("a buffer cannot be read: {e}"))
 }
 
 /// A copy of positions or other bytes to the host.
-pub struct HostCopy {
+pub(crate) struct MappedCopy {
     pub(crate) buffer: Buffer,
     pub(crate) mapping: Mapping,
     /// Index of the submission; `None` for positions, which are part of their frame's submission.
     pub(crate) place: Option<SubmissionIndex>,
 }
 
-impl HostCopy {
+impl MappedCopy {
     /// Records a copy to the start of `spare` if it is large enough, or else of a new buffer named `what`.
     pub(crate) fn record(
-        gpu: &Gpu,
+        gpu: &OpenGpu,
         encoder: &mut CommandEncoder,
         (from, bytes): (&Buffer, Range<u64>),
         (what, spare): (&str, Option<Buffer>),
@@ -231,7 +194,7 @@ impl Deref for Arrived {
 }
 
 impl Arrived {
-    pub(crate) fn new(copy: HostCopy, vertices: usize) -> Result<Self> {
+    pub(crate) fn new(copy: MappedCopy, vertices: usize) -> Result<Self> {
         let buffer = copy.buffer;
         Ok(Self {
             view: buffer.get_mapped_range(..).map_err(unreadable)?,

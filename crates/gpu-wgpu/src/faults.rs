@@ -1,6 +1,6 @@
 //! Errors of the device, collected from all places where wgpu reports them.
 //!
-//! - Every call that wgpu may reject runs in [`crate::gpu::Gpu::guard`], which catches out-of-memory, validation and
+//! - Every call that wgpu may reject runs in [`crate::gpu::OpenGpu::guard`], which catches out-of-memory, validation and
 //!   internal errors. This works on our own devices and on lent ones.
 //! - wgpu reports the loss of a device only to callbacks. On our own device the callback is ours; on a lent one it is
 //!   the engine's. There a loss is noticed during a wait: polling panics (which is caught, unless the program is built

@@ -1,22 +1,21 @@
 //! The device and its queue, with error handling for all calls that can fail.
 
 use crate::adapters::{enumerate, instance, kind, takes_spirv};
-use crate::buffers::{READBACK, make, unmap};
 use crate::faults::Faults;
-use crate::limits::{check, generous, useful_features};
-use crate::pipelines::PipelineCache;
+use crate::limits::{check, generous, span, useful_features};
+use crate::pipeline_cache::AdapterPipelineCache;
 use backend::{AdapterInfo, BackendError, DeviceKind, Result};
 use geom::lock;
-use gpu_common::{Options, Validation, device_door};
+use gpu_common::{Options, Validation, device_door, refuse_above};
 use shaders::Packets;
 use std::ops::Deref;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
-use wgpu::{ErrorFilter, Features, PollType, SubmissionIndex};
+use wgpu::{Buffer, BufferUsages, ErrorFilter, Features, PollType, SubmissionIndex};
 
 /// A device with its queue, limits and features.
-pub struct Gpu {
+pub(crate) struct OpenGpu {
     pub(crate) queue: wgpu::Queue,
     pub(crate) info: wgpu::AdapterInfo,
     pub(crate) limits: wgpu::Limits,
@@ -31,14 +30,14 @@ pub struct Gpu {
     /// Number of buffers that were created, or lent by a program in place of others.
     buffers_made: AtomicU64,
     /// Cache of compiled kernels, if they are stored.
-    pub(crate) cache: Option<PipelineCache>,
+    pub(crate) cache: Option<AdapterPipelineCache>,
     /// Used only to check whether the device is lost.
     probe: Option<Mutex<wgpu::Buffer>>,
     /// Dropped last.
     pub(crate) device: OpenDevice,
 }
 
-impl Gpu {
+impl OpenGpu {
     /// Opens an adapter.
     pub(crate) fn open(options: &Options) -> Result<Self> {
         let is_validated = options.validation != Validation::Off;
@@ -61,7 +60,7 @@ impl Gpu {
             .map_err(|e| BackendError::NoDevice(format!("the device cannot be opened: {e}")))?;
         let mut gpu = Self::lent(device, queue, adapter.get_info())?;
         (gpu.checks_kernels, gpu.is_validated) = (options.checks_kernels, is_validated);
-        gpu.cache = PipelineCache::open(&gpu.device, &gpu.info, options.cache.as_deref());
+        gpu.cache = AdapterPipelineCache::open(&gpu.device, &gpu.info, options.cache.as_deref());
         gpu.listen();
         Ok(gpu)
     }
@@ -214,7 +213,42 @@ impl Gpu {
     }
 }
 
-impl Drop for Gpu {
+/// Usage of a buffer that kernels read and write.
+pub(crate) const STORAGE: BufferUsages = BufferUsages::STORAGE
+    .union(BufferUsages::COPY_SRC)
+    .union(BufferUsages::COPY_DST);
+/// Usage of a buffer that the host maps to read.
+pub(crate) const READBACK: BufferUsages = BufferUsages::MAP_READ.union(BufferUsages::COPY_DST);
+/// Usage of a buffer that the host writes at creation and whenever it is mapped again.
+pub(crate) const STAGING: BufferUsages = BufferUsages::MAP_WRITE.union(BufferUsages::COPY_SRC);
+
+/// Creates a buffer of `bytes`, rounded up to 16 because zero-sized buffers cannot be bound.
+pub(crate) fn make(gpu: &OpenGpu, what: &str, bytes: u64, usage: BufferUsages) -> Result<Buffer> {
+    let size = bytes.max(16).next_multiple_of(16);
+    let (need, limit) = match usage.contains(BufferUsages::STORAGE) {
+        true => (bytes, span(&gpu.limits)),
+        false => (size, gpu.limits.max_buffer_size),
+    };
+    refuse_above(|| format!("{what} (bytes of one buffer)"), need, limit)?;
+    let desc = wgpu::BufferDescriptor {
+        label: Some(what),
+        size,
+        usage,
+        mapped_at_creation: usage.contains(BufferUsages::MAP_WRITE),
+    };
+    gpu.count_buffer();
+    gpu.guard(what, size, || gpu.device.create_buffer(&desc))
+}
+
+/// Unmaps a buffer. Returns `false` if the buffer was lost with its device.
+#[must_use]
+pub(crate) fn unmap(device: &wgpu::Device, buffer: &Buffer) -> bool {
+    let refused = device.push_error_scope(wgpu::ErrorFilter::Validation);
+    buffer.unmap();
+    pollster::block_on(refused.pop()).is_none()
+}
+
+impl Drop for OpenGpu {
     fn drop(&mut self) {
         // An error means that the device is lost; there is nothing to wait for.
         let _ = self.wait_idle();

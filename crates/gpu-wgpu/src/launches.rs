@@ -1,21 +1,24 @@
 //! Dispatches with their bind groups, and pages of parameters.
 
-use crate::buffers::{make, write};
-use crate::gpu::Gpu;
+use crate::buffers::write;
+use crate::gpu::{OpenGpu, make};
 use crate::limits::params_stride;
 use crate::pipelines::Pipeline;
-use crate::wgpu_device::WgpuDevice;
 use backend::Result;
-use gpu_common::{Dispatch, Find};
+use gpu_common::{BoundBuffer, Dispatch, RecordedCommand, Recording};
 use shaders::{BufferName, Kind, Params};
 use std::collections::HashMap;
+use std::convert::Infallible;
 use std::num::NonZeroU64;
 use wgpu::{BindGroup, Buffer, BufferBinding, BufferUsages, ComputePass, ComputePipeline};
 
 /// Rows of parameters per buffer. Buffers are added as needed.
 const ROWS: usize = 64;
 
-/// A dispatch that is ready to be recorded.
+/// The recordings of a wgpu device.
+pub(crate) type WgpuRecording = Recording<Pipeline, Buffer, Infallible>;
+
+/// A dispatch that is ready to be encoded.
 pub(crate) struct Launch {
     pipeline: ComputePipeline,
     group: BindGroup,
@@ -27,10 +30,12 @@ pub(crate) struct Launch {
 /// Resources of the dispatches of one recording.
 pub(crate) struct Launches {
     pages: Vec<Buffer>,
-    groups: Groups,
+    groups: BindGroups,
     stride: usize,
     /// Parameters, to be written to the pages.
     rows: Vec<u8>,
+    /// An empty vector that keeps its capacity.
+    spare: Vec<Launch>,
 }
 
 impl Launch {
@@ -43,12 +48,13 @@ impl Launch {
 }
 
 impl Launches {
-    pub(crate) fn new(gpu: &Gpu) -> Self {
+    pub(crate) fn new(gpu: &OpenGpu) -> Self {
         Self {
             pages: Vec::new(),
-            groups: Groups::default(),
+            groups: BindGroups::default(),
             stride: params_stride(&gpu.limits) as usize,
             rows: Vec::new(),
+            spare: Vec::new(),
         }
     }
 
@@ -62,62 +68,75 @@ impl Launches {
         self.groups.made.clear();
     }
 
-    /// Starts a new recording.
-    pub(crate) fn begin(&mut self, gpu: &Gpu) {
-        self.groups.refresh(gpu);
-        self.rows.clear();
-    }
-
-    /// Binds dispatches to their buffers. `find` returns all buffers except parameters and counts; the counts are those
-    /// of the dispatch's [place](shaders::work::Work::place).
+    /// Binds the dispatches of a recording to their buffers, in order. The counts are those of the dispatch's
+    /// [place](shaders::work::Work::place).
     pub(crate) fn make(
         &mut self,
-        gpu: &Gpu,
+        gpu: &OpenGpu,
         counts: &[Buffer],
-        all: &[Dispatch<'_, WgpuDevice>],
-        find: Find<'_, '_, Buffer>,
+        recording: &WgpuRecording,
     ) -> Result<Vec<Launch>> {
-        let first = self.rows.len() / self.stride;
-        all.iter().for_each(|d| self.push(&d.work.params));
+        self.groups.refresh(gpu);
+        self.rows.clear();
+        let commands = recording.commands.iter();
+        let dispatches = commands.filter_map(|command| match command {
+            RecordedCommand::Dispatch(dispatch) => Some(dispatch),
+            _ => None,
+        });
+        dispatches
+            .clone()
+            .for_each(|dispatch| self.push(&dispatch.work.params));
         let page = ROWS * self.stride;
         while self.pages.len() * page < self.rows.len() {
             let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
             let made = make(gpu, "parameters", page as u64, usage)?;
             self.pages.push(made);
         }
-        let mut made: Vec<Launch> = Vec::with_capacity(all.len());
-        for (i, dispatch) in all.iter().enumerate() {
-            let (page, row) = ((first + i) / ROWS, (first + i) % ROWS);
-            let pipeline = dispatch.pipeline;
+        let mut made: Vec<Launch> = std::mem::take(&mut self.spare);
+        let mut before: Option<&Dispatch<Pipeline>> = None;
+        for (i, dispatch) in dispatches.enumerate() {
+            let (page, row) = (i / ROWS, i % ROWS);
             // Consecutive dispatches that differ only in the offset share a bind group.
-            let is_same = |before: &Dispatch<'_, WgpuDevice>| {
-                before.pipeline.kernel.name == pipeline.kernel.name
+            let is_same = |before: &Dispatch<Pipeline>| {
+                before.work.kernel.name == dispatch.work.kernel.name
                     && before.work.place == dispatch.work.place
+                    && recording.buffers_of(before) == recording.buffers_of(dispatch)
             };
-            let shared = i > 0 && row > 0 && is_same(&all[i - 1]);
+            let shared = row > 0 && before.is_some_and(is_same);
             let group = match made.last().filter(|_| shared) {
                 Some(last) => last.group.clone(),
                 None => {
                     let params = &self.pages[page];
-                    self.groups.get(gpu, pipeline, |name| match name {
-                        BufferName::Params => params,
-                        BufferName::Counts => &counts[dispatch.work.place % counts.len()],
-                        other => find(other),
-                    })?
+                    let counts = &counts[dispatch.work.place % counts.len()];
+                    let bindings = recording.bindings_of(dispatch);
+                    let buffers = bindings.map(|(_, bound)| match bound {
+                        BoundBuffer::Params => params.clone(),
+                        BoundBuffer::Counts => counts.clone(),
+                        BoundBuffer::Recorded(buffer) => buffer.clone(),
+                    });
+                    self.groups
+                        .get(gpu, &dispatch.pipeline, buffers.collect())?
                 }
             };
             made.push(Launch {
-                pipeline: pipeline.wgpu.clone(),
+                pipeline: dispatch.pipeline.wgpu.clone(),
                 group,
                 offset: (row * self.stride) as u32,
                 groups: dispatch.groups,
             });
+            before = Some(dispatch);
         }
         Ok(made)
     }
 
+    /// Takes back the vector of the launches, for reuse.
+    pub(crate) fn reuse(&mut self, mut launches: Vec<Launch>) {
+        launches.clear();
+        self.spare = launches;
+    }
+
     /// Writes all parameters of the recording to the device.
-    pub(crate) fn write(&self, gpu: &Gpu) -> Result<()> {
+    pub(crate) fn write(&self, gpu: &OpenGpu) -> Result<()> {
         let rows = self.rows.chunks(ROWS * self.stride);
         let mut pages = self.pages.iter().zip(rows);
         pages.try_for_each(|(page, rows)| write(gpu, page, 0, rows))
@@ -135,14 +154,14 @@ impl Launches {
 /// A bind group keeps its buffers alive. All are dropped once a new buffer was created, because it may replace one that
 /// only a bind group still holds. In a steady state no groups are created.
 #[derive(Default)]
-struct Groups {
+struct BindGroups {
     made: HashMap<(&'static str, Vec<Buffer>), BindGroup>,
     buffers_made: u64,
 }
 
-impl Groups {
+impl BindGroups {
     /// Drops all bind groups if a buffer was created since the last call.
-    fn refresh(&mut self, gpu: &Gpu) {
+    fn refresh(&mut self, gpu: &OpenGpu) {
         let now = gpu.buffers_made();
         if self.buffers_made != now {
             self.made.clear();
@@ -150,15 +169,14 @@ impl Groups {
         }
     }
 
-    /// Returns the bind group of a kernel with its buffers.
-    fn get<'a>(
+    /// Returns the bind group of a kernel with its buffers, in the order of its bindings.
+    fn get(
         &mut self,
-        gpu: &Gpu,
+        gpu: &OpenGpu,
         pipeline: &Pipeline,
-        find: impl Fn(BufferName) -> &'a Buffer,
+        buffers: Vec<Buffer>,
     ) -> Result<BindGroup> {
         let mut bindings = pipeline.kernel.bindings.iter();
-        let buffers: Vec<Buffer> = bindings.clone().map(|b| find(b.name).clone()).collect();
         let is_lent = bindings.any(|b| b.name == BufferName::Lent);
         let key = (pipeline.kernel.name, buffers);
         if let Some(found) = self.made.get(&key) {
@@ -174,7 +192,7 @@ impl Groups {
 }
 
 /// Binds a kernel to its buffers, in the order of its bindings.
-fn bind(gpu: &Gpu, pipeline: &Pipeline, buffers: &[Buffer]) -> Result<BindGroup> {
+fn bind(gpu: &OpenGpu, pipeline: &Pipeline, buffers: &[Buffer]) -> Result<BindGroup> {
     let bindings = pipeline.kernel.bindings.iter().zip(buffers);
     let entries: Vec<_> = bindings
         .map(|(b, buffer)| wgpu::BindGroupEntry {

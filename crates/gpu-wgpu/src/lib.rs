@@ -17,19 +17,21 @@ mod buffers;
 mod faults;
 mod gpu;
 mod launches;
-mod lent;
+mod lending;
 mod lent_encoder;
+mod lent_points;
 mod limits;
 mod marks;
+mod pipeline_cache;
 mod pipelines;
-mod slot;
 mod staging;
+mod submission;
 mod wgpu_device;
 
 pub use adapters::adapters;
 pub use gpu_common::LentRays;
-pub use lent::{TracedScene, traced_scene};
+pub use lending::{TracedScene, traced_scene};
 pub use limits::{required_features, required_limits, useful_features};
 /// WGSL functions for shaders of the program. They read a [`TracedScene`], which is bound in group 0.
 pub use shaders::MODULE as SHADER_MODULE;
-pub use wgpu_device::{WgpuBackend, WgpuDevice, from_device};
+pub use wgpu_device::{WgpuBackend, WgpuDevice, from_device, open};

@@ -1,9 +1,9 @@
 //! Features and limits that the backend or a scene requires of a device.
 
-use crate::marks::WITHIN_PASSES;
-use backend::{BackendError, Intersector, Result};
+use backend::{Intersector, Result};
 use geom::Animation;
-use shaders::{KERNELS, Kernel, Params, storage_buffers};
+use gpu_common::{KernelLimit, check_kernels};
+use shaders::{KERNELS, Params, storage_buffers};
 use wgpu::{Features, Limits};
 
 /// Features without which [`crate::from_device`] rejects a device: currently no feature.
@@ -29,6 +29,9 @@ pub fn useful_features() -> Features {
         | Features::PIPELINE_CACHE
         | LEAST_OF_64_BITS
 }
+
+/// Feature with which several stages of one pass are timed separately.
+pub(crate) const WITHIN_PASSES: Features = Features::TIMESTAMP_QUERY_INSIDE_PASSES;
 
 /// Features that rasterization requires: a 64-bit atomic minimum that returns the former value.
 pub(crate) const LEAST_OF_64_BITS: Features =
@@ -80,29 +83,43 @@ pub(crate) fn generous(adapter: &Limits) -> Limits {
 
 /// Checks that a device meets the requirements of every scene.
 pub(crate) fn check(limits: &Limits) -> Result<()> {
-    check_kernels(limits, &|k| !k.makes_trees())
+    check_kernels(&kernel_limits(limits), |k| !k.makes_trees())
 }
 
-/// Checks that the `asked` kernels can run on a device.
-pub(crate) fn check_kernels(limits: &Limits, asked: &dyn Fn(&Kernel) -> bool) -> Result<()> {
-    let kernels = || KERNELS.iter().filter(|k| asked(k));
-    let most = |of: fn(&Kernel) -> u32| kernels().map(of).max().unwrap_or(0);
-    let group = most(|k| k.workgroup[0]);
-    let need = Limits {
-        max_bindings_per_bind_group: most(|k| k.bindings.len() as u32),
-        max_compute_workgroup_storage_size: most(|k| k.shared_bytes),
-        max_storage_buffers_per_shader_stage: least().max_storage_buffers_per_shader_stage,
-        max_compute_invocations_per_workgroup: group,
-        max_compute_workgroup_size_x: group,
-        max_dynamic_uniform_buffers_per_pipeline_layout: 1,
-        ..limits.clone()
-    };
-    let mut checked = Ok(());
-    need.check_limits_with_fail_fn(limits, true, |what, need, limit| {
-        let what = format!("the device's {what}");
-        checked = Err(BackendError::Limit { what, need, limit });
-    });
-    checked
+/// Returns the limits that a kernel may exceed.
+pub(crate) fn kernel_limits(limits: &Limits) -> Vec<KernelLimit> {
+    vec![
+        KernelLimit {
+            name: "max_bindings_per_bind_group",
+            need: |kernel| kernel.bindings.len() as u32,
+            most: limits.max_bindings_per_bind_group,
+        },
+        KernelLimit {
+            name: "max_compute_workgroup_storage_size",
+            need: |kernel| kernel.shared_bytes,
+            most: limits.max_compute_workgroup_storage_size,
+        },
+        KernelLimit {
+            name: "max_storage_buffers_per_shader_stage",
+            need: |kernel| storage_buffers(kernel.bindings),
+            most: limits.max_storage_buffers_per_shader_stage,
+        },
+        KernelLimit {
+            name: "max_compute_invocations_per_workgroup",
+            need: |kernel| kernel.workgroup[0],
+            most: limits.max_compute_invocations_per_workgroup,
+        },
+        KernelLimit {
+            name: "max_compute_workgroup_size_x",
+            need: |kernel| kernel.workgroup[0],
+            most: limits.max_compute_workgroup_size_x,
+        },
+        KernelLimit {
+            name: "max_dynamic_uniform_buffers_per_pipeline_layout",
+            need: |_| 1,
+            most: limits.max_dynamic_uniform_buffers_per_pipeline_layout,
+        },
+    ]
 }
 
 /// Returns names and values of limits that affect the work, for display.
@@ -150,6 +167,7 @@ pub(crate) fn params_stride(limits: &Limits) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use shaders::Kernel;
 
     #[test]
     fn a_device_with_too_little_workgroup_memory_is_refused_by_the_limits_name() {
@@ -159,15 +177,15 @@ mod tests {
             ..least()
         };
         let refused = check(&cramped).unwrap_err().to_string();
-        let expected =
-            "the device's max_compute_workgroup_storage_size needs 15376, the limit is 256";
-        assert_eq!(refused, expected);
-        assert_eq!(check_kernels(&least(), &Kernel::makes_trees), Ok(()));
+        let expected = "(max_compute_workgroup_storage_size) needs 15376, the limit is 256";
+        assert!(refused.ends_with(expected), "{refused}");
+        let makes_trees = |limits| check_kernels(&kernel_limits(limits), Kernel::makes_trees);
+        assert_eq!(makes_trees(&least()), Ok(()));
         let cramped = Limits {
             max_compute_workgroup_storage_size: 15376,
             ..least()
         };
         assert_eq!(check(&cramped), Ok(()));
-        assert!(check_kernels(&cramped, &Kernel::makes_trees).is_err());
+        assert!(makes_trees(&cramped).is_err());
     }
 }

@@ -1,7 +1,7 @@
 //! Timestamps: a query set, and the stage that starts at each timestamp.
 
-use crate::buffers::make;
-use crate::gpu::Gpu;
+use crate::gpu::{OpenGpu, make};
+use crate::limits::WITHIN_PASSES;
 use backend::Result;
 use gpu_common::Stage;
 use wgpu::{
@@ -14,11 +14,8 @@ const MARKS: usize = 32;
 /// Bytes of all timestamps.
 pub(crate) const BYTES: u64 = MARKS as u64 * 8;
 
-/// Feature with which several stages of one pass are timed separately.
-pub(crate) const WITHIN_PASSES: Features = Features::TIMESTAMP_QUERY_INSIDE_PASSES;
-
 /// Timestamps of one submission, and the stage that starts at each.
-pub(crate) struct Marks {
+pub(crate) struct PassTimestamps {
     set: QuerySet,
     resolved: Buffer,
     /// Whether timestamps can be written between the dispatches of a pass, so that stages can share a pass.
@@ -26,9 +23,9 @@ pub(crate) struct Marks {
     pub(crate) stages: Vec<Option<Stage>>,
 }
 
-impl Marks {
+impl PassTimestamps {
     /// Returns `None` if the device has no timestamps.
-    pub(crate) fn new(gpu: &Gpu) -> Result<Option<Self>> {
+    pub(crate) fn new(gpu: &OpenGpu) -> Result<Option<Self>> {
         if !gpu.features.contains(Features::TIMESTAMP_QUERY) {
             return Ok(None);
         }

@@ -1,19 +1,18 @@
-//! Compute pipelines, with layouts derived from the kernels' bindings, and the cache of compiled kernels.
+//! Compute pipelines, with layouts derived from the kernels' bindings.
 #![expect(
     unsafe_code,
-    reason = "wgpu asks for trust in kernels and caches that it does not check itself"
+    reason = "wgpu asks for trust in kernels that it does not check itself"
 )]
 
-use crate::gpu::Gpu;
+use crate::gpu::OpenGpu;
+use crate::pipeline_cache::AdapterPipelineCache;
 use backend::Result;
-use gpu_common::cache_file::CacheFile;
 use gpu_common::{KernelCode, compile_door};
 use shaders::{Binding, Code, Kernel, Kind, Params};
 use std::num::NonZeroU64;
-use std::path::Path;
 use wgpu::{
-    AdapterInfo, BindGroupLayout, BufferBindingType, ComputePipeline, Features, ShaderModule,
-    ShaderModuleDescriptor, ShaderRuntimeChecks, ShaderSource,
+    BindGroupLayout, BufferBindingType, ComputePipeline, ShaderModule, ShaderModuleDescriptor,
+    ShaderRuntimeChecks, ShaderSource,
 };
 
 /// A compiled kernel.
@@ -24,7 +23,7 @@ pub struct Pipeline {
 }
 
 impl Pipeline {
-    pub(crate) fn new(gpu: &Gpu, (kernel, code): KernelCode) -> Result<Self> {
+    pub(crate) fn new(gpu: &OpenGpu, (kernel, code): KernelCode) -> Result<Self> {
         let module = load(gpu, kernel, code)?;
         gpu.guard(kernel.name, 0, || {
             let layout = bind_group_layout(gpu, kernel);
@@ -37,7 +36,7 @@ impl Pipeline {
     }
 }
 
-fn bind_group_layout(gpu: &Gpu, kernel: &Kernel) -> BindGroupLayout {
+fn bind_group_layout(gpu: &OpenGpu, kernel: &Kernel) -> BindGroupLayout {
     let entries: Vec<_> = kernel.bindings.iter().map(entry).collect();
     let desc = wgpu::BindGroupLayoutDescriptor {
         label: Some(kernel.name),
@@ -65,7 +64,7 @@ fn entry(binding: &Binding) -> wgpu::BindGroupLayoutEntry {
 }
 
 fn compute_pipeline(
-    gpu: &Gpu,
+    gpu: &OpenGpu,
     kernel: &Kernel,
     module: &wgpu::ShaderModule,
     layout: &BindGroupLayout,
@@ -85,14 +84,14 @@ fn compute_pipeline(
             constants: &[],
             zero_initialize_workgroup_memory: false,
         },
-        cache: gpu.cache.as_ref().map(PipelineCache::wgpu),
+        cache: gpu.cache.as_ref().map(AdapterPipelineCache::wgpu),
     };
     let _door = compile_door();
     gpu.device.create_compute_pipeline(&desc)
 }
 
 /// Loads a kernel in the form that the device accepts.
-fn load(gpu: &Gpu, kernel: &Kernel, code: Code) -> Result<ShaderModule> {
+fn load(gpu: &OpenGpu, kernel: &Kernel, code: Code) -> Result<ShaderModule> {
     let load = || match (gpu.checks_kernels, gpu.takes_spirv()) {
         (true, _) => gpu.device.create_shader_module(wgsl(kernel, code)),
         (_, true) => pass_through(&gpu.device, kernel, code),
@@ -138,45 +137,4 @@ fn trusted(device: &wgpu::Device, kernel: &Kernel, code: Code) -> ShaderModule {
     // SAFETY: kernels stay within their buffers, whose sizes follow from a checked tree and a checked animation. Their
     // loops pop a finite stack, and no integer divisor can be zero.
     unsafe { device.create_shader_module_trusted(wgsl(kernel, code), checks) }
-}
-
-/// wgpu's pipeline cache and its file.
-pub(crate) struct PipelineCache {
-    wgpu: wgpu::PipelineCache,
-    file: CacheFile,
-}
-
-impl PipelineCache {
-    /// Loads the cache of this adapter and driver from a folder. Returns `None` without a folder, or if the device has
-    /// no pipeline cache.
-    pub(crate) fn open(
-        device: &wgpu::Device,
-        info: &AdapterInfo,
-        folder: Option<&Path>,
-    ) -> Option<Self> {
-        if !device.features().contains(Features::PIPELINE_CACHE) {
-            return None;
-        }
-        let mut file = CacheFile::new(folder?, &wgpu::util::pipeline_cache_key(info)?);
-        let data = file.load();
-        let desc = wgpu::PipelineCacheDescriptor {
-            label: Some("abvh"),
-            data: data.as_deref(),
-            fallback: true,
-        };
-        // SAFETY: the file's digest shows that wgpu wrote the data for this adapter; wgpu ignores data of another
-        // driver.
-        let wgpu = unsafe { device.create_pipeline_cache(&desc) };
-        Some(Self { wgpu, file })
-    }
-
-    pub(crate) fn wgpu(&self) -> &wgpu::PipelineCache {
-        &self.wgpu
-    }
-
-    /// Stores new entries.
-    pub(crate) fn store(&self) {
-        let data = self.wgpu.get_data();
-        data.iter().for_each(|data| self.file.store(data));
-    }
 }

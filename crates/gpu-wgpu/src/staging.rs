@@ -3,12 +3,12 @@
 //! wgpu's queue would allocate new memory for each write and fill it on this thread. Positions are still written by the
 //! queue: they are contiguous, and several threads were not faster.
 
-use crate::buffers::{Mapping, STAGING, copy_part, make, unmap, unreadable, write};
-use crate::gpu::Gpu;
+use crate::buffers::{Mapping, copy_part, unreadable, write};
+use crate::gpu::{OpenGpu, STAGING, make, unmap};
 use backend::Result;
 use bytemuck::Pod;
 use geom::share_parts;
-use gpu_common::with_slack;
+use gpu_common::{Staging, with_slack};
 use wgpu::{Buffer, MapMode, WriteOnly};
 
 /// Bytes that a thread writes at a time.
@@ -22,29 +22,38 @@ const FEW: usize = 1 << 20;
 
 /// Buffers that the device reads or has read, with the mappings that make them writable again.
 #[derive(Default)]
-pub(crate) struct Staging(Vec<(Buffer, Mapping)>);
+pub(crate) struct MappedPool(Vec<(Buffer, Mapping)>);
 
-/// Writes the parts one after another. Returns `false` if they do not fit.
-pub(crate) fn fill(to: &mut Buffer, parts: &[&[u32]]) -> bool {
-    let bytes: usize = parts.iter().map(|part| size_of_val(*part)).sum();
-    if bytes as u64 > to.size() {
-        return false;
-    }
-    let Ok(mut view) = to.get_mapped_range_mut(..) else {
-        return false;
-    };
-    let mut rest = view.slice(..);
-    for part in parts {
-        let to = rest.split_off(..size_of_val(*part));
-        to.expect("there is room")
-            .copy_from_slice(bytemuck::cast_slice(part));
-    }
-    true
+/// A mapped buffer from which a tree is uploaded.
+pub struct MappedStaging {
+    pub(crate) buffer: Buffer,
+    /// Bytes that were written.
+    pub(crate) filled: u64,
 }
 
-impl Staging {
+impl Staging for MappedStaging {
+    fn fill(&mut self, parts: &[&[u32]]) -> bool {
+        let bytes: usize = parts.iter().map(|part| size_of_val(*part)).sum();
+        if bytes as u64 > self.buffer.size() {
+            return false;
+        }
+        let Ok(mut view) = self.buffer.get_mapped_range_mut(..) else {
+            return false;
+        };
+        let mut rest = view.slice(..);
+        for part in parts {
+            let to = rest.split_off(..size_of_val(*part));
+            to.expect("the parts fit")
+                .copy_from_slice(bytemuck::cast_slice(part));
+        }
+        self.filled = bytes as u64;
+        true
+    }
+}
+
+impl MappedPool {
     /// Returns a mapped buffer of at least `bytes`.
-    pub(crate) fn take(&mut self, gpu: &Gpu, bytes: u64) -> Result<Buffer> {
+    pub(crate) fn take(&mut self, gpu: &OpenGpu, bytes: u64) -> Result<Buffer> {
         gpu.poll()?;
         let mut best: Option<(u64, usize)> = None;
         for (i, (buffer, mapping)) in self.0.iter().enumerate() {
@@ -62,18 +71,19 @@ impl Staging {
         }
     }
 
-    /// Copies the first `bytes` bytes to a position in a buffer, before all later submissions.
+    /// Copies everything that was written to a position in a buffer, before all later submissions.
     pub(crate) fn send(
         &mut self,
-        gpu: &Gpu,
-        (buffer, bytes): (Buffer, u64),
+        gpu: &OpenGpu,
+        from: MappedStaging,
         to: (&Buffer, u64),
     ) -> Result<()> {
+        let MappedStaging { buffer, filled } = from;
         if !unmap(&gpu.device, &buffer) {
             return Err(gpu.faults.lose("what was written is gone".into()));
         }
         let mut encoder = gpu.encoder("an upload")?;
-        copy_part(gpu, &mut encoder, (&buffer, 0), to, bytes)?;
+        copy_part(gpu, &mut encoder, (&buffer, 0), to, filled)?;
         let mapping = Mapping::on_submit(&encoder, &buffer, MapMode::Write);
         gpu.submit([encoder])?;
         self.0.push((buffer, mapping));
@@ -83,7 +93,7 @@ impl Staging {
     /// Writes the first rows of a buffer on several threads, before all later submissions.
     pub(crate) fn write<T: Pod + Send + Sync>(
         &mut self,
-        gpu: &Gpu,
+        gpu: &OpenGpu,
         to: &Buffer,
         rows: &[T],
     ) -> Result<()> {
@@ -96,10 +106,11 @@ impl Staging {
         let most = PIECE.min(limit) / RUN * RUN;
         let mut at = 0;
         for from in bytes.chunks(most) {
-            let piece = self.take(gpu, most as u64)?;
-            fill_piece(&piece, from)?;
-            self.send(gpu, (piece, from.len() as u64), (to, at))?;
-            at += from.len() as u64;
+            let buffer = self.take(gpu, most as u64)?;
+            fill_piece(&buffer, from)?;
+            let filled = from.len() as u64;
+            self.send(gpu, MappedStaging { buffer, filled }, (to, at))?;
+            at += filled;
         }
         Ok(())
     }

@@ -1,28 +1,44 @@
 //! The implementation of [`GpuDevice`] for wgpu.
 
 use crate::adapters::{driver, kind};
-use crate::buffers::{Arrived, HostCopy, STORAGE, make, unmap, unreadable, upload, write};
+use crate::buffers::{Arrived, MappedCopy, Mapping, unreadable, upload, write};
 use crate::faults::layer_messages;
-use crate::gpu::Gpu;
-use crate::lent::{DevicePoints, DeviceRays};
+use crate::gpu::{OpenGpu, STORAGE, make, unmap};
+use crate::launches::WgpuRecording;
 use crate::lent_encoder::LentEncoder;
-use crate::limits::{LEAST_OF_64_BITS, check_kernels};
+use crate::lent_points::DevicePoints;
+use crate::limits::{LEAST_OF_64_BITS, kernel_limits};
 use crate::pipelines::Pipeline;
-use crate::slot::Slot;
-use crate::staging::{Staging, fill};
-use backend::{Arithmetic, BackendName, Device, Result, Snapshot, Spares, Ticket};
-use bytemuck::Pod;
-use geom::{KeyFrame, Point};
-use gpu_common::{
-    Clock, ComputeBackend, Finished, GpuDevice, KernelCode, LastUse, LentRays, Options, PointsCopy,
+use crate::staging::{MappedPool, MappedStaging};
+use crate::submission::SubmissionEncoder;
+use backend::{
+    Arithmetic, BackendName, Device, FRAMES_IN_FLIGHT, Result, Snapshot, Spares, Ticket,
 };
-use shaders::{BufferName, Kernel, Packets, Params};
+use bytemuck::Pod;
+use geom::{Point, PointBuffer};
+use gpu_common::{
+    BufferSize, Clock, ComputeBackend, DeviceInfo, GpuDevice, KernelCode, LastUse, LentBuffers,
+    LentRays, MemoryReport, Options, Outcome, PendingWork, Upload, read_parts,
+};
+use shaders::{BufferName, Params};
+use std::collections::VecDeque;
+use std::convert::Infallible;
 use std::ops::Range;
 use std::sync::Arc;
-use wgpu::Buffer;
+use wgpu::{Buffer, CommandEncoder};
 
 /// The backend that computes through wgpu.
 pub type WgpuBackend = ComputeBackend<WgpuDevice>;
+
+/// Opens a backend.
+///
+/// # Errors
+/// [`BackendError::NoDevice`](backend::BackendError::NoDevice) with the reason, or
+/// [`BackendError::Limit`](backend::BackendError::Limit) if a limit is too low for any scene.
+pub fn open(options: &Options) -> Result<WgpuBackend> {
+    let gpu = OpenGpu::open(options)?;
+    ComputeBackend::over(WgpuDevice::over(Arc::new(gpu))?)
+}
 
 /// Creates a backend on a device that an engine opened, with its features and limits. See [`crate::required_features`],
 /// [`crate::useful_features`] and [`crate::required_limits`]. Leaves the engine's error handler and its callback for a
@@ -36,119 +52,178 @@ pub fn from_device(
     queue: wgpu::Queue,
     info: wgpu::AdapterInfo,
 ) -> Result<WgpuBackend> {
-    let gpu = Gpu::lent(device, queue, info)?;
-    ComputeBackend::over(WgpuDevice::over(Arc::new(gpu)))
+    let gpu = OpenGpu::lent(device, queue, info)?;
+    ComputeBackend::over(WgpuDevice::over(Arc::new(gpu))?)
 }
 
 /// A wgpu device with its one queue. Writes and copies run in order with submissions.
 pub struct WgpuDevice {
-    pub(crate) scene: SceneState,
+    pub(crate) scene: DeviceScene,
+    /// One for each unfinished submission.
+    submissions: Vec<SubmissionEncoder>,
     /// Parameters that the program's shaders read last, and their buffer.
     pub(crate) module: Option<(Params, Buffer)>,
-    pub(crate) gpu: Arc<Gpu>,
+    pub(crate) gpu: Arc<OpenGpu>,
 }
 
 /// State that is dropped with a scene.
 #[derive(Default)]
-pub(crate) struct SceneState {
+pub(crate) struct DeviceScene {
     /// Host-visible buffers for reads of device buffers.
-    windows: Vec<Buffer>,
-    staging: Staging,
-    pub(crate) spares: Spares<Arrived>,
+    views: Vec<Buffer>,
+    staging: MappedPool,
+    spares: Spares<Arrived>,
+    /// Copies of positions that were not taken, by the submission that requested them.
+    copies: VecDeque<(Ticket, MappedCopy)>,
     pub(crate) points: DevicePoints,
-    pub(crate) rays: DeviceRays,
+    pub(crate) lent: LentBuffers<Buffer>,
+    /// The rays lent last.
+    pub(crate) rays: Vec<LentRays<Buffer>>,
     pub(crate) encoder: LentEncoder,
 }
 
 impl WgpuDevice {
-    fn over(gpu: Arc<Gpu>) -> Self {
-        Self {
-            scene: SceneState::default(),
+    fn over(gpu: Arc<OpenGpu>) -> Result<Self> {
+        let submissions = (0..FRAMES_IN_FLIGHT).map(|_| SubmissionEncoder::new(&gpu));
+        Ok(Self {
+            scene: DeviceScene::default(),
+            submissions: submissions.collect::<Result<_>>()?,
             module: None,
             gpu,
-        }
-    }
-}
-
-impl GpuDevice for WgpuDevice {
-    type Buffer = Buffer;
-    type Pipeline = Pipeline;
-    type Maker = Arc<Gpu>;
-    type Slot = Slot;
-    type Copy = HostCopy;
-
-    fn open(options: &Options) -> Result<Self> {
-        Gpu::open(options).map(|gpu| Self::over(Arc::new(gpu)))
+        })
     }
 
-    fn beside(gpu: Arc<Gpu>) -> Result<Self> {
-        Ok(Self::over(gpu))
-    }
-
-    fn device(&self) -> Device {
-        let info = &self.gpu.info;
-        Device {
-            backend: BackendName::Wgpu.name(),
-            adapter: info.name.clone(),
-            driver: driver(info),
-            kind: kind(info),
-            threads: 0,
-            arithmetic: Arithmetic::IEEE,
-        }
-    }
-
-    fn forms(&self) -> (Option<Packets>, bool) {
-        let rasterizes = self.gpu.features.contains(LEAST_OF_64_BITS);
-        (self.gpu.packets(), rasterizes)
-    }
-
-    fn clock(&self) -> Clock {
-        Clock::new(u64::BITS, self.gpu.tick_ns)
-    }
-
-    fn max_groups(&self) -> u32 {
-        self.gpu.limits.max_compute_workgroups_per_dimension
-    }
-
-    fn check_kernels(&self, wanted: &dyn Fn(&Kernel) -> bool) -> Result<()> {
-        check_kernels(&self.gpu.limits, wanted)
-    }
-
-    fn buffer(&self, name: BufferName, bytes: u64) -> Result<Buffer> {
-        make(&self.gpu, name.name(), bytes, STORAGE)
-    }
-
-    fn room(&self, what: &'static str, bytes: u64) -> Result<Buffer> {
-        make(&self.gpu, what, bytes, STORAGE)
-    }
-
-    fn size(buffer: &Buffer) -> u64 {
-        buffer.size()
-    }
-
-    fn take_lent_rays(&mut self) -> Option<LentRays<Buffer>> {
-        self.scene.rays.due.pop_front()
-    }
-
-    const COPIES: bool = true;
-
-    fn take_copies(&mut self) -> Vec<PointsCopy<Buffer>> {
-        let largest = self.gpu.limits.max_storage_buffer_binding_size;
-        self.scene.points.take_copies(largest)
-    }
-
-    fn buffers_made(&self) -> u64 {
-        self.gpu.buffers_made()
-    }
-
-    /// wgpu reports the layer's errors only in builds with debug assertions, and for the whole process. Without the
-    /// layer there are no messages.
+    /// Returns rejected calls and messages of the validation layer. wgpu reports the layer's errors only in builds with
+    /// debug assertions, and for the whole process.
     fn complaints(&self) -> Vec<String> {
         let mut messages = self.gpu.faults.messages();
         if self.gpu.is_validated {
             messages.extend(layer_messages());
         }
         messages
+    }
+
+    /// Returns the index of the encoder of a submission.
+    fn place(&self, ticket: Ticket) -> usize {
+        ticket.0 as usize % self.submissions.len()
+    }
+
+    /// Encodes a recording and the copy of its positions. Returns the mapping of its report. In a program's encoder, the
+    /// report contains the ticket as a `stamp`.
+    fn encode(
+        &mut self,
+        encoder: &mut CommandEncoder,
+        recording: &mut WgpuRecording,
+        ticket: Ticket,
+        stamp: Option<Ticket>,
+    ) -> Result<(Mapping, Option<MappedCopy>)> {
+        let place = self.place(ticket);
+        let (gpu, submission) = (&self.gpu, &mut self.submissions[place]);
+        self.scene.points.encode(gpu, encoder)?;
+        submission.encode(encoder, recording, stamp)?;
+        let copy = recording.positions.as_ref().map(|positions| {
+            let spare = self.scene.spares.pop();
+            let spare = spare.and_then(|s| s.unmapped(&gpu.device));
+            let to = ("vertices for the builder", spare);
+            let from = (&positions.from, 0..positions.bytes);
+            MappedCopy::record(gpu, encoder, from, to)
+        });
+        let copy = copy.transpose()?;
+        Ok((submission.report(encoder), copy))
+    }
+
+    fn begin_read(&mut self, from: &Buffer, bytes: Range<u64>) -> Result<MappedCopy> {
+        let (gpu, views) = (&self.gpu, &mut self.scene.views);
+        let (what, size) = ("a view for the host", bytes.end - bytes.start);
+        let fits = views.iter().position(|view| view.size() >= size);
+        let spare = fits.map(|i| views.swap_remove(i));
+        let mut encoder = gpu.encoder(what)?;
+        let copy = MappedCopy::record(gpu, &mut encoder, (from, bytes), (what, spare))?;
+        let place = Some(gpu.submit([encoder])?);
+        Ok(MappedCopy { place, ..copy })
+    }
+
+    fn end_read(&mut self, read: MappedCopy, bytes: usize, each: impl FnOnce(&[u8])) -> Result<()> {
+        if let Some(place) = read.place {
+            self.gpu.wait_for(place)?;
+        }
+        read.mapping.expect(&self.gpu)?;
+        let view = read.buffer.get_mapped_range(..bytes as u64);
+        each(&view.map_err(unreadable)?);
+        if unmap(&self.gpu.device, &read.buffer) {
+            self.scene.views.push(read.buffer);
+        }
+        Ok(())
+    }
+}
+
+impl GpuDevice for WgpuDevice {
+    type Buffer = Buffer;
+    type Binding = Buffer;
+    type Pipeline = Pipeline;
+    type Native = Infallible;
+    type Staging = MappedStaging;
+
+    fn another(&self) -> impl FnOnce() -> Result<Self> + Send + use<> {
+        let gpu = Arc::clone(&self.gpu);
+        move || Self::over(gpu)
+    }
+
+    fn compiler(&self) -> impl Fn(KernelCode) -> Result<Pipeline> + Send + Sync + 'static + use<> {
+        let gpu = Arc::clone(&self.gpu);
+        move |kernel| Pipeline::new(&gpu, kernel)
+    }
+
+    fn info(&self) -> DeviceInfo {
+        let (info, limits) = (&self.gpu.info, &self.gpu.limits);
+        DeviceInfo {
+            device: Device {
+                backend: BackendName::Wgpu.name(),
+                adapter: info.name.clone(),
+                driver: driver(info),
+                kind: kind(info),
+                threads: 0,
+                arithmetic: Arithmetic::IEEE,
+            },
+            packets: self.gpu.packets(),
+            rasterizes: self.gpu.features.contains(LEAST_OF_64_BITS),
+            clock: Clock::new(u64::BITS, self.gpu.tick_ns),
+            max_groups: limits.max_compute_workgroups_per_dimension,
+            kernel_limits: kernel_limits(limits),
+            splits: false,
+            copies_points: true,
+            free_bytes: None,
+            complaints: self.complaints(),
+        }
+    }
+
+    /// Counts neither an engine's own buffers on a lent device nor host memory.
+    fn memory(&self) -> MemoryReport {
+        let submissions = self.submissions.iter();
+        MemoryReport {
+            submissions: submissions.map(SubmissionEncoder::bytes).sum(),
+            buffers_made: self.gpu.buffers_made(),
+            ..MemoryReport::default()
+        }
+    }
+
+    fn buffer(&self, name: BufferName, bytes: u64) -> Result<Buffer> {
+        make(&self.gpu, name.name(), bytes, STORAGE)
+    }
+
+    fn size(buffer: &Buffer) -> BufferSize {
+        BufferSize {
+            bytes: buffer.size(),
+            allocated: buffer.size(),
+        }
+    }
+
+    fn bind(buffer: &Buffer) -> Buffer {
+        buffer.clone()
+    }
+
+    fn lent(&mut self) -> &mut LentBuffers<Buffer> {
+        &mut self.scene.lent
     }
 
     fn upload(&mut self, all: &[(&[u8], &Buffer)]) -> Result<()> {
@@ -159,130 +234,124 @@ impl GpuDevice for WgpuDevice {
         self.scene.staging.write(&self.gpu, to, rows)
     }
 
-    fn begin_read(&mut self, from: &Buffer, bytes: Range<u64>) -> Result<HostCopy> {
-        let (gpu, windows) = (&self.gpu, &mut self.scene.windows);
-        let (what, size) = ("a view for the host", bytes.end - bytes.start);
-        let fits = windows.iter().position(|w| w.size() >= size);
-        let spare = fits.map(|i| windows.swap_remove(i));
-        let mut encoder = gpu.encoder(what)?;
-        let copy = HostCopy::record(gpu, &mut encoder, (from, bytes), (what, spare))?;
-        let place = Some(gpu.submit([encoder])?);
-        Ok(HostCopy { place, ..copy })
-    }
-
-    fn end_read(&mut self, read: HostCopy, bytes: usize, look: impl FnOnce(&[u8])) -> Result<()> {
-        if let Some(place) = read.place {
-            self.gpu.wait_for(place)?;
-        }
-        read.mapping.expect(&self.gpu)?;
-        let view = read.buffer.get_mapped_range(..bytes as u64);
-        look(&view.map_err(unreadable)?);
-        if unmap(&self.gpu.device, &read.buffer) {
-            self.scene.windows.push(read.buffer);
+    fn read<T: Pod>(
+        &mut self,
+        from: &Buffer,
+        count: usize,
+        mut each: impl FnMut(usize, &[T]),
+    ) -> Result<()> {
+        let begun = read_parts::<T>(count).map(|part| {
+            let bytes = [part.start, part.end].map(|n| (n * size_of::<T>()) as u64);
+            let copy = self.begin_read(from, bytes[0]..bytes[1])?;
+            Ok((copy, part))
+        });
+        for (copy, part) in begun.collect::<Result<Vec<_>>>()? {
+            let bytes = part.len() * size_of::<T>();
+            self.end_read(copy, bytes, |bytes| {
+                each(part.start, bytemuck::cast_slice(bytes));
+            })?;
         }
         Ok(())
     }
 
-    fn staging(&mut self, bytes: u64) -> Result<Buffer> {
-        self.scene.staging.take(&self.gpu, bytes)
+    fn staging(&mut self, bytes: u64) -> Result<MappedStaging> {
+        let buffer = self.scene.staging.take(&self.gpu, bytes)?;
+        Ok(MappedStaging { buffer, filled: 0 })
     }
 
-    fn fill(staging: &mut Buffer, parts: &[&[u32]]) -> bool {
-        fill(staging, parts)
+    fn point_buffer(&mut self, points: usize) -> Result<PointBuffer> {
+        Ok(vec![[0.0; 3]; points].into())
     }
 
-    fn send(&mut self, from: Buffer, bytes: u64, to: &Buffer) -> Result<u64> {
-        let staging = &mut self.scene.staging;
-        staging.send(&self.gpu, (from, bytes), (to, 0))?;
-        Ok(0)
-    }
-
-    fn send_key(&mut self, key: &KeyFrame, runs: &[Range<usize>], to: &Buffer) -> Result<u64> {
-        for run in self.scene.points.others(runs) {
-            let at = (run.start * size_of::<Point>()) as u64;
-            write(&self.gpu, to, at, &key[run])?;
+    fn send(&mut self, upload: Upload<'_, MappedStaging>, to: &Buffer) -> Result<u64> {
+        let scene = &mut self.scene;
+        match upload {
+            Upload::Staged(from) => scene.staging.send(&self.gpu, from, (to, 0))?,
+            Upload::KeyFrame { key, runs } => {
+                for run in scene.points.others(runs) {
+                    let at = (run.start * size_of::<Point>()) as u64;
+                    write(&self.gpu, to, at, &key[run])?;
+                }
+                let largest = self.gpu.limits.max_storage_buffer_binding_size;
+                scene.points.copy_to(to, largest, &mut scene.lent.copies);
+            }
         }
-        self.scene.points.copy_to(to);
         Ok(0)
-    }
-
-    fn has_ended(&self, last: LastUse, _: bool) -> Result<bool> {
-        Ok(self.scene.encoder.is_past(last.ticket))
-    }
-
-    fn pipeline_maker(&self) -> Arc<Gpu> {
-        Arc::clone(&self.gpu)
-    }
-
-    fn make_pipeline(gpu: &Arc<Gpu>, kernel: KernelCode) -> Result<Pipeline> {
-        Pipeline::new(gpu, kernel)
-    }
-
-    fn slot(&self) -> Result<Slot> {
-        Slot::new(&self.gpu)
     }
 
     /// Submits the recording, or leaves it in the program's encoder if one was lent.
-    fn submit(
-        &mut self,
-        slot: &mut Slot,
-        ticket: Ticket,
-        positions: Option<(&Buffer, u64)>,
-    ) -> Result<Option<HostCopy>> {
+    fn submit(&mut self, recording: &mut WgpuRecording, ticket: Ticket) -> Result<()> {
+        let slot = self.place(ticket);
         let (place, (report, copy)) = if let Some(mut encoder) = self.take_encoder() {
-            let encoded = self.encode(&mut encoder, (slot, Some(ticket)), positions);
+            let encoded = self.encode(&mut encoder, recording, ticket, Some(ticket));
             self.scene.encoder.encoder = Some(encoder);
             let encoded = encoded?;
             self.scene.encoder.under_way.push_back((ticket, None));
             (None, encoded)
         } else {
             let mut encoder = self.gpu.encoder("a frame")?;
-            let encoded = self.encode(&mut encoder, (slot, None), positions)?;
+            let encoded = self.encode(&mut encoder, recording, ticket, None)?;
             let place = self.gpu.submit([encoder]);
-            (Some(place.inspect_err(|_| slot.recall())?), encoded)
+            let recall = |_: &_| self.submissions[slot].recall();
+            (Some(place.inspect_err(recall)?), encoded)
         };
-        slot.sent = Some((place, report));
-        Ok(copy)
+        self.submissions[slot].sent = Some((place, report));
+        self.scene.copies.extend(copy.map(|copy| (ticket, copy)));
+        Ok(())
     }
 
-    fn finish(&mut self, slot: &mut Slot, ticket: Ticket) -> Result<Finished> {
-        self.scene.encoder.wait(&self.gpu, ticket)?;
-        let finished = slot.finish()?;
-        self.scene.encoder.finished(ticket);
-        Ok(finished)
-    }
-
-    fn give_up_dropped(&mut self, slot: &mut Slot, ticket: Ticket) -> bool {
-        let is_dropped = slot.give_up_dropped();
-        if is_dropped {
-            self.scene.encoder.dropped(ticket);
+    fn has_finished(&self, work: PendingWork) -> Result<bool> {
+        match work {
+            PendingWork::Submission(ticket) => {
+                self.gpu.poll()?;
+                self.submissions[self.place(ticket)].has_finished()
+            }
+            PendingWork::Positions(ticket) => {
+                self.gpu.poll()?;
+                let copy = self.scene.copies.iter().find(|(of, _)| *of == ticket);
+                copy.map_or(Ok(true), |(_, copy)| copy.mapping.poll(&self.gpu))
+            }
+            // Queue writes run before the program submits its encoder.
+            PendingWork::Use(last) => Ok(self.scene.encoder.is_past(last.ticket)),
         }
-        is_dropped
     }
 
-    fn is_done(&self, slot: &Slot, _: Ticket) -> Result<bool> {
-        self.gpu.poll()?;
-        // After a failed wait there is no report, and another wait fails at once.
-        let report = slot.sent.as_ref();
-        report.map_or(Ok(true), |(_, mapping)| mapping.poll(&self.gpu))
+    fn wait(&self, until: Option<LastUse>) -> Result<()> {
+        match until {
+            // Writes run in order with submissions.
+            Some(_) => Ok(()),
+            None => self.gpu.wait_idle(),
+        }
     }
 
-    fn has_arrived(&self, copy: &HostCopy) -> Result<bool> {
-        self.gpu.poll()?;
-        copy.mapping.poll(&self.gpu)
+    fn finish(&mut self, ticket: Ticket) -> Result<Outcome> {
+        self.scene.encoder.wait(&self.gpu, ticket)?;
+        let slot = self.place(ticket);
+        let outcome = self.submissions[slot].finish()?;
+        match outcome {
+            Outcome::Finished(_) => self.scene.encoder.finished(ticket),
+            Outcome::Dropped => {
+                self.scene.encoder.dropped(ticket);
+                self.scene.copies.retain(|(of, _)| *of != ticket);
+            }
+        }
+        Ok(outcome)
     }
 
-    fn take(&mut self, copy: HostCopy, vertices: usize) -> Result<Snapshot> {
+    fn take_positions(&mut self, ticket: Ticket, vertices: usize) -> Result<Snapshot> {
+        let copies = &mut self.scene.copies;
+        let found = copies.iter().position(|(of, _)| *of == ticket);
+        let found = found.and_then(|i| copies.remove(i));
+        let (_, copy) = found.expect("the submission copies positions");
         Ok(self.scene.spares.lend(Arrived::new(copy, vertices)?))
     }
 
     fn unload(&mut self) -> Result<()> {
         self.gpu.wait_idle()?;
-        self.scene = SceneState::default();
+        self.scene = DeviceScene::default();
+        self.submissions
+            .iter_mut()
+            .for_each(SubmissionEncoder::forget);
         Ok(())
-    }
-
-    fn wait_idle(&self) -> Result<()> {
-        self.gpu.wait_idle()
     }
 }

@@ -4,17 +4,17 @@ use crate::lent::{
     Found, LentRays, Moved, OnHost, Sheets, find_what_the_hosts_do, found, see_as_of_the_host,
     sheet, stay_while_another_is_replaced, triangles, two_sheets,
 };
-use crate::opened;
+use crate::open_vulkan;
 use crate::other_device::{Exported, Importer, OtherDevice};
 use crate::scenes::{go, hits, open, rays, stand};
 use abvh::external_memory::{ExternalBuffer, ExternalRays};
 use abvh::{Device, Error, MeshId, Point, Query, Ray, Scene, Source, Step, Tracer, Update};
 use backend::{Backend, Hits, QueryKind, Rays, Ticket};
 use geom::{Animation, PointBuffer};
+use gpu_vulkan::VulkanBackend;
 use gpu_vulkan::external::ExternalMemory;
 use gpu_vulkan::memory::Buffer;
 use gpu_vulkan::timeline::Timeline;
-use gpu_vulkan::{VulkanBackend, VulkanDevice};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -253,7 +253,7 @@ fn let_go(
 
 /// Signals the timeline from the host, in place of another device.
 pub(crate) fn what_is_lent_is_used_between_two_values_of_a_timeline() {
-    let mut backend = opened::<VulkanDevice>().unwrap();
+    let mut backend = open_vulkan().unwrap();
     let gpu = Arc::clone(&backend.gpu().gpu);
     let [vertices, given] = [12 * 400, 32 * 500].map(|bytes| {
         let made = ExternalMemory::new(&gpu, bytes).unwrap();

@@ -26,8 +26,7 @@ mod wgpu_rays;
 use backend::Backend;
 use geom::lock;
 use gpu_common::{ComputeBackend, GpuDevice, Options, Validation};
-use gpu_vulkan::VulkanDevice;
-use gpu_wgpu::WgpuDevice;
+use gpu_vulkan::VulkanBackend;
 use integration::is_required;
 use libtest_mimic::Trial;
 use shaders::BufferName;
@@ -44,7 +43,7 @@ trait Subject: Backend {
 
 impl<D: GpuDevice> Subject for ComputeBackend<D> {
     fn buffers_made(&self) -> u64 {
-        self.gpu().buffers_made()
+        self.gpu().memory().buffers_made
     }
 
     fn words(&mut self, name: BufferName, count: usize) -> Vec<u32> {
@@ -61,8 +60,8 @@ fn watched() -> Options {
     }
 }
 
-fn opened<D: GpuDevice>() -> backend::Result<ComputeBackend<D>> {
-    ComputeBackend::new(&watched())
+fn open_vulkan() -> backend::Result<VulkanBackend> {
+    gpu_vulkan::open(&watched())
 }
 
 /// A name and a test on an open device.
@@ -165,8 +164,8 @@ const OF_CUDA: &[(&str, fn())] = named![
 fn main() -> ExitCode {
     let arguments = integration::arguments();
     let (open_vulkan, open_wgpu): (Open, Open) = (
-        || opened::<VulkanDevice>().map(|b| Box::new(b) as Box<dyn Subject>),
-        || opened::<WgpuDevice>().map(|b| Box::new(b) as Box<dyn Subject>),
+        || open_vulkan().map(|b| Box::new(b) as Box<dyn Subject>),
+        || gpu_wgpu::open(&watched()).map(|b| Box::new(b) as Box<dyn Subject>),
     );
     let devices = [open_vulkan, open_wgpu].map(|open| Arc::new(Mutex::new(open())));
     let [no_vulkan, no_wgpu] = devices.each_ref().map(|device| {

@@ -1,15 +1,15 @@
 //! Tests of Vulkan only: layers, adapters, and copies of vertices and trees on queues of their own.
 
-use crate::opened;
+use crate::open_vulkan;
 use crate::scenes::{
     SHADOWED, arrive, bits, camera, go, hits, open, positions, stand, swarm, tree_at,
 };
 use backend::{Backend, BackendError, FRAMES_IN_FLIGHT, Generation, Rays, Ticket};
 use gpu_common::{Options, Validation};
+use gpu_vulkan::VulkanBackend;
 use gpu_vulkan::memory::{Buffer, BufferUse};
 use gpu_vulkan::timeline::Timeline;
 use gpu_vulkan::transfer::Transfer;
-use gpu_vulkan::{VulkanBackend, VulkanDevice};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -18,11 +18,11 @@ pub(crate) fn required_validation_is_there_or_its_absence_is_named() {
         validation: Validation::Required,
         ..Options::default()
     };
-    match VulkanBackend::new(&options) {
+    match gpu_vulkan::open(&options) {
         Ok(b) => assert!(b.gpu().gpu.host.is_validated),
         Err(e) => assert!(matches!(e, BackendError::NoDevice(_)), "{e}"),
     }
-    let plain = VulkanBackend::new(&Options::default()).unwrap();
+    let plain = gpu_vulkan::open(&Options::default()).unwrap();
     assert!(!plain.gpu().gpu.host.is_validated);
 }
 
@@ -45,7 +45,7 @@ pub(crate) fn every_adapter_tells_its_limits() {
 }
 
 pub(crate) fn large_buffers_of_the_host_lie_in_pages_of_the_process() {
-    let mut backend = opened::<VulkanDevice>().unwrap();
+    let mut backend = open_vulkan().unwrap();
     let gpu = Arc::clone(&backend.gpu().gpu);
     let words: Vec<u32> = (0..1 << 18).collect();
     let bytes = size_of_val(&words[..]) as u64;
@@ -53,10 +53,12 @@ pub(crate) fn large_buffers_of_the_host_lie_in_pages_of_the_process() {
     let uses = [BufferUse::Staging, BufferUse::Device, BufferUse::Readback];
     let [mut from, there, to] = uses.map(made);
     from.write(0, &words);
-    let road = &mut backend.gpu_mut().readback;
+    let readback = &mut backend.gpu_mut().readback;
     for (from, to) in [(&from, &there), (&there, &to)] {
-        road.start([from, to], &[(0..bytes, 0)], None).unwrap();
-        road.wait().unwrap();
+        readback
+            .start([from.vk, to.vk], &[(0..bytes, 0)], None)
+            .unwrap();
+        readback.wait().unwrap();
     }
     assert!(to.read::<u32>(words.len()) == words);
     let is_offered = gpu.sharing.contains(&c"VK_EXT_external_memory_host");
@@ -67,14 +69,16 @@ pub(crate) fn large_buffers_of_the_host_lie_in_pages_of_the_process() {
 }
 
 /// Blocks a transfer queue until `gate` reaches 1.
-fn bar(road: &mut Transfer, gate: &Timeline, from: &Buffer, to: &Buffer) {
+fn bar(queue: &mut Transfer, gate: &Timeline, from: &Buffer, to: &Buffer) {
     let opened = Some(gate.at(1));
-    road.start([from, to], &[(0..16, 0)], opened).unwrap();
+    queue
+        .start([from.vk, to.vk], &[(0..16, 0)], opened)
+        .unwrap();
 }
 
 /// Returns the reason if the device has no separate queues for uploads and downloads.
 pub(crate) fn lacks_queues() -> Option<String> {
-    let backend = opened::<VulkanDevice>().ok()?;
+    let backend = open_vulkan().ok()?;
     let three = backend.gpu().has_queues_for_copies();
     (!three).then(|| "all work stands in one queue".to_owned())
 }
@@ -85,7 +89,7 @@ fn is_done(backend: &VulkanBackend, ticket: Ticket) -> bool {
 }
 
 pub(crate) fn no_more_submissions_are_under_way_than_may_be() {
-    let mut backend = opened::<VulkanDevice>().unwrap();
+    let mut backend = open_vulkan().unwrap();
     let (animation, camera) = (swarm(2000), camera());
     open(&mut backend, &animation);
     for frame in 0..8 {
@@ -97,7 +101,7 @@ pub(crate) fn no_more_submissions_are_under_way_than_may_be() {
 }
 
 pub(crate) fn positions_on_their_way_are_not_written_over() {
-    let mut backend = opened::<VulkanDevice>().unwrap();
+    let mut backend = open_vulkan().unwrap();
     let gpu = Arc::clone(&backend.gpu().gpu);
     let animation = swarm(5000);
     open(&mut backend, &animation);
@@ -124,7 +128,7 @@ pub(crate) fn positions_on_their_way_are_not_written_over() {
 }
 
 pub(crate) fn frames_go_on_though_nothing_comes_down_or_goes_up() {
-    let mut backend = opened::<VulkanDevice>().unwrap();
+    let mut backend = open_vulkan().unwrap();
     let gpu = Arc::clone(&backend.gpu().gpu);
     let (animation, camera) = (swarm(5000), camera());
     open(&mut backend, &animation);

@@ -80,7 +80,7 @@ pub(crate) fn a_lent_device_without_features_gives_the_same_hits() {
             checks_kernels,
             ..Options::default()
         };
-        let mut own = WgpuBackend::new(&options).unwrap();
+        let mut own = gpu_wgpu::open(&options).unwrap();
         assert!(
             answers(&mut own, &animation, &camera) == found,
             "{options:?}"
@@ -124,7 +124,7 @@ pub(crate) fn a_device_with_too_few_buffers_is_refused() {
     let refused = lent(&own_device(Limits::downlevel_defaults())).err();
     let said = refused.map(|e| e.to_string()).unwrap_or_default();
     assert!(
-        said.contains("max_storage_buffers_per_shader_stage needs 8, the limit is 4"),
+        said.contains("(max_storage_buffers_per_shader_stage) needs 8, the limit is 4"),
         "{said}"
     );
 }

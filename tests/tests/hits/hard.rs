@@ -15,8 +15,8 @@ type Opened = backend::Result<Box<dyn Backend>>;
 
 /// Creates one test per device, ignored if the device is absent.
 pub(crate) fn trials() -> Vec<Trial> {
-    let vulkan = gpu_vulkan::VulkanBackend::new(&Default::default());
-    let wgpu = gpu_wgpu::WgpuBackend::new(&Default::default());
+    let vulkan = gpu_vulkan::open(&Default::default());
+    let wgpu = gpu_wgpu::open(&Default::default());
     let both: [(&str, Opened); 2] = [
         ("vulkan", vulkan.map(|b| Box::new(b) as _)),
         ("wgpu", wgpu.map(|b| Box::new(b) as _)),

@@ -9,16 +9,15 @@ use backend::{
 };
 use geom::{Animation, Pose};
 use gpu_common::{Stage, Trace, are_given, refuse_above};
-use gpu_vulkan::VulkanDevice;
 use gpu_vulkan::commands::{KERNELS, RAYS};
-use gpu_vulkan::memory::Buffer;
+use gpu_vulkan::{NativeCommand, VulkanDevice};
 use shaders::work;
 use shaders::{BufferName, Params, Shape};
 use std::sync::Arc;
 
 impl Rival for VulkanRt {
     fn device(&self) -> &Device {
-        &self.engine.device
+        &self.engine.info.device
     }
 
     fn load(&mut self, animation: Arc<Animation>, upkeep: Upkeep) -> Result<()> {
@@ -108,11 +107,12 @@ impl VulkanRt {
         let scene = scene.expect("a scene was loaded");
         let positions = &engine.scene().positions[engine.position];
         let from = triangles_of(engine.scene(), positions, scene.cleansed.as_ref());
-        let slot = engine.frames.record()?;
-        slot.record_as(Stage::Refit, |slot| {
-            scene.tree.make(&slot.commands, from);
-            Ok(())
-        })
+        let build = scene.tree.make(from);
+        engine
+            .frames
+            .record()
+            .record_native(Stage::Refit, Some(build));
+        Ok(())
     }
 
     /// Records the rays of a query.
@@ -123,7 +123,7 @@ impl VulkanRt {
         let engine = &mut self.engine;
         let old = engine.frames.expired();
         let trace = Trace::new(&mut engine.gpu, query, how, old)?;
-        self.launch(query, &trace, size)?;
+        self.launch(query, &trace, size);
         self.engine.frames.pending.push(trace);
         Ok(())
     }
@@ -148,38 +148,50 @@ impl VulkanRt {
     }
 
     /// Records a launch of rays, unless the scene has no live triangle that they could hit.
-    fn launch(
-        &mut self,
-        query: &Query<'_>,
-        trace: &Trace<VulkanDevice>,
-        size: [u32; 2],
-    ) -> Result<()> {
+    fn launch(&mut self, query: &Query<'_>, trace: &Trace<VulkanDevice>, size: [u32; 2]) {
         let params = work::rays(self.params(), query, are_given(query));
         let engine = &mut self.engine;
-        let slot = engine.frames.record()?;
         if size[0] == 0 || !trace.has_tree {
-            return slot.record_as(Stage::TracePrimary, |_| Ok(()));
+            engine
+                .frames
+                .record()
+                .record_native(Stage::TracePrimary, None);
+            return;
         }
         let scene = self.scene.as_ref().expect("a scene was loaded");
         let buffers = engine.scene.as_ref().expect("a scene was loaded");
         let (key, position) = (engine.pose.key, engine.position);
-        let find = |name: BufferName| -> &Buffer {
+        let find = |name: BufferName| {
             let found = match name {
                 BufferName::Nodes => None,
                 name => trace.get(name).or_else(|| buffers.get(name, key, position)),
             };
             // A binding that the query does not use still needs a buffer.
-            found.unwrap_or(&scene.root)
+            (name, found.unwrap_or(&scene.root).range())
         };
-        let rays = &self.rays;
-        slot.record_as(Stage::TracePrimary, |slot| {
-            slot.commands.barrier(KERNELS, RAYS);
-            let pipeline = (rays.vk, &rays.layouts);
-            slot.bind_rays(pipeline, &params, scene.tree.top(), find)?;
-            rays.launch(slot.commands.vk(), maker(query), size);
-            slot.commands.barrier(RAYS, KERNELS);
+        let bound: Vec<_> = shaders::RAYS
+            .bindings
+            .iter()
+            .map(|b| find(b.name))
+            .collect();
+        let (pipeline, layouts) = (self.rays.vk, Arc::clone(&self.rays.layouts));
+        let tree = scene.tree.top();
+        let launch = self.rays.launch(maker(query), size);
+        let command: NativeCommand = Box::new(move |encoder| {
+            encoder.commands.barrier(KERNELS, RAYS);
+            let buffer = |name| {
+                let found = bound.iter().find(|(of, _)| *of == name);
+                found.expect("one buffer for each binding").1
+            };
+            encoder.bind_rays(pipeline, &layouts, &params, tree, buffer)?;
+            launch(encoder.commands.vk());
+            encoder.commands.barrier(RAYS, KERNELS);
             Ok(())
-        })
+        });
+        engine
+            .frames
+            .record()
+            .record_native(Stage::TracePrimary, Some(command));
     }
 
     /// Records the kernels that count hits, after the end of the last stage.

@@ -15,7 +15,7 @@ use std::sync::Arc;
 pub(crate) struct RayPipeline {
     /// Null until the driver has created it.
     pub(crate) vk: vk::Pipeline,
-    pub(crate) layouts: Layouts,
+    pub(crate) layouts: Arc<Layouts>,
     table: Option<Table>,
     pub(crate) rays: Arc<RayTracing>,
 }
@@ -42,7 +42,7 @@ impl RayPipeline {
         let others = others.map(|b| (b.number, descriptor_type(b.kind)));
         let mut made = Self {
             vk: vk::Pipeline::null(),
-            layouts: Layouts::new(&rays.gpu, what, STAGES, others.chain([tree]))?,
+            layouts: Arc::new(Layouts::new(&rays.gpu, what, STAGES, others.chain([tree]))?),
             table: None,
             rays: Arc::clone(rays),
         };
@@ -53,8 +53,12 @@ impl RayPipeline {
         Ok(made)
     }
 
-    /// Records a launch of the ray generation shader `generate` over a number of columns and rows.
-    pub(crate) fn launch(&self, commands: vk::CommandBuffer, generate: &str, [x, y]: [u32; 2]) {
+    /// Returns a function that records a launch of the ray generation shader `generate` over a number of columns and rows.
+    pub(crate) fn launch(
+        &self,
+        generate: &str,
+        [x, y]: [u32; 2],
+    ) -> impl FnOnce(vk::CommandBuffer) + Send + 'static + use<> {
         let place = RAYS.generate.iter().position(|&name| name == generate);
         let place = place.expect("rays are made by one of the entry points") as u64;
         let makers = RAYS.generate.len() as u64;
@@ -66,12 +70,15 @@ impl RayPipeline {
                 .size(table.stride)
         };
         let none = vk::StridedDeviceAddressRegionKHR::default();
-        let (miss, hit) = (region(makers), region(makers + 1));
-        let pipelines = &self.rays.pipelines;
-        // SAFETY: the command buffer is being recorded with the pipeline bound; the table holds a
-        // handle for each group of the pipeline.
-        unsafe {
-            pipelines.cmd_trace_rays(commands, &region(place), &miss, &hit, &none, x, y, 1);
+        let (generate, miss, hit) = (region(place), region(makers), region(makers + 1));
+        let rays = Arc::clone(&self.rays);
+        move |commands| {
+            let pipelines = &rays.pipelines;
+            // SAFETY: the command buffer is being recorded with the pipeline bound; the table holds a
+            // handle for each group of the pipeline.
+            unsafe {
+                pipelines.cmd_trace_rays(commands, &generate, &miss, &hit, &none, x, y, 1);
+            }
         }
     }
 }

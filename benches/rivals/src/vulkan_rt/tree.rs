@@ -7,10 +7,10 @@ use crate::Upkeep;
 use ash::vk;
 use backend::Result;
 use gpu_common::{Engine, GpuDevice, SceneBuffers, refuse_above};
-use gpu_vulkan::VulkanDevice;
-use gpu_vulkan::commands::{BUILDS, Commands, KERNELS, RAYS};
+use gpu_vulkan::commands::{BUILDS, KERNELS, RAYS};
 use gpu_vulkan::errors::failed_for;
 use gpu_vulkan::memory::{Buffer, BufferUse};
+use gpu_vulkan::{NativeCommand, VulkanDevice};
 use shaders::BufferName;
 use std::sync::Arc;
 
@@ -24,8 +24,8 @@ type Mode = vk::BuildAccelerationStructureModeKHR;
 
 /// Both structures, which are rebuilt or updated in place.
 pub(crate) struct DriverTree {
-    bottom: Structure,
-    top: Structure,
+    bottom: Arc<Structure>,
+    top: Arc<Structure>,
     /// Buffer with the only instance of `bottom`.
     instance: Buffer,
     flags: Flags,
@@ -62,8 +62,8 @@ impl DriverTree {
         let geometry = [instances_of(&instance)];
         let about = info(Level::TOP_LEVEL).flags(flags).geometries(&geometry);
         Ok(Self {
-            bottom,
-            top: Structure::new(rays, "the tree above it", about, 1)?,
+            bottom: Arc::new(bottom),
+            top: Arc::new(Structure::new(rays, "the tree above it", about, 1)?),
             instance,
             flags,
             triangles,
@@ -87,25 +87,31 @@ impl DriverTree {
         self.is_updatable = false;
     }
 
-    /// Records a build of the tree, or an update if the policy is to update and the tree was built.
-    pub(crate) fn make(&mut self, commands: &Commands, from: Geometry<'_>) {
+    /// Returns the commands that build the tree, or update it if the policy is to update and the tree was built.
+    pub(crate) fn make(&mut self, from: Geometry<'static>) -> NativeCommand {
         let mode = if self.is_updatable {
             Mode::UPDATE
         } else {
             Mode::BUILD
         };
         self.is_updatable = self.flags.contains(Flags::ALLOW_UPDATE);
-        let flags = self.flags;
-        let geometry = [from];
-        let about = |level| info(level).flags(flags).mode(mode);
-        commands.barrier(KERNELS, BUILDS);
-        let bottom = about(Level::BOTTOM_LEVEL).geometries(&geometry);
-        self.bottom.record(commands.vk(), bottom, self.triangles);
-        commands.barrier(BUILDS, BUILDS);
-        let geometry = [instances_of(&self.instance)];
-        let top = about(Level::TOP_LEVEL).geometries(&geometry);
-        self.top.record(commands.vk(), top, 1);
-        commands.barrier(BUILDS, RAYS);
+        let (flags, triangles) = (self.flags, self.triangles);
+        let [bottom, top] = [&self.bottom, &self.top].map(Arc::clone);
+        let instance = instances_of(&self.instance);
+        Box::new(move |encoder| {
+            let commands = &encoder.commands;
+            let about = |level| info(level).flags(flags).mode(mode);
+            commands.barrier(KERNELS, BUILDS);
+            let geometry = [from];
+            let info = about(Level::BOTTOM_LEVEL).geometries(&geometry);
+            bottom.record(commands.vk(), info, triangles);
+            commands.barrier(BUILDS, BUILDS);
+            let geometry = [instance];
+            let info = about(Level::TOP_LEVEL).geometries(&geometry);
+            top.record(commands.vk(), info, 1);
+            commands.barrier(BUILDS, RAYS);
+            Ok(())
+        })
     }
 }
 

@@ -37,7 +37,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
         traits.rasterizes = engine.frames.raster_backoff.allow(traits.rasterizes);
         let mut tracing = work::trace(self.intersector, params, rays, query.kind, traits);
         let tree = self.tree.as_mut().expect("a scene was loaded");
-        tree.grow_picture(&mut engine.gpu, &tracing)?;
+        tree.grow_picture(&engine.gpu, &mut engine.frames, &tracing)?;
         if let Some(first) = tracing.primary.first_mut().filter(|_| place > 0) {
             // No other trace of the batch writes the same buffers.
             first.alongside = true;

@@ -1,15 +1,13 @@
-//! Resources of one submission: commands, parameters, counts and timestamps.
-//!
-//! Commands are kept as a list until the submission, when their encoder is known.
+//! Encodes recordings, with parameters, counts and timestamps.
 
-use crate::buffers::{Mapping, READBACK, STORAGE, make, unmap, unreadable, write};
-use crate::gpu::Gpu;
-use crate::launches::{Launch, Launches};
-use crate::marks::{self, Marks};
-use crate::wgpu_device::WgpuDevice;
+use crate::buffers::{Mapping, unreadable, write};
+use crate::gpu::{OpenGpu, READBACK, STORAGE, make, unmap};
+use crate::launches::{Launch, Launches, WgpuRecording};
+use crate::marks::{self, PassTimestamps};
 use backend::{BackendError, Result, Ticket};
-use gpu_common::{Dispatch, Find, Finished, GpuSlot, Stage};
+use gpu_common::{Outcome, RecordedCommand, Stage, SubmissionOutput};
 use shaders::Counts;
+use std::ops::Range;
 use std::sync::Arc;
 use std::time::Duration;
 use wgpu::{Buffer, BufferUsages, CommandEncoder, ComputePassDescriptor, MapMode, SubmissionIndex};
@@ -24,12 +22,12 @@ const PLACES: usize = 16;
 const STAMP: u64 = marks::BYTES + COUNTS * PLACES as u64;
 
 /// Resources of one submission at a time.
-pub struct Slot {
+pub(crate) struct SubmissionEncoder {
     /// One buffer for each index of a trace so far.
     counts: Vec<Buffer>,
     /// Number of counts buffers that this submission uses.
     places: usize,
-    marks: Option<Marks>,
+    marks: Option<PassTimestamps>,
     /// Report: timestamps, counts and the stamp, on the way to the host.
     back: Buffer,
     /// Contains the ticket of a submission in a program's encoder, which copies it to the report.
@@ -39,81 +37,92 @@ pub struct Slot {
     /// Whether the program's commands were submitted without having any effect.
     is_refused: bool,
     launches: Launches,
-    commands: Vec<Command>,
-    /// Dispatches whose stage has not ended yet.
-    waiting: Vec<Launch>,
+    /// Stages that are not encoded yet, each with its launches. Empty between submissions.
+    parts: Vec<TimedLaunches>,
     /// Mapping of the report, once the recording was encoded, with the index of its submission unless the program
     /// submits it.
     pub(crate) sent: Option<(Option<SubmissionIndex>, Mapping)>,
-    gpu: Arc<Gpu>,
+    gpu: Arc<OpenGpu>,
 }
 
-enum Command {
-    /// Sets the first bytes of the counts to 0.
-    Clear(u64),
-    Stage(Stage, Vec<Launch>),
+/// A stage and its launches.
+struct TimedLaunches {
+    stage: Stage,
+    launches: Range<usize>,
 }
 
-impl Slot {
-    pub(crate) fn new(gpu: &Arc<Gpu>) -> Result<Self> {
+impl SubmissionEncoder {
+    pub(crate) fn new(gpu: &Arc<OpenGpu>) -> Result<Self> {
         let usage = BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
         Ok(Self {
             counts: vec![make(gpu, "counts", COUNTS, STORAGE)?],
             places: 1,
-            marks: Marks::new(gpu)?,
+            marks: PassTimestamps::new(gpu)?,
             back: make(gpu, "a report", STAMP + size_of::<u64>() as u64, READBACK)?,
             stamp: make(gpu, "a stamp", size_of::<u64>() as u64, usage)?,
             stamped: 0,
             is_refused: false,
             launches: Launches::new(gpu),
-            commands: Vec::new(),
-            waiting: Vec::new(),
+            parts: Vec::new(),
             sent: None,
             gpu: Arc::clone(gpu),
         })
     }
 
-    /// Writes the recording and the copy of the report into an encoder, with the ticket as a stamp if there is one.
+    /// Encodes a recording and the copy of the report, with the ticket as a stamp if there is one.
     ///
     /// wgpu checks only when the program finishes its encoder that it belongs to the same device and has no open pass.
     /// If not, the report is mapped all the same, but has another stamp.
     pub(crate) fn encode(
         &mut self,
         encoder: &mut CommandEncoder,
+        recording: &mut WgpuRecording,
         stamp: Option<Ticket>,
     ) -> Result<()> {
+        self.begin(recording)?;
         self.stamped = stamp.map_or(0, |ticket| ticket.0);
         if stamp.is_some() {
             write(&self.gpu, &self.stamp, 0, &[self.stamped])?;
         }
         self.gpu.guard("recording", 0, || {
-            let others = self.counts[..self.places].iter().skip(1);
-            others.for_each(|counts| encoder.clear_buffer(counts, 0, None));
+            let all = self.counts[..self.places].iter();
+            all.for_each(|counts| encoder.clear_buffer(counts, 0, None));
         })?;
-        let mut parts = Vec::new();
-        let mut commands = std::mem::take(&mut self.commands);
-        for command in commands.drain(..) {
+        let counts = &self.counts[..self.places];
+        let launches = self.launches.make(&self.gpu, counts, recording)?;
+        // The launches that no pass contains yet, and those among them whose stage has not ended.
+        let (mut next, mut waiting) = (0, 0..0);
+        for command in recording.commands.drain(..) {
             match command {
-                Command::Clear(bytes) => {
-                    self.passes(encoder, &mut parts)?;
+                RecordedCommand::Dispatch(_) => {
+                    next += 1;
+                    waiting.end = next;
+                }
+                RecordedCommand::ClearCounts(bytes) => {
+                    self.passes(encoder, &launches)?;
                     self.gpu.guard("recording", 0, || {
                         encoder.clear_buffer(&self.counts[0], 0, Some(bytes));
                     })?;
                 }
-                Command::Stage(stage, launches) => {
+                RecordedCommand::EndStage(stage) => {
                     // Geometry and rays have separate passes, because a timestamp within a pass would lengthen the
                     // stage before it.
                     if stage == Stage::TracePrimary {
-                        self.passes(encoder, &mut parts)?;
+                        self.passes(encoder, &launches)?;
                     }
-                    parts.push((stage, launches));
+                    self.parts.push(TimedLaunches {
+                        stage,
+                        launches: waiting,
+                    });
+                    waiting = next..next;
                 }
+                RecordedCommand::Split => (),
+                RecordedCommand::Native(never) => match never {},
             }
         }
-        // Keep the vector's capacity.
-        self.commands = commands;
-        self.passes(encoder, &mut parts)?;
-        self.untimed(encoder)?;
+        self.passes(encoder, &launches)?;
+        self.untimed(encoder, &launches[waiting])?;
+        self.launches.reuse(launches);
         self.launches.write(&self.gpu)?;
         self.gpu.guard("the report of a frame", 0, || {
             for (counts, at) in self.counts[..self.places].iter().zip(0..) {
@@ -140,23 +149,26 @@ impl Slot {
         let _ = unmap(&self.gpu.device, &self.back);
     }
 
-    /// Writes these stages, as one pass if they can be timed within it.
-    fn passes(
-        &mut self,
-        encoder: &mut CommandEncoder,
-        parts: &mut Vec<(Stage, Vec<Launch>)>,
-    ) -> Result<()> {
+    /// Encodes the stages of `parts`, as one pass if they can be timed within it.
+    fn passes(&mut self, encoder: &mut CommandEncoder, launches: &[Launch]) -> Result<()> {
+        let mut parts = std::mem::take(&mut self.parts);
         let is_one = self.marks.as_ref().is_none_or(|marks| marks.within);
         let most = if is_one { parts.len() } else { 1 };
         let mut passes = parts.chunks(most.max(1));
-        let written = passes.try_for_each(|parts| self.pass(encoder, parts));
+        passes.try_for_each(|parts| self.pass(encoder, parts, launches))?;
         parts.clear();
-        written
+        self.parts = parts;
+        Ok(())
     }
 
-    fn pass(&mut self, encoder: &mut CommandEncoder, parts: &[(Stage, Vec<Launch>)]) -> Result<()> {
+    fn pass(
+        &mut self,
+        encoder: &mut CommandEncoder,
+        parts: &[TimedLaunches],
+        launches: &[Launch],
+    ) -> Result<()> {
         let label = "stages of a frame";
-        let stages = parts.iter().map(|(stage, _)| *stage);
+        let stages = parts.iter().map(|part| part.stage);
         let first = self.marks.as_mut().and_then(|marks| marks.take(stages));
         let timed = self.marks.as_ref().zip(first);
         self.gpu.guard(label, 0, || {
@@ -165,29 +177,66 @@ impl Slot {
                 timestamp_writes: timed.map(|(marks, first)| marks.around(first, parts.len())),
             };
             let mut pass = encoder.begin_compute_pass(&desc);
-            for (i, (_, launches)) in parts.iter().enumerate() {
+            for (i, part) in parts.iter().enumerate() {
                 if let Some((marks, first)) = timed {
                     marks.mark(&mut pass, first, i);
                 }
-                launches.iter().for_each(|launch| launch.go(&mut pass));
+                let launches = launches[part.launches.clone()].iter();
+                launches.for_each(|launch| launch.go(&mut pass));
             }
         })
     }
 
-    fn untimed(&mut self, encoder: &mut CommandEncoder) -> Result<()> {
-        let untimed = std::mem::take(&mut self.waiting);
-        if untimed.is_empty() {
+    fn untimed(&self, encoder: &mut CommandEncoder, launches: &[Launch]) -> Result<()> {
+        if launches.is_empty() {
             return Ok(());
         }
         self.gpu.guard("kernels of no stage", 0, || {
             let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
-            untimed.iter().for_each(|launch| launch.go(&mut pass));
+            launches.iter().for_each(|launch| launch.go(&mut pass));
+        })
+    }
+
+    /// Prepares the resources for a recording. The previous submission must have finished or been dropped.
+    fn begin(&mut self, recording: &WgpuRecording) -> Result<()> {
+        let is_free = self.sent.as_ref().is_none_or(|(_, m)| m.is_dropped());
+        assert!(
+            is_free,
+            "at most so many submissions as encoders are unfinished"
+        );
+        (self.sent, self.is_refused) = (None, false);
+        self.parts.clear();
+        if let Some(marks) = &mut self.marks {
+            marks.stages.clear();
+        }
+        let places = recording.commands.iter().map(|command| match command {
+            RecordedCommand::Dispatch(dispatch) => dispatch.work.place + 1,
+            _ => 1,
+        });
+        self.places = places.max().unwrap_or(1).min(PLACES);
+        while self.counts.len() < self.places {
+            let made = make(&self.gpu, "counts", COUNTS, STORAGE)?;
+            self.counts.push(made);
+        }
+        Ok(())
+    }
+
+    /// Returns whether the submission has finished or never runs. Never blocks.
+    pub(crate) fn has_finished(&self) -> Result<bool> {
+        // After a failed wait there is no report, and another wait fails at once.
+        let report = self.sent.as_ref();
+        report.map_or(Ok(true), |(_, mapping)| {
+            Ok(mapping.is_dropped() || mapping.poll(&self.gpu)?)
         })
     }
 
     /// Waits for the submission and returns its output.
-    pub(crate) fn finish(&mut self) -> Result<Finished> {
+    pub(crate) fn finish(&mut self) -> Result<Outcome> {
         let gpu = &self.gpu;
+        let is_dropped = |(_, mapping): &(_, Mapping)| mapping.is_dropped();
+        if self.is_refused || self.sent.as_ref().is_some_and(is_dropped) {
+            return Ok(Outcome::Dropped);
+        }
         // An earlier failed wait took it.
         let lost = || gpu.faults.lose("a submission never ended".into());
         let (place, mapping) = self.sent.take().ok_or_else(lost)?;
@@ -222,75 +271,21 @@ impl Slot {
             return Err(BackendError::Misuse(why.into()));
         }
         let marks = self.marks.as_ref().map(|marks| marks.stages.clone());
-        Ok(Finished {
+        Ok(Outcome::Finished(SubmissionOutput {
             counts,
             ticks: marks.is_some().then_some(ticks),
             marks: marks.unwrap_or_default(),
-        })
-    }
-}
-
-impl Slot {
-    /// Forgets the submission if its commands were dropped or rejected. Returns whether they were.
-    pub(crate) fn give_up_dropped(&mut self) -> bool {
-        let sent = self.sent.as_ref();
-        let is_dropped = self.is_refused || sent.is_some_and(|(_, mapping)| mapping.is_dropped());
-        if is_dropped {
-            (self.sent, self.is_refused) = (None, false);
-        }
-        is_dropped
-    }
-}
-
-impl GpuSlot<WgpuDevice> for Slot {
-    fn begin(&mut self) -> Result<()> {
-        assert!(self.sent.is_none(), "a slot holds one submission at a time");
-        self.launches.begin(&self.gpu);
-        self.waiting.clear();
-        self.commands.clear();
-        self.places = 1;
-        if let Some(marks) = &mut self.marks {
-            marks.stages.clear();
-        }
-        self.clear_counts(COUNTS)
+        }))
     }
 
-    fn dispatch(
-        &mut self,
-        all: &[Dispatch<'_, WgpuDevice>],
-        find: Find<'_, '_, Buffer>,
-    ) -> Result<()> {
-        let gpu = &self.gpu;
-        let places = all.iter().map(|d| d.work.place + 1).max();
-        self.places = self.places.max(places.unwrap_or(1)).min(PLACES);
-        while self.counts.len() < self.places {
-            self.counts.push(make(gpu, "counts", COUNTS, STORAGE)?);
-        }
-        let counts = &self.counts[..self.places];
-        let launches = self.launches.make(gpu, counts, all, find)?;
-        self.waiting.extend(launches);
-        Ok(())
-    }
-
-    fn end_stage(&mut self, stage: Stage) -> Result<()> {
-        let launches = std::mem::take(&mut self.waiting);
-        self.commands.push(Command::Stage(stage, launches));
-        Ok(())
-    }
-
-    fn clear_counts(&mut self, bytes: u64) -> Result<()> {
-        self.commands.push(Command::Clear(bytes));
-        Ok(())
-    }
-
-    fn bytes(&self) -> u64 {
-        let marks = self.marks.as_ref().map_or(0, Marks::bytes);
+    /// Returns the bytes of device memory.
+    pub(crate) fn bytes(&self) -> u64 {
+        let marks = self.marks.as_ref().map_or(0, PassTimestamps::bytes);
         COUNTS * self.counts.len() as u64 + self.launches.bytes() + marks
     }
 
-    fn forget(&mut self) {
+    /// Drops everything that belongs to the scene.
+    pub(crate) fn forget(&mut self) {
         self.launches.forget();
-        self.waiting.clear();
-        self.commands.clear();
     }
 }

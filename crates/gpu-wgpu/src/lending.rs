@@ -1,93 +1,15 @@
 //! Resources shared with the program on its own device, without copies through the host. Positions that its kernels
 //! wrote are copied from buffer to buffer. Kernels bind its ray buffers directly, and its shaders can trace the scene.
 
-use crate::buffers::{copy_part, make, write};
-use crate::gpu::Gpu;
+use crate::buffers::write;
+use crate::gpu::make;
+use crate::lent_points::{DevicePoints, POINT};
 use crate::wgpu_device::{WgpuBackend, WgpuDevice};
 use backend::Result;
-use geom::Point;
-use gpu_common::{LentRays, PointsCopy, without};
+use gpu_common::{LentRays, without};
 use shaders::Params;
-use std::collections::VecDeque;
 use std::ops::Range;
 use wgpu::{Buffer, BufferSlice, BufferUsages, CommandEncoder};
-
-const POINT: u64 = size_of::<Point>() as u64;
-
-/// The latest positions from buffers of the program.
-#[derive(Default)]
-pub(crate) struct DevicePoints {
-    /// Runs of the scene's positions that come from the program, in order.
-    runs: Vec<Range<usize>>,
-    /// Runs that are in no key frame yet, with the buffer and the offset at which each begins.
-    brought: Vec<(Range<usize>, (Buffer, u64))>,
-    /// The key frame that contains all other runs.
-    newest: Option<Buffer>,
-    /// Copies at the start of the next submission.
-    copies: Vec<PointsCopy<Buffer>>,
-}
-
-impl DevicePoints {
-    /// Returns the parts of `runs` that come from the host.
-    pub(crate) fn others(&self, runs: &[Range<usize>]) -> Vec<Range<usize>> {
-        without(runs, &self.runs)
-    }
-
-    /// Schedules copies of all runs to a key frame.
-    pub(crate) fn copy_to(&mut self, key: &Buffer) {
-        if self.runs.is_empty() {
-            return;
-        }
-        for run in &self.runs {
-            // The previous key frame may have used the same buffer.
-            let Some(from) = self.place(run).filter(|(buffer, _)| buffer != key) else {
-                continue;
-            };
-            self.copies.push(PointsCopy {
-                from,
-                to: (key.clone(), run.start as u64 * POINT),
-                bytes: run.len() as u64 * POINT,
-            });
-        }
-        self.brought.clear();
-        self.newest = Some(key.clone());
-    }
-
-    /// Returns the buffer and offset at which a run begins.
-    fn place(&self, run: &Range<usize>) -> Option<(Buffer, u64)> {
-        let brought = self.brought.iter().find(|(other, _)| other == run);
-        match brought {
-            Some((_, place)) => Some(place.clone()),
-            None => Some((self.newest.clone()?, run.start as u64 * POINT)),
-        }
-    }
-
-    /// Takes the copies that a kernel can perform, from buffers that it can bind. A kernel takes half the time of a
-    /// copy command.
-    pub(crate) fn take_copies(&mut self, largest: u64) -> Vec<PointsCopy<Buffer>> {
-        let is_bound = |copy: &mut PointsCopy<Buffer>| {
-            let from = &copy.from.0;
-            from.usage().contains(BufferUsages::STORAGE) && from.size() <= largest
-        };
-        self.copies.extract_if(.., is_bound).collect()
-    }
-
-    /// Records the remaining copies.
-    pub(crate) fn encode(&mut self, gpu: &Gpu, encoder: &mut CommandEncoder) -> Result<()> {
-        self.copies.drain(..).try_for_each(|copy| {
-            let (from, to) = ((&copy.from.0, copy.from.1), (&copy.to.0, copy.to.1));
-            copy_part(gpu, encoder, from, to, copy.bytes)
-        })
-    }
-}
-
-/// The rays lent last.
-#[derive(Default)]
-pub(crate) struct DeviceRays {
-    lent: Vec<LentRays<Buffer>>,
-    /// Rays of the next queries.
-    pub(crate) due: VecDeque<LentRays<Buffer>>,
-}
 
 impl WgpuDevice {
     /// Makes the positions from `first` on come from a buffer of the program, in all later key frames. The next key
@@ -109,7 +31,8 @@ impl WgpuDevice {
         if !points.runs.contains(run) {
             return Ok(None);
         }
-        if !points.copies.is_empty() {
+        points.commands.append(&mut self.scene.lent.copies);
+        if !points.commands.is_empty() {
             let mut encoder = gpu.encoder("positions of the program's")?;
             points.encode(gpu, &mut encoder)?;
             gpu.submit([encoder])?;
@@ -127,12 +50,39 @@ impl WgpuDevice {
     /// Makes the next queries of [`backend::Rays::OnDevice`] trace these rays, one element per query. Kernels must be
     /// able to bind the buffers.
     pub fn lend_rays(&mut self, rays: Vec<LentRays<Buffer>>) {
-        if self.scene.rays.lent != rays {
+        if self.scene.rays != rays {
             // Bind groups keep the previous buffers alive until they are recreated.
             self.gpu.count_buffer();
         }
-        self.scene.rays.due = rays.iter().cloned().collect();
-        self.scene.rays.lent = rays;
+        self.scene.lent.rays = rays.iter().cloned().collect();
+        self.scene.rays = rays;
+    }
+
+    /// Creates an empty encoder.
+    pub fn encoder(&self) -> Result<CommandEncoder> {
+        self.gpu.encoder("nothing")
+    }
+
+    /// Makes the next submission go into this encoder instead of the queue. The program should have submitted the
+    /// previous encoder.
+    pub fn lend_encoder(&mut self, encoder: CommandEncoder) -> Result<()> {
+        let lent = &mut self.scene.encoder;
+        lent.encoder = Some(encoder);
+        if let Some((_, place @ None)) = lent.under_way.back_mut() {
+            // The index of the program's own submission is unknown, so a later one is used.
+            *place = Some(self.gpu.submit([])?);
+        }
+        Ok(())
+    }
+
+    /// Takes back the encoder lent last, unless it was taken already.
+    pub fn take_encoder(&mut self) -> Option<CommandEncoder> {
+        self.scene.encoder.encoder.take()
+    }
+
+    /// Returns whether any encoder contains unfinished submissions.
+    pub fn has_encoded(&self) -> bool {
+        !self.scene.encoder.under_way.is_empty()
     }
 
     /// Returns a buffer with these parameters. Changed parameters get a new buffer, because unsubmitted work may still

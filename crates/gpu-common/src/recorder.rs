@@ -1,0 +1,163 @@
+//! Records stages as commands.
+
+use crate::clock::StageSet;
+use crate::recording::is_of_submission;
+use crate::{
+    DeviceInfo, Dispatch, GpuDevice, Pipelines, PositionsCopy, RecordedCommand, RecordingOf, Stage,
+};
+use backend::{BackendError, Result, Ticket};
+use shaders::work::Work;
+use shaders::{BufferName, Counts, Extents};
+use std::mem::offset_of;
+use std::sync::Arc;
+
+/// Bytes of the counts of `preprocess`. It may run several times per submission; only the last run counts.
+const LEAF_COUNTS: u64 = offset_of!(Counts, hits) as u64;
+
+/// Records the stages of one submission at a time.
+pub struct Recorder<D: GpuDevice> {
+    recording: RecordingOf<D>,
+    is_begun: bool,
+    /// Stages that were recorded.
+    stages: StageSet,
+    /// Stages without work.
+    pub(crate) idle: StageSet,
+    /// Whether `interpolate` was recorded last and its stage is still open, so that `preprocess` may run concurrently.
+    open: bool,
+    /// Parts of the scene that `preprocess` and `refit` processed.
+    pub extents: Extents,
+    max_groups: u32,
+    splits: bool,
+}
+
+impl<D: GpuDevice> Recorder<D> {
+    pub(crate) fn new(info: &DeviceInfo) -> Self {
+        Self {
+            recording: RecordingOf::<D>::default(),
+            is_begun: false,
+            stages: StageSet::default(),
+            idle: StageSet::default(),
+            open: false,
+            extents: Extents::default(),
+            max_groups: info.max_groups,
+            splits: info.splits,
+        }
+    }
+
+    pub(crate) fn begin(&mut self) {
+        self.is_begun = true;
+    }
+
+    pub(crate) fn is_begun(&self) -> bool {
+        self.is_begun
+    }
+
+    /// Drops all commands.
+    pub(crate) fn abandon(&mut self) {
+        self.recording.clear();
+        (self.is_begun, self.open) = (false, false);
+        (self.stages, self.idle) = Default::default();
+        self.extents = Extents::default();
+    }
+
+    /// Records kernels as a stage, or as part of no stage. Checks all dispatches before it records the first one.
+    /// `interpolate` stays open for kernels that may run concurrently, and is then timed together with them. A stage
+    /// without work takes no time, but if it comes first, the frame's time starts with it.
+    pub(crate) fn record<'a>(
+        &mut self,
+        pipelines: &Pipelines<D>,
+        stage: Option<Stage>,
+        work: &[Work],
+        find: impl Fn(BufferName) -> &'a D::Buffer,
+    ) -> Result<()> {
+        if stage.is_none() || !work.first().is_some_and(|w| w.alongside) {
+            self.close();
+        }
+        if let Some(stage) = stage.filter(|_| work.is_empty() && !self.stages.is_empty()) {
+            self.idle.insert(stage);
+            return Ok(());
+        }
+        let groups = |w: &Work| groups(w, self.max_groups);
+        work.iter().try_for_each(|w| groups(w).map(|_| ()))?;
+        let commands = &mut self.recording.commands;
+        if stage == Some(Stage::Preprocess) && self.stages.contains(Stage::Preprocess) {
+            commands.push(RecordedCommand::ClearCounts(LEAF_COUNTS));
+        }
+        for work in work {
+            let buffers = &mut self.recording.buffers;
+            let first = buffers.len();
+            let names = work.kernel.bindings.iter().map(|b| b.name);
+            let names = names.filter(|name| !is_of_submission(*name));
+            buffers.extend(names.map(|name| D::bind(find(name))));
+            commands.push(RecordedCommand::Dispatch(Dispatch {
+                work: *work,
+                pipeline: Arc::clone(pipelines.get(work.kernel)),
+                buffers: first..buffers.len(),
+                groups: groups(work)?,
+            }));
+        }
+        self.open = stage == Some(Stage::Interpolate);
+        if let Some(stage) = stage.filter(|_| !self.open) {
+            self.end(stage);
+        }
+        Ok(())
+    }
+
+    /// Records a stage that is a command of the device's own, or empty.
+    pub fn record_native(&mut self, stage: Stage, command: Option<D::Native>) {
+        self.close();
+        let commands = &mut self.recording.commands;
+        commands.extend(command.map(RecordedCommand::Native));
+        self.end(stage);
+    }
+
+    /// Ends `interpolate` if it is open, because the following work must not run concurrently with it.
+    pub(crate) fn close(&mut self) {
+        if std::mem::take(&mut self.open) {
+            self.end(Stage::Interpolate);
+        }
+    }
+
+    fn end(&mut self, stage: Stage) {
+        self.stages.insert(stage);
+        self.recording
+            .commands
+            .push(RecordedCommand::EndStage(stage));
+    }
+
+    /// Records that the positions recorded so far are copied to the host.
+    pub(crate) fn split(&mut self) {
+        if self.splits {
+            self.close();
+            self.recording.commands.push(RecordedCommand::Split);
+        }
+    }
+
+    /// Makes the recording wait for the copy of positions that a submission requested, because it overwrites them.
+    pub(crate) fn overwrites(&mut self, positions_of: Option<Ticket>) {
+        self.recording.overwrites = self.recording.overwrites.max(positions_of);
+    }
+
+    /// Adds what the submission copies to the host and waits for. Returns the recording.
+    pub(crate) fn complete(
+        &mut self,
+        positions: Option<(&D::Buffer, u64)>,
+        after_upload: u64,
+    ) -> &mut RecordingOf<D> {
+        self.recording.positions = positions.map(|(from, bytes)| PositionsCopy {
+            from: D::bind(from),
+            bytes,
+        });
+        self.recording.after_upload = after_upload;
+        &mut self.recording
+    }
+}
+
+fn groups(work: &Work, limit: u32) -> Result<[u32; 2]> {
+    let refused = |need: u32| BackendError::Limit {
+        what: format!("kernel {} (workgroups along an axis)", work.kernel.name),
+        need: need.into(),
+        limit: limit.into(),
+    };
+    work.group_counts(limit).map_err(refused)
+}

@@ -1,0 +1,76 @@
+//! Support of a device for memory and semaphores that are shared with other interfaces or with the host.
+
+use crate::allocator::usage;
+use crate::instance::Host;
+use ash::ext::external_memory_host;
+use ash::{khr, vk};
+use std::ffi::CStr;
+
+pub(crate) const MEMORY: &CStr = khr::external_memory_fd::NAME;
+pub(crate) const SEMAPHORE: &CStr = khr::external_semaphore_fd::NAME;
+pub(crate) const PAGES: vk::ExternalMemoryHandleTypeFlags =
+    vk::ExternalMemoryHandleTypeFlags::HOST_ALLOCATION_EXT;
+
+/// Returns the extensions for sharing memory and semaphores that the device offers.
+pub(crate) fn extensions(host: &Host, device: vk::PhysicalDevice) -> Vec<&'static CStr> {
+    host.offered(device, &[MEMORY, SEMAPHORE, external_memory_host::NAME])
+}
+
+/// Returns what the device supports for buffers with this usage in shared memory of this handle type.
+pub(crate) fn buffers(
+    host: &Host,
+    device: vk::PhysicalDevice,
+    (usage, kind): (vk::BufferUsageFlags, vk::ExternalMemoryHandleTypeFlags),
+) -> vk::ExternalMemoryFeatureFlags {
+    let info = vk::PhysicalDeviceExternalBufferInfo::default();
+    let info = info.usage(usage).handle_type(kind);
+    let mut found = vk::ExternalBufferProperties::default();
+    let host = &host.instance;
+    // SAFETY: the device belongs to the instance, which is alive.
+    unsafe { host.get_physical_device_external_buffer_properties(device, &info, &mut found) };
+    found.external_memory_properties.external_memory_features
+}
+
+/// Properties of a device that can import host pages.
+pub(crate) struct Import {
+    pub(crate) calls: external_memory_host::Device,
+    /// Alignment of addresses and sizes, in bytes.
+    pub(crate) alignment: u64,
+    /// Bit mask of memory types that are cached and need no flushes.
+    pub(crate) types: u32,
+}
+
+impl Import {
+    /// Returns `None` if the device, opened with these extensions, cannot import pages.
+    pub(crate) fn of(
+        host: &Host,
+        physical: vk::PhysicalDevice,
+        (vk, extensions): (&ash::Device, &[&CStr]),
+    ) -> Option<Self> {
+        let needed = vk::ExternalMemoryFeatureFlags::IMPORTABLE;
+        let is_enabled = extensions.contains(&external_memory_host::NAME);
+        if !is_enabled || !buffers(host, physical, (usage(false), PAGES)).contains(needed) {
+            return None;
+        }
+        let mut bounds = vk::PhysicalDeviceExternalMemoryHostPropertiesEXT::default();
+        let mut chain = vk::PhysicalDeviceProperties2::default().push_next(&mut bounds);
+        host.read_properties(physical, &mut chain);
+        // SAFETY: the device belongs to the instance, which is alive.
+        let memory = unsafe {
+            host.instance
+                .get_physical_device_memory_properties(physical)
+        };
+        let wanted = vk::MemoryPropertyFlags::HOST_COHERENT | vk::MemoryPropertyFlags::HOST_CACHED;
+        // Device-coherent memory requires a feature that is not enabled.
+        let other = vk::MemoryPropertyFlags::DEVICE_COHERENT_AMD;
+        let is_fit =
+            |flags: vk::MemoryPropertyFlags| flags.contains(wanted) && !flags.intersects(other);
+        let types = memory.memory_types_as_slice().iter().enumerate();
+        let types = types.filter(|(_, t)| is_fit(t.property_flags));
+        Some(Self {
+            calls: external_memory_host::Device::new(&host.instance, vk),
+            alignment: bounds.min_imported_host_pointer_alignment,
+            types: types.map(|(i, _)| 1 << i).sum(),
+        })
+    }
+}
