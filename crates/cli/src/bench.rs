@@ -24,7 +24,7 @@ use serde_json::json;
 use std::path::PathBuf;
 
 /// Options and groups of options that measure.
-const MEASURING: [&str; 19] = [
+const MEASURING: [&str; 18] = [
     "scenes",
     "SceneSettings",
     "CameraSettings",
