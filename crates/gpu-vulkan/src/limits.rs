@@ -193,7 +193,7 @@ mod tests {
         let refused = poor.admit_kernels(always).unwrap_err().to_string();
         assert!(refused.starts_with("kernel "), "{refused}");
         assert!(refused.ends_with("the limit is 3"), "{refused}");
-        let small = Limits {
+        let small = DeviceLimits {
             workgroup: 128,
             ..LIMITS
         };

@@ -179,7 +179,8 @@ mod tests {
         let refused = check(&cramped).unwrap_err().to_string();
         let expected = "(max_compute_workgroup_storage_size) needs 15376, the limit is 256";
         assert!(refused.ends_with(expected), "{refused}");
-        let makes_trees = |limits| check_kernels(&kernel_limits(limits), Kernel::makes_trees);
+        let makes_trees =
+            |limits: &Limits| check_kernels(&kernel_limits(limits), Kernel::makes_trees);
         assert_eq!(makes_trees(&least()), Ok(()));
         let cramped = Limits {
             max_compute_workgroup_storage_size: 15376,
