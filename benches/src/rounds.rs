@@ -101,7 +101,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_contender_runs_once_a_round_and_once_before() {
+    fn contenders_run_once_per_round() {
         let (mut a, mut b) = (0, 0);
         let count = |n: &mut u64| {
             *n += 1;
@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn ratios_are_taken_round_by_round() {
+    fn ratios_are_computed_per_round() {
         let of = |wall: &[f64]| Samples {
             wall: wall.to_vec(),
             ..Samples::default()

@@ -81,7 +81,7 @@ mod tests {
     use backend::{Intersector, QueryKind};
 
     #[test]
-    fn every_tree_hits_what_ours_hits_but_for_rounding() {
+    fn hits_agree_across_tree_libraries() {
         let mesh = Mesh::open("demo:collide:3000").expect("demos open");
         let mut tracer = Tracer::ready(&mesh, Intersector::MollerTrumbore, 1);
         let primary = camera(&mesh, [512, 320]).rays().collect::<Vec<_>>();

@@ -137,7 +137,7 @@ fn main() {
         for (kind, ends) in ENDS {
             let (device, why) = (device.clone(), absent.clone());
             let trial = Trial::test(
-                format!("{name}::{kind}_stay_flat_in_memory"),
+                format!("{name}::{kind}_do_not_leak_memory"),
                 move || match why {
                     Some(why) => Err(why.into()),
                     None => stays_flat(&device, ends),

@@ -110,7 +110,7 @@ fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
 }
 
 #[test]
-fn few_files_know_a_value_of_an_axis() {
+fn few_files_name_axis_values() {
     let mut files = Vec::new();
     sources(&root().join("crates"), &mut files);
     assert!(files.len() > 300, "{} files", files.len());
@@ -129,7 +129,7 @@ fn few_files_know_a_value_of_an_axis() {
 }
 
 #[test]
-fn traits_of_devices_do_not_grow() {
+fn device_traits_do_not_grow() {
     for (name, file, most) in TRAITS {
         let text = fs::read_to_string(root().join(file)).unwrap();
         let begin = text.find(&format!("pub trait {name}")).unwrap();

@@ -24,26 +24,20 @@ const SIZE: [u32; 2] = [160, 100];
 type Test = (&'static str, fn(&'static Known));
 
 const TESTS: &[Test] = &[
-    ("hits_are_ours_but_for_a_small_share", hits),
-    (
-        "triangles_with_a_vertex_that_is_not_finite_are_not_hit",
-        not_finite,
-    ),
-    ("every_kind_of_query_finds_the_same", queries),
-    (
-        "stages_are_timed_and_a_pose_that_stays_costs_no_tree",
-        times,
-    ),
-    ("bench_has_its_rows_and_the_differing_share", rows),
-    ("chart_has_its_points", points),
+    ("hits_match_ours_almost_everywhere", hits),
+    ("non_finite_triangles_are_not_hit", not_finite),
+    ("query_kinds_agree", queries),
+    ("unchanged_pose_skips_tree_update", times),
+    ("bench_reports_rows_and_difference", rows),
+    ("chart_includes_the_rival", points),
 ];
 
 fn main() -> ExitCode {
     let arguments = integration::arguments();
     let required = std::env::var("ABVH_REQUIRE_RIVALS").unwrap_or_default();
     let mut trials = vec![
-        integration::trial("an_unknown_adapter_is_a_reason", unknown_adapter),
-        integration::trial("an_absent_rival_has_rows_with_the_reason", absent),
+        integration::trial("unknown_adapter_is_reported", unknown_adapter),
+        integration::trial("absent_rival_reports_its_reason", absent),
     ];
     for rival in RIVALS {
         let family = rival.name.split(':').next();

@@ -64,6 +64,6 @@ fn main() -> Result<(), Error> {
 }
 
 #[test]
-fn it_runs() {
+fn main_succeeds() {
     main().unwrap();
 }

@@ -46,6 +46,6 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 #[test]
-fn it_runs() {
+fn main_succeeds() {
     main().unwrap();
 }

@@ -137,6 +137,6 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 #[test]
-fn the_shader_sees_the_hits() {
+fn shader_reads_the_hits() {
     main().unwrap();
 }

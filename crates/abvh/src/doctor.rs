@@ -146,13 +146,13 @@ mod tests {
     }
 
     #[test]
-    fn a_gpu_that_is_listed_is_all_that_is_needed() {
+    fn listed_gpu_has_no_problems() {
         let adapters = Ok(vec![("H100".to_owned(), true)]);
         assert_eq!(problems(adapters, &[], false), "");
     }
 
     #[test]
-    fn each_lack_has_its_mend() {
+    fn each_problem_suggests_its_fix() {
         let none = || Err("no Vulkan loader".to_owned());
         let software = || Ok(vec![("llvmpipe".to_owned(), false)]);
         let (nvidia, render) = ("/dev/nvidiactl", "/dev/dri/renderD128");

@@ -417,7 +417,7 @@ mod tests {
     use crate::{Camera, Device, Scene, Tracer};
 
     #[test]
-    fn pictures_in_any_light_are_one_kind_of_query() {
+    fn render_lights_share_one_query_kind() {
         let tracer = Tracer::builder().device(Device::Cpu).threads(1);
         let mut tracer = tracer.build(Scene::new()).unwrap();
         let eye = [0.0, 0.0, 3.0];

@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn the_scale_of_the_scene_does_not_matter() {
+    fn shading_is_independent_of_scale() {
         let want = floor(1.0);
         for size in [1e-36, 1e-12, 1e12, 1e36] {
             assert_eq!(floor(size), want, "{size}");

@@ -228,7 +228,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_stand_for_their_values_and_others_are_answered_by_all_names() {
+    fn parses_names_and_lists_valid_ones() {
         for backend in BackendName::ALL {
             assert_eq!(backend.name().parse(), Ok(backend));
         }
@@ -244,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn a_policy_builds_its_trees_in_one_place() {
+    fn policy_predicates_are_consistent() {
         for policy in Policy::ALL.into_iter().chain([Policy::Lockstep(0)]) {
             let within = policy.rebuilds_every_frame();
             assert!(!(within && policy.builds_beside_frames()), "{policy:?}");

@@ -124,7 +124,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_adapter_is_chosen_by_index_or_for_being_a_gpu() {
+    fn chooses_adapter_by_index_or_kind() {
         let adapter = |index, name: &str, kind| AdapterInfo {
             index,
             name: name.to_owned(),

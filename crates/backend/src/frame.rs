@@ -152,7 +152,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn memory_comes_back_when_its_reader_is_done() {
+    fn lent_memory_returns_when_dropped() {
         let spares = Spares::default();
         let lent = spares.lend(vec![[1.0; 3]; 9]);
         assert_eq!(lent[..], [[1.0; 3]; 9]);

@@ -161,7 +161,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_pool_gives_the_memory_that_fits_best_and_keeps_no_more_than_it_may() {
+    fn pool_returns_best_fit_within_limit() {
         let hits = |room: usize| Hits {
             closest: Vec::with_capacity(room),
             blocked: Vec::new(),

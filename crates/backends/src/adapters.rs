@@ -82,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn an_index_a_whole_name_or_part_of_one_name_finds_an_adapter() {
+    fn finds_adapters_by_index_or_name() {
         assert_eq!(["0", "4", "chip", "LAP"].map(index), [0, 4, 2, 1]);
         assert_eq!(index("card 4090"), 0, "the whole name wins over a part");
         let list = &cards()[..1];
@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn digits_alone_are_an_index_and_no_part_of_a_name() {
+    fn digits_match_indices_only() {
         for digits in ["5", "40", "4090", "99999999999999999999999999"] {
             let said = refused(digits);
             let none = format!("b has no adapter '{digits}'; there is 0: Card 4090;");
@@ -99,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn what_fits_several_lists_them_and_what_fits_none_lists_all() {
+    fn errors_list_candidate_adapters() {
         assert_eq!(
             refused("card"),
             "'card' fits several adapters of b; give an index: 0: Card 4090; 1: Card 4090 Laptop"

@@ -319,7 +319,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_plane_is_the_cheapest_between_bins(
+        fn best_plane_has_minimal_cost(
             corners in prop::collection::vec(prop::array::uniform6(-90_i16..90), 2..300),
             size in prop::sample::select(vec![BlockSize::One, BlockSize::Eight]),
         ) {
@@ -349,7 +349,7 @@ mod tests {
     }
 
     #[test]
-    fn centres_at_both_ends_fall_into_the_first_and_last_bin() {
+    fn outermost_centers_use_outermost_bins() {
         for far in [1.0, 0.1, 3.3e7, 1e-30] {
             let ends = [-0.7 * far, far].map(|x: f32| sized([x; 3], [0.0; 3]));
             let prims = [Prim::new(&ends[0], 0), Prim::new(&ends[1], 1)];

@@ -156,7 +156,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_second_build_of_the_same_or_a_smaller_size_keeps_its_memory() {
+    fn later_builds_reuse_memory() {
         let (mut builder, mut tree) = (Builder::default(), BinaryTree::default());
         let (large, cancel) = (row(50_000, 1.0), Cancel::new());
         builder.build(&large[..], &cancel, &mut tree).unwrap();
@@ -191,7 +191,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_cancelled_build_leaves_an_empty_tree_and_a_working_builder() {
+    fn cancelled_build_leaves_builder_usable() {
         let (mut builder, mut tree) = (Builder::default(), BinaryTree::default());
         let (before, during, few) = (Cancel::new(), Cancel::new(), row(9, 1.0));
         builder.build(&few[..], &before, &mut tree).unwrap();

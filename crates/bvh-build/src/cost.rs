@@ -72,7 +72,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn the_cost_is_the_sum_of_all_areas_over_the_roots() {
+    fn cost_matches_naive_sum() {
         let boxes = &waves(60)[..];
         let tree = BinaryTree::over(boxes);
         let (cost, naive) = (sah_cost(&tree, boxes), naive_cost(&tree, boxes));
@@ -80,7 +80,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn boxes_that_vanished_since_the_build_count_for_nothing() {
+    fn cost_ignores_empty_boxes() {
         let mut boxes = waves(2);
         let tree = BinaryTree::over(&boxes[..]);
         boxes[1] = Aabb::EMPTY;

@@ -241,7 +241,7 @@ mod tests {
     use crate::builder::tests::sized;
 
     #[test]
-    fn chunks_in_parallel_move_like_one_loop_and_keep_the_order() {
+    fn parallel_partition_is_stable() {
         let n = 3 * CHUNK + 17;
         let at = |i: usize| std::array::from_fn(|k| (i * (7919 + 31 * k) % 1009) as f32);
         let prim = |i: usize| Prim::new(&sized(at(i), [0.0; 3]), i as u32);

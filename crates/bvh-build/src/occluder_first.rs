@@ -67,7 +67,7 @@ mod tests {
     }
 
     #[test]
-    fn large_nodes_and_nodes_of_any_scale_face_a_point_too() {
+    fn orders_large_nodes_at_any_scale() {
         let point = [60_000.0, -3.0, 200.0];
         let tiny = 2.0_f32.powi(-60);
         // Enough boxes for nodes to be divided by several threads.
@@ -80,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn few_triangles_in_a_row_face_either_end() {
+    fn orders_small_nodes_toward_either_end() {
         let bounds = |i: usize| sized([2.0 * i as f32, 0.0, 0.0], [1.0; 3]);
         let few: Vec<_> = (0..MOST).map(bounds).collect();
         let plain = built(&few, None);
@@ -96,7 +96,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn trees_that_face_a_point_are_the_same_but_for_the_order_of_children(
+        fn ordering_changes_only_child_order(
             boxes in boxes(),
             point in prop::array::uniform3(-300.0_f32..500.0),
         ) {

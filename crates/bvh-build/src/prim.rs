@@ -168,7 +168,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn boxes_without_area_are_told_apart_by_length() {
+    fn zero_area_boxes_compare_by_length() {
         let [short, long] = [1.0, 2.0].map(|x| {
             let (min, max) = ([0.0; 3], [x, 0.0, 0.0]);
             Prim::new(&Aabb { min, max }, 5).bounds

@@ -180,7 +180,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn sorting_is_stable_for_any_number_of_keys(values in prop::collection::vec(-3_i8..4, 0..=MOST)) {
+        fn sort_is_stable(values in prop::collection::vec(-3_i8..4, 0..=MOST)) {
             let mut keys = [f32::INFINITY; MOST];
             for (key, &value) in keys.iter_mut().zip(&values) {
                 *key = f32::from(value);
@@ -193,7 +193,7 @@ mod tests {
         }
 
         #[test]
-        fn the_cut_is_the_cheapest_between_neighbours(
+        fn best_cut_has_minimal_cost(
             corners in prop::collection::vec(prop::array::uniform6(0_u8..50), 5..=MOST),
             block_size in prop::sample::select(vec![BlockSize::One, BlockSize::Eight]),
         ) {

@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn clumps_that_change_places_stay_whole_and_the_tree_is_as_good_as_new() {
+    fn moved_groups_are_kept_whole() {
         let n = 7 * 3000;
         let before = clumps(n, |c| (c * 2) as f32, 0.05);
         let after = clumps(n, |c| (c * 1231 % 3000 * 2) as f32, 0.05);
@@ -187,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn clumps_that_part_are_taken_to_pieces() {
+    fn scattered_groups_are_split() {
         let n = 7 * 300;
         let last = BinaryTree::over(&clumps(n, |c| (c * 2) as f32, 0.05)[..]);
         // The boxes of each clump are now apart, among boxes of other clumps.
@@ -199,7 +199,7 @@ mod tests {
 
     #[test]
     #[should_panic(expected = "no usable box")]
-    fn a_box_that_vanished_is_refused() {
+    fn panics_on_empty_boxes() {
         let mut boxes = clumps(70, |c| c as f32, 0.1);
         let last = BinaryTree::over(&boxes[..]);
         boxes[3] = Aabb::EMPTY;
@@ -207,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn the_tree_does_not_depend_on_the_number_of_threads() {
+    fn subtree_build_is_deterministic_across_threads() {
         let n = 7 * 4000;
         let last = BinaryTree::over(&clumps(n, |c| c as f32, 0.2)[..]);
         let after = clumps(n, |c| (c * 37 % 4000) as f32, 0.9);
@@ -220,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn no_leaf_lies_too_deep() {
+    fn depth_does_not_exceed_maximum() {
         let cube = |min, size| sized(min, [size; 3]);
         // Every cube is 64 times as far out as the next one on its axis, so each plane separates a single cube.
         let mut boxes = Vec::new();
@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tree_of_none_or_one_stays_so() {
+    fn trees_below_two_leaves_are_unchanged() {
         for n in [0, 1] {
             let boxes = clumps(n, |_| 0.0, 1.0);
             let last = BinaryTree::over(&boxes[..]);
@@ -254,7 +254,7 @@ mod tests {
 
         /// For any motion, every triangle is in the tree once, and the costs are those of the trees.
         #[test]
-        fn trees_stay_whole(
+        fn rebuilt_trees_are_complete(
             from in proptest::collection::vec(([-9.0_f32..9.0, -9.0_f32..9.0, -9.0_f32..9.0], 0.0_f32..3.0), 1..300),
             shift in 0.0_f32..20.0,
         ) {

@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn four_triangles_get_the_best_of_all_shapes() {
+    fn four_triangles_use_the_best_shape() {
         let (mut shapes, mut tree) = ([0; 2], BinaryTree::default());
         for seed in 0..500 {
             let prims = prims(seed);
@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn three_triangles_begin_with_the_closest_pair() {
+    fn three_triangles_pair_the_closest_two() {
         let at = |x: f32, i| Prim::new(&sized([x; 3], [1.0; 3]), i);
         for (order, far) in [
             ([0.0, 9.0, 1.0], 1),

@@ -253,7 +253,7 @@ mod tests {
     use crate::tests::{check_against, random_tree, record, scene, shapes};
 
     #[test]
-    fn a_record_says_what_its_tree_says() {
+    fn conversion_preserves_the_tree() {
         let large = random_tree(5 * CHUNK + 17, 3);
         for tree in shapes().into_iter().chain([large]) {
             check_against(&record(&tree), &tree);
@@ -261,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn memory_reused_leaves_no_trace() {
+    fn reused_memory_does_not_change_results() {
         let mut converter = Converter::default();
         let [mut plain, mut spare] = [(); 2].map(|()| Spare::default());
         plain.words = vec![u32::MAX; 5_000];
@@ -285,14 +285,14 @@ mod tests {
     }
 
     #[test]
-    fn triangles_may_be_in_no_leaf() {
+    fn accepts_triangles_without_leaves() {
         let record = Converter::default().convert(&BinaryTree::default(), 3, Spare::default());
         assert_eq!((record.triangle_count(), record.leaf_count()), (3, 0));
     }
 
     #[test]
     #[should_panic(expected = "names triangle")]
-    fn a_tree_of_another_scene_is_refused() {
+    fn panics_on_trees_of_other_scenes() {
         let tree = random_tree(100, 1);
         let greatest = *tree.order().iter().max().unwrap();
         let _ = Converter::default().convert(&tree, greatest as usize, Spare::default());
@@ -300,7 +300,7 @@ mod tests {
 
     #[test]
     #[should_panic(expected = "deeper than MAX_DEPTH")]
-    fn a_tree_too_deep_is_refused() {
+    fn panics_on_too_deep_trees() {
         let order: Vec<u32> = (0..300).collect();
         let left_leaves: Vec<u32> = (0..299).map(|i| 299 - i).collect();
         let tree = BinaryTree::new(order, left_leaves);

@@ -121,7 +121,7 @@ mod tests {
     use std::collections::BTreeSet;
 
     #[test]
-    fn lists_hold_no_more_than_the_ways_to_what_moves() {
+    fn lists_hold_only_moving_paths() {
         for tree in [random_tree(150_000, 9), chain(40_000)] {
             let (record, treelets) = (record(&tree), Treelets::of_tree(&tree));
             let order = tree.order();
@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn where_all_stands_still_lists_are_empty_and_where_most_moves_there_are_none() {
+    fn lists_depend_on_moving_share() {
         let tree = random_tree(20_000, 4);
         let treelets = Treelets::of_tree(&tree);
         let of = |moves: fn(u32) -> bool| {

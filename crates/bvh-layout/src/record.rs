@@ -343,7 +343,7 @@ mod tests {
     use crate::tests::{chain, random_tree, record, shapes};
 
     #[test]
-    fn a_triangle_takes_at_most_8_bytes_and_about_4_and_a_half() {
+    fn topology_bytes_per_triangle_are_bounded() {
         for leaves in [100, 101, 1_000, 30_000] {
             let record = record(&random_tree(leaves, leaves as u64));
             assert!(record.bytes() <= 8 * leaves, "{leaves}: {}", record.bytes());
@@ -356,7 +356,7 @@ mod tests {
     }
 
     #[test]
-    fn every_leaf_has_its_node_in_order() {
+    fn leaf_nodes_are_listed_in_order() {
         let mut found = Vec::new();
         for tree in shapes().iter().chain(&[random_tree(TASK * 40, 5)]) {
             let record = record(tree);

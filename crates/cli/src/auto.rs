@@ -96,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn trees_are_left_to_a_device_only_where_it_can_build_them() {
+    fn device_rebuild_requires_a_capable_gpu() {
         let scene = demo("demo:collide:400");
         // Frames so far apart that every frame needs a new tree.
         let frames = [0.0, 4.0, 8.0].map(|time| Frame { index: 0, time });

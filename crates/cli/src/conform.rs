@@ -364,7 +364,7 @@ mod tests {
     }
 
     #[test]
-    fn a_disagreement_comes_with_the_command_that_shows_it() {
+    fn disagreement_prints_reproducing_command() {
         let text = report(Some("property a_b: 1 is not 2")).text();
         let words: Vec<_> = text.split(' ').filter(|word| !word.is_empty()).collect();
         let table = words.join(" ");
@@ -375,7 +375,7 @@ mod tests {
     }
 
     #[test]
-    fn broken_properties_and_leaky_rows_are_failures() {
+    fn counts_failed_properties_and_leaks() {
         assert_eq!(report(None).failures(), 0);
         let mut bad = report(Some("no"));
         let leak = leaks::LeakRow {

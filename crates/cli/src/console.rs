@@ -134,7 +134,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn control_characters_are_spelt_out_and_all_else_stays() {
+    fn escapes_only_control_characters() {
         let name = "a  b\u{1b}[31m\r\n\u{9b}\0é.obj";
         assert_eq!(plain(name, &[]), "a  b\\u{1b}[31m\\r\\n\\u{9b}\\u{0}é.obj");
         assert_eq!(plain("one\ntwo", &['\n']), "one\ntwo");
@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn what_turns_or_hides_text_is_spelt_out() {
+    fn escapes_bidi_and_invisible_characters() {
         let name = "a\u{202e}jbo\u{200b}.\u{2028}\u{feff}x\u{2066}";
         let spelt = "a\\u{202e}jbo\\u{200b}.\\u{2028}\\u{feff}x\\u{2066}";
         assert_eq!(plain(name, &['\n']), spelt);

@@ -271,7 +271,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn shards_are_the_whole_list_in_order_and_equally_long(count in 0_u64..200, of in 1_usize..40) {
+        fn shards_partition_frames_evenly(count in 0_u64..200, of in 1_usize..40) {
             let frame = |index| Frame { index, time: index as f64 };
             let all: Vec<_> = (0..count).map(frame).collect();
             let shard = |number| of_shard(&all, Some(Shard { number, of }));
@@ -282,7 +282,7 @@ mod tests {
         }
 
         #[test]
-        fn whatever_names_frames_names_each_once(text in "[0-9.,x-]{0,12}") {
+        fn frame_lists_have_no_duplicates(text in "[0-9.,x-]{0,12}") {
             if let Ok(FrameChoice::Keys(mut keys)) = text.parse() {
                 let count = keys.len();
                 keys.sort_unstable();
@@ -307,7 +307,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_are_spread_over_both_ends_or_at_key_times() {
+    fn frame_times_follow_counts_and_keys() {
         let count = |n| Some(FrameChoice::Count(n));
         let keys = |from, to| Some(FrameChoice::Keys((from..to).collect()));
         let range = |from, to| Some(TimeRange { from, to });
@@ -337,7 +337,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_are_a_count_or_a_range_in_order() {
+    fn parses_frame_counts_and_ranges() {
         assert_eq!("8".parse(), Ok(FrameChoice::Count(8)));
         assert_eq!("2..5".parse(), Ok(FrameChoice::Keys(vec![2, 3, 4])));
         let list = vec![1, 4, 10, 12, 14, 16, 18, 20];
@@ -361,7 +361,7 @@ mod tests {
     }
 
     #[test]
-    fn shards_are_numbered_from_one_on_by_hand_or_by_slurm() {
+    fn parses_shards_and_slurm_variables() {
         assert_eq!("2/8".parse(), Ok(Shard { number: 2, of: 8 }));
         for bad in ["0/8", "9/8", "8", "a/b", "1/0", ""] {
             assert!(bad.parse::<Shard>().is_err(), "{bad}");

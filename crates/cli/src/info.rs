@@ -127,7 +127,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn long_values_are_told_whole_within_the_columns() {
+    fn wraps_long_values_within_columns() {
         let (name, why) = ("long name ".repeat(12), "because ".repeat(30));
         let rows = [("  adapter 0", name), ("auto takes", why)];
         let rows = rows.map(|(name, value)| [name.to_owned(), value]);

@@ -420,7 +420,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn geometry_is_what_is_known_of_its_stages() {
+    fn geometry_time_sums_measured_stages() {
         let mut frame = FrameStats::default();
         assert_eq!(geometry(&frame), None);
         frame.report.times.refit_ms = Some(2.0);

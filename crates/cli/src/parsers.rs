@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn sizes_keep_both_limits_and_say_so() {
+    fn sizes_respect_both_limits() {
         assert_eq!(size("1280x720"), Ok([1280, 720]));
         assert_eq!(size("16384x4096"), Ok([16384, 4096]));
         let bad = "0x5 5x0 16385x1 16384x4097 x 5 -1x5 5x5x5 1e3x5 99999999999999999999x1 \

@@ -296,7 +296,7 @@ mod tests {
     }
 
     #[test]
-    fn what_never_may_be_is_a_failure_with_the_command_that_shows_it() {
+    fn unexpected_errors_print_reproducing_command() {
         let sound = report(0, 0, Intersector::Exact);
         assert!(sound.failures() == 0 && sound.text(&Intersector::ALL).is_empty());
         let bad = report(1, 2, Intersector::Exact);
@@ -313,7 +313,7 @@ mod tests {
     }
 
     #[test]
-    fn success_that_nobody_expects_is_a_failure_too() {
+    fn unexpectedly_low_error_rate_fails() {
         let bad = report(0, 0, Intersector::Woop);
         assert_eq!(bad.failures(), 1);
         assert!(bad.tables("x", &[Intersector::Woop]).contains("BETTER 0"));

@@ -129,7 +129,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_message_is_one_line() {
+    fn message_is_one_line() {
         let stop = Stop::failed("cannot write a:\n  disk full");
         assert_eq!(stop.to_string(), "cannot write a: disk full");
         let stop = Stop::bad("'a  b\n.obj' is no file");
@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_that_all_fail_give_each_reason_once_and_the_worst_code() {
+    fn combines_reasons_and_worst_exit_code() {
         let (bad, failed) = (Stop::bad("no device"), Stop::failed("lost"));
         let refused = all_failed(vec![bad.clone(), bad.clone()]);
         assert!(matches!(&refused, Stop::Bad(why) if why == "no device"));
@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn what_no_device_can_do_is_bad_usage_and_a_lost_device_is_a_failure() {
+    fn maps_errors_to_exit_codes() {
         let unsupported = BackendError::Unsupported {
             backend: "cpu",
             what: "x".to_owned(),

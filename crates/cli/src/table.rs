@@ -77,7 +77,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_table_too_wide_for_the_terminal_is_a_list() {
+    fn wide_table_becomes_a_list() {
         let row = |update: &str| {
             let texts = [update, "1.25", "12.5"].map(str::to_owned);
             let names = ["update", "trace primary ms", "worst ms"];
@@ -92,13 +92,13 @@ mod tests {
     }
 
     #[test]
-    fn one_of_a_kind_is_counted_as_one() {
+    fn counts_use_singular_and_plural() {
         let all = [0, 1, 1000].map(|n| counted(n, KEY_FRAMES));
         assert_eq!(all, ["0 key frames", "1 key frame", "1,000 key frames"]);
     }
 
     #[test]
-    fn what_nobody_timed_or_counted_is_not_mentioned() {
+    fn omits_unmeasured_stages() {
         let mut frame = FrameStats {
             host_bytes: Some(3 << 20),
             ..FrameStats::default()

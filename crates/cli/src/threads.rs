@@ -60,7 +60,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn where_the_system_starts_too_few_threads_there_are_fewer() {
+    fn falls_back_to_fewer_threads() {
         let left = std::cell::Cell::new(5);
         let five = |work: Box<dyn FnOnce() + Send>| {
             let granted = left.replace(left.get() - 1);

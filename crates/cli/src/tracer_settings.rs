@@ -150,7 +150,7 @@ mod tests {
     use backend::BackendName;
 
     #[test]
-    fn names_mean_what_they_name_and_lockstep_is_async() {
+    fn explicit_choices_are_respected() {
         let settings = |update, lockstep| TracerSettings {
             lockstep,
             ..TracerSettings::of(Some(BackendName::Cpu), Intersector::Watertight, update)
@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_last_from_the_earliest_to_the_latest() {
+    fn time_range_spans_all_frames() {
         let frames = [3.0, 1.5, 2.0].map(|time| Frame { index: 0, time });
         let range = |frames| Workload { frames, rays: 0 }.time_range();
         assert_eq!(range(&frames), [1.5, 3.0]);

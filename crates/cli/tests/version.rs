@@ -3,7 +3,7 @@
 use std::process::Command;
 
 #[test]
-fn the_version_is_the_packages() {
+fn prints_the_package_version() {
     let output = Command::new(env!("CARGO_BIN_EXE_abvh"))
         .arg("--version")
         .output()

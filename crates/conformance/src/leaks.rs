@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn a_body_without_one_triangle_leaks() {
+    fn missing_triangle_causes_leaks() {
         let torn = ClosedBody {
             shape: || {
                 let (points, mut triangles) = (BODIES[0].shape)();
@@ -251,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn a_triangle_that_is_there_twice_is_a_double_hit() {
+    fn duplicate_triangle_causes_double_hits() {
         let doubled = [ClosedBody {
             shape: || {
                 let (points, mut triangles) = (BODIES[1].shape)();
@@ -271,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn rays_depend_on_seed_and_number_alone() {
+    fn leak_rays_are_reproducible() {
         let rays = |seed| LeakBatch::new(&BODIES[3], 10.0, 160, seed).rays;
         let one = rayon::ThreadPoolBuilder::new().num_threads(1).build();
         assert_eq!(rays(9), one.unwrap().install(|| rays(9)));

@@ -125,7 +125,7 @@ fn boxes_and_cost(backend: &mut CpuBackend, animation: &Animation, time: f64) ->
 }
 
 #[test]
-fn a_refitted_tree_has_the_boxes_of_one_made_from_scratch() {
+fn refit_matches_boxes_from_scratch() {
     let animation = moving();
     for tree in [tree_at(&animation, 0.0), senseless_tree(&animation)] {
         let mut backend = ready(&animation, Intersector::Watertight, &tree, 0.0, 2);
@@ -141,7 +141,7 @@ fn a_refitted_tree_has_the_boxes_of_one_made_from_scratch() {
 }
 
 #[test]
-fn what_never_moves_is_skipped_by_any_number_of_tasks_without_a_trace() {
+fn skipping_static_parts_preserves_results() {
     let animation = apart(free(6_000, 60_000));
     let listed = tree_at(&animation, 0.0);
     let plain = Topology::from_words(listed.words().to_vec()).unwrap();
@@ -173,7 +173,7 @@ fn what_never_moves_is_skipped_by_any_number_of_tasks_without_a_trace() {
 }
 
 #[test]
-fn a_list_is_traced_once_in_its_place_and_reported_with_the_rest() {
+fn commands_run_in_recorded_order() {
     let animation = moving();
     let (early, late) = (0.0, 1.7);
     let rays = to_vertices(&animation, [0.3, 0.2, 9.0]);
@@ -205,12 +205,12 @@ fn a_list_is_traced_once_in_its_place_and_reported_with_the_rest() {
 }
 
 #[test]
-fn no_threads_are_refused() {
+fn zero_threads_are_refused() {
     assert!(CpuBackend::new(Some(0)).is_err());
 }
 
 #[test]
-fn misuse_panics_and_says_what_comes_first() {
+fn misuse_panics_with_a_reason() {
     type Misuse = fn(&mut CpuBackend);
     let stale = "the tree is stale";
     let table: [(&str, Misuse); 5] = [

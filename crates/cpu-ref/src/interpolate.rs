@@ -49,7 +49,7 @@ mod tests {
     use geom::Animation;
 
     #[test]
-    fn runs_alone_are_written_and_with_the_bits_of_the_one_formula() {
+    fn interpolation_writes_only_given_runs() {
         let key = |k: usize| -> Vec<Point> {
             let at = |v: usize| (v * (1 + k * usize::from(v % 7 > 4))) as f32 * 0.37;
             (0..60_000).map(|v| [at(v), -1.0, 3.0 + at(v)]).collect()

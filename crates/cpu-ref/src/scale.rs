@@ -191,7 +191,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn odd_scenes_alone_are_scaled_by_their_exponent() {
+    fn only_unusual_magnitudes_are_scaled() {
         let ordinary = [0.0, 1e-3, -1.0, 1e5, 1_073_741_824.0, f32::INFINITY];
         let odd = [(1e-9, -30), (1e-20, -67), (-1e20, 66), (f32::MAX, 126)];
         let least = [(9.765_625e-4, 0), (f32::from_bits(1), -126)];
@@ -204,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_too_small_to_matter_is_zero() {
+    fn flushes_tiny_values_to_zero() {
         let least = power(-64);
         let below = f32::from_bits(least.to_bits() - 1);
         let applied = Scale::ONE.apply([least, -below, -least]);
@@ -221,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn exponents_hold_for_subnormal_numbers_too() {
+    fn exponent_handles_subnormals() {
         let normal = [(1.0, 0), (-1.99, 0), (0.5, -1), (f32::MAX, 127)];
         let subnormal = [(1, -149), (0x007f_ffff, -127)].map(|(bits, e)| (f32::from_bits(bits), e));
         for (x, e) in normal.into_iter().chain(subnormal) {
@@ -230,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn powers_round_once() {
+    fn ldexp_rounds_once() {
         assert_eq!(ldexp(f32::from_bits(1), 149), 1.0);
         assert_eq!(ldexp(1.0, -149), f32::from_bits(1));
         assert_eq!(ldexp(f32::INFINITY, -200), f32::INFINITY);
@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn distances_come_back_in_the_units_they_went() {
+    fn distances_survive_a_scaling_round_trip() {
         let huge = Animation::new(vec![vec![[1e30, 0.0, 0.0]]], vec![]).unwrap();
         let ray = Ray {
             t_min: 0.5,
@@ -253,7 +253,7 @@ mod tests {
     }
 
     #[test]
-    fn rays_that_mean_nothing_are_refused() {
+    fn rejects_invalid_rays() {
         let tiny = Animation::new(vec![vec![[1e-30, 0.0, 0.0]]], vec![]).unwrap();
         let far = Ray::new([1e30, 0.0, 0.0], [1.0, 0.0, 0.0]);
         assert!(PreparedRay::new(&far, Scale::of(&tiny)).is_none());

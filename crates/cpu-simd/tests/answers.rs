@@ -17,7 +17,7 @@ const FAR: f32 = 2e19;
 const CASES: u32 = 4;
 
 #[test]
-fn every_instruction_set_keeps_every_property() {
+fn properties_hold_for_every_instruction_set() {
     let mut reference = Reference::new(Box::new(CpuBackend::new(Some(1)).unwrap()));
     for level in Level::all() {
         let mut subject = open_at(level, Some(2)).unwrap();
@@ -35,7 +35,7 @@ fn every_instruction_set_keeps_every_property() {
 
 /// In some scenes, a vertex is so far away that areas overflow.
 #[test]
-fn areas_too_large_to_add_up_make_no_cost() {
+fn overflowing_areas_yield_no_cost() {
     let name = "frames_equal_the_reference_after_any_commands";
     let property = PROPERTIES
         .iter()
@@ -229,7 +229,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
-    fn neighbours_together_hit_what_each_hits_alone(camera in cameras(), light in near(9.0), size in size()) {
+    fn ray_groups_match_single_rays(camera in cameras(), light in near(9.0), size in size()) {
         let camera = Camera { eye: camera.eye.map(|x| x * size), ..camera };
         let rays: Vec<Ray> = camera.rays().collect();
         let rays = [Rays::List(&rays), Rays::Camera(&camera)];
@@ -239,7 +239,7 @@ proptest! {
     }
 
     #[test]
-    fn neighbours_with_starts_and_limits_of_their_own_hit_what_each_hits_alone(
+    fn ray_groups_respect_individual_intervals(
         camera in cameras(),
         own in prop::collection::vec([-2.0_f32..3.0, 0.1_f32..9.0, -0.1_f32..0.1], 1..17),
         light in near(9.0),
@@ -258,7 +258,7 @@ proptest! {
     }
 
     #[test]
-    fn strangers_hit_with_vectors_what_they_hit_without(
+    fn incoherent_rays_match_scalar_hits(
         rays in strangers(),
         light in near(9.0),
         size in size(),
@@ -270,7 +270,7 @@ proptest! {
 }
 
 #[test]
-fn a_tree_that_brings_its_blocks_is_adopted_as_one_that_does_not() {
+fn prebuilt_blocks_do_not_change_hits() {
     let animation = ball(1.0);
     let camera = Camera::look_at([3.0, 2.0, 4.0], [0.0; 3], [0.0, 1.0, 0.0], 50.0, [40, 30]);
     let rays: Vec<Ray> = camera.unwrap().rays().collect();

@@ -100,7 +100,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_empty_box_is_neutral_and_has_no_area() {
+    fn empty_box_is_neutral() {
         let b = Aabb {
             min: [1.0, 2.0, 3.0],
             max: [2.0, 4.0, 7.0],

@@ -403,7 +403,7 @@ mod tests {
     ];
 
     #[test]
-    fn a_triangle_that_comes_and_goes_keeps_a_stand_in() {
+    fn intermittent_triangle_keeps_a_build_box() {
         let mut broken = SQUARE;
         broken[3] = [f32::NAN; 3];
         let keys = vec![broken.to_vec(), SQUARE.to_vec()];
@@ -417,7 +417,7 @@ mod tests {
     }
 
     #[test]
-    fn a_triangle_whose_blend_overflows_is_built_over_where_it_is_first_active() {
+    fn overflowing_blend_uses_first_active_box() {
         let far = |x: f32| vec![[x, 0.0, 0.0], [x, 1.0, 0.0], [x, 0.0, 1.0]];
         let a = Animation::new(vec![far(3e38), far(-3e38)], vec![[0, 1, 2]]).unwrap();
         let [start, middle, end] = [0.0, 0.5, 1.0].map(|time| a.at(time).unwrap());
@@ -430,7 +430,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_that_do_not_fit_are_refused() {
+    fn rejects_inconsistent_parts() {
         let square = || SQUARE.to_vec();
         for (keys, triangles, says) in [
             (vec![], vec![], "an animation needs at least one key frame"),
@@ -457,7 +457,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_are_played_as_they_were_pushed_and_trees_look_beyond_the_last() {
+    fn pushed_frames_play_and_extrapolate() {
         let streamed = Animation::streamed(at(0.0), &[false; 3], vec![[0, 1, 2]]).unwrap();
         assert_eq!((streamed.key_count(), streamed.moving_count()), (1, 1));
         for step in 1..20 {
@@ -480,7 +480,7 @@ mod tests {
     }
 
     #[test]
-    fn what_comes_may_reach_anywhere_and_become_active() {
+    fn pushed_frames_are_unrestricted() {
         let mut rest = at(0.0);
         rest[0] = [f32::NAN; 3];
         let streamed = Animation::streamed(rest, &[false; 3], vec![[0, 1, 2]]).unwrap();
@@ -496,7 +496,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_is_refused() {
+    fn rejects_mismatched_vertex_counts() {
         let no = |made: Result<Animation, KeyFrameError>| made.unwrap_err().to_string();
         let says = "2 vertices were given, the scene has 3";
         assert_eq!(

@@ -107,7 +107,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn row_zero_is_the_top_and_column_zero_the_left() {
+    fn pixel_origin_is_top_left() {
         let c = Camera::look_at([0.0; 3], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0], 90.0, [4, 2]).unwrap();
         let d = c.ray(0, 0).direction;
         assert!(d[0] < 0.0 && d[1] > 0.0 && d[2] < 0.0);
@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_that_sees_nothing_is_refused() {
+    fn look_at_rejects_degenerate_views() {
         let up = [0.0, 1.0, 0.0];
         assert!(Camera::look_at([1.0; 3], [1.0; 3], up, 40.0, [8, 8]).is_none());
         assert!(Camera::look_at([0.0; 3], up, up, 40.0, [8, 8]).is_none());

@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn every_key_frame_can_be_had_in_any_order_and_few_are_kept() {
+    fn reads_any_order_within_memory_limit() {
         let (_, window) = window();
         for key in (0..90).chain([3, 80, 0]) {
             assert_eq!(window.get(key).unwrap()[0][0], key as f32);
@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_to_come_is_read_once_and_still_there_when_it_comes() {
+    fn prefetched_frames_are_read_once() {
         let (source, window) = window();
         for key in 0..80 {
             window.look_ahead(key..key + 20);
@@ -224,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reader_that_panics_reads_nothing() {
+    fn panicking_reader_returns_an_error() {
         let first = Arc::new(vec![[0.0; 3]].into());
         let window = KeyWindow::new(Arc::new(|_| panic!("mine")), first, 9, FEW).unwrap();
         let said = window.get(3).unwrap_err().to_string();
@@ -232,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_key_frame_is_never_read_again() {
+    fn first_key_frame_is_never_reread() {
         let (source, window) = window();
         window.look_ahead([0]);
         assert_eq!(window.upcoming(1)[0].0, 0);
@@ -242,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn many_threads_may_wait_for_one_key_frame() {
+    fn threads_share_one_key_frame_read() {
         let (source, window) = window();
         std::thread::scope(|s| {
             let all: Vec<_> = (0..8).map(|_| s.spawn(|| window.get(7).unwrap())).collect();

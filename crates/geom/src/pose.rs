@@ -90,7 +90,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn whole_times_are_key_frames() {
+    fn pose_at_clamps_and_snaps_times() {
         for (time, expected) in [
             (3.0, (3, 0.0)),
             (9.0, (4, 0.0)),
@@ -104,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn key_frames_may_stand_at_times_of_their_own() {
+    fn pose_among_supports_uneven_times() {
         let at = |time| {
             let pose = Pose::among(time, &[0.0, 3.0, 4.0, 8.0]);
             (pose.key, pose.alpha)
@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn a_key_frame_is_copied_bit_for_bit() {
+    fn zero_alpha_copies_key_frame_bits() {
         let a = [-0.0, f32::MAX, 1.0];
         let b = [f32::INFINITY, f32::MIN, f32::NAN];
         let p = Pose { key: 0, alpha: 0.0 }.blend(a, b);

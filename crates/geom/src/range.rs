@@ -136,7 +136,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn one_far_vertex_makes_its_moments_spread_and_extreme_only_beyond_bounds() {
+    fn far_vertex_marks_spread_or_extreme() {
         for far in [1e6, 1e12, 1.2e12, 1e19, f32::MAX] {
             let keys = [cloud(0.7), cloud(0.7), cloud(far)];
             for (time, is_near) in [(0.0, false), (1.0, false), (1.25, true), (2.0, true)] {
@@ -150,7 +150,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn scenes_of_one_size_are_ordinary_at_any_size() {
+    fn uniform_scale_is_always_ordinary() {
         for e in [-120, -60, -3, 0, 20, 40, 100] {
             let by = 2.0_f32.powi(e);
             let key: Vec<Point> = cloud(0.5).iter().map(|p| p.map(|x| x * by)).collect();
@@ -161,7 +161,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn tiny_triangles_make_rays_beside_them_extreme() {
+    fn tiny_triangles_make_nearby_rays_extreme() {
         let mut key = cloud(0.7);
         for (i, x) in [1e-12, 2e-12, 3e-20].into_iter().enumerate() {
             key[i] = [x, 0.0, 0.0];
@@ -172,7 +172,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn vertices_at_the_origin_make_no_tiny_triangles() {
+    fn origin_vertices_are_not_tiny_triangles() {
         let mut key = cloud(0.7);
         key[..3].fill([0.0; 3]);
         assert!(!range(&[key.clone()], 0.0).1.tiny);
@@ -181,7 +181,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn rays_from_far_away_are_extreme_in_any_scene() {
+    fn distant_rays_are_always_extreme() {
         let range = Range::ORDINARY;
         assert!(!range.is_extreme([0.0, -1e12, 0.0]) && !range.is_extreme([0.0; 3]));
         for x in [1.2e12, f32::INFINITY, f32::NAN] {
@@ -190,7 +190,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn what_is_not_finite_or_zero_says_nothing_of_the_typical_size() {
+    fn typical_size_ignores_non_finite_vertices() {
         let mut key = cloud(2.0);
         key[3] = [f32::NAN, 1e30, 0.0];
         key[4] = [f32::INFINITY; 3];

@@ -119,7 +119,7 @@ mod tests {
     use crate::range::tests::cloud;
 
     #[test]
-    fn extremes_are_found_among_vertices_that_are_not_finite() {
+    fn extremes_ignore_non_finite_vertices() {
         let mut points = cloud(0.5);
         points.extend([[f32::NAN, 9.0, 0.0], [1.0, f32::INFINITY, 2.0], [1e-9; 3]]);
         points.extend([[0.0; 3], [0.0, -0.0, 0.0]]);

@@ -263,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn a_triangle_is_static_if_all_its_vertices_are() {
+    fn triangle_with_static_vertices_is_static() {
         let rest = vec![[0.5; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [3.0; 3]];
         for axis in 0..3 {
             for key in 0..3 {
@@ -280,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn what_goes_and_comes_back_moves_and_so_does_the_sign_of_zero() {
+    fn returning_vertices_count_as_moving() {
         let at = |x: f32| vec![[x, 0.0, 0.0], [0.0, x, 0.0]];
         let found = parts(vec![at(0.0), at(1.0), at(0.0)], vec![]);
         assert_eq!(found.vertex_count(), 0);
@@ -288,7 +288,7 @@ mod tests {
     }
 
     #[test]
-    fn what_blending_would_change_moves_unless_it_is_never_blended() {
+    fn vertices_changed_by_blending_are_moving() {
         let odd = vec![
             [-0.0, 1.0, 2.0],
             [f32::NAN; 3],
@@ -303,7 +303,7 @@ mod tests {
     }
 
     #[test]
-    fn a_static_vertex_has_its_bits_at_every_pose() {
+    fn static_vertex_keeps_its_bits() {
         let still = [0.0, 1e-40, -7.3e30];
         let keys: Vec<_> = (0..3).map(|k| vec![still, [k as f32; 3]]).collect();
         let animation = Animation::new(keys, vec![]).unwrap();
@@ -314,7 +314,7 @@ mod tests {
     }
 
     #[test]
-    fn runs_hold_all_that_moves_and_few_others() {
+    fn moving_runs_merge_small_gaps() {
         let parts = StaticParts {
             vertices: [1, 0, 0, 1, 0, 1, 1, 1, 0].map(|s| s == 1).to_vec(),
             ..StaticParts::default()

@@ -77,7 +77,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_needle_has_area_until_it_has_none() {
+    fn collinear_triangles_are_degenerate() {
         let a = [1.0, 1.0, 1.0];
         let b = [3.0, 3.0, 3.0];
         assert!(is_degenerate(&[a, b, [2.0, 2.0, 2.0]]));
@@ -88,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn scale_does_not_matter() {
+    fn degeneracy_is_independent_of_scale() {
         for s in [1e-40_f32, 1e-20, 1.0, 1e20, 1e38] {
             let flat = [[0.0; 3], [s, 0.0, 0.0], [0.0, s, 0.0]];
             let line = [[0.0; 3], [s, s, 0.0], [2.0 * s, 2.0 * s, 0.0]];
@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn exponents_far_apart_are_settled_exactly() {
+    fn degeneracy_is_exact_across_exponents() {
         let tiny = f32::from_bits(1);
         let needle = [[1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [3.0, tiny, 0.0]];
         let long = [[1e30, 0.0, 0.0], [tiny, tiny, 0.0], [0.0; 3]];
@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn sides_and_normals_are_exact_at_every_size() {
+    fn sides_and_normals_are_exact() {
         for s in [1e-44_f32, 1.0, 1e38] {
             let flat = [[0.0; 3], [s, 0.0, 0.0], [0.0, s, 0.0]];
             assert_eq!(normal_signs(&flat), [0, 0, 1]);
@@ -119,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn one_bad_number_makes_it_inactive() {
+    fn non_finite_coordinate_makes_triangle_inactive() {
         assert!(is_active(&[[0.0; 3]; 3]));
         assert!(!is_active(&[[0.0; 3], [0.0, f32::NAN, 0.0], [0.0; 3]]));
         assert!(!is_active(&[[0.0; 3], [0.0; 3], [f32::INFINITY, 0.0, 0.0]]));

@@ -100,7 +100,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_others_have_is_left_out() {
+    fn without_subtracts_ranges() {
         let cut = |others: &[Range<usize>]| without(&[0..10, 20..30], others);
         assert_eq!(cut(&[]), [0..10, 20..30]);
         assert_eq!(cut(&[0..10, 12..14]), [20..30; 1]);

@@ -77,7 +77,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_damaged_is_as_if_it_were_not_there() {
+    fn damaged_cache_counts_as_absent() {
         let dir = tempfile::tempdir().unwrap();
         let mut file = CacheFile::new(&dir.path().join("new"), "card");
         assert_eq!(file.load(), None);
@@ -104,7 +104,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn a_device_under_its_name_is_not_read_and_stays() {
+    fn special_file_is_replaced_without_reading() {
         let dir = tempfile::tempdir().unwrap();
         let mut file = CacheFile::new(dir.path(), "card");
         std::os::unix::fs::symlink("/dev/zero", &file.path).unwrap();

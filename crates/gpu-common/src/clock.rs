@@ -139,7 +139,7 @@ mod tests {
     const REFIT: Option<Stage> = Some(Stage::Refit);
 
     #[test]
-    fn stages_are_timed_each_and_all_together() {
+    fn times_adjacent_and_separate_stages() {
         let interpolate = Some(Stage::Interpolate);
         let mut idle = StageSet::default();
         idle.insert(Stage::TracePrimary);
@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_of_few_bits_goes_on_when_it_wraps() {
+    fn narrow_clock_handles_wraparound() {
         let mut clock = Clock::new(20, 1e6);
         let wrap = 1_u64 << 20;
         let garbage = 7 << 40;
@@ -179,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_of_64_bits_keeps_every_tick() {
+    fn wide_clock_keeps_every_tick() {
         // Nanoseconds since 1970 do not fit into the mantissa of an f64.
         let start = 1_800_000_000_000_000_001_u64;
         let mut clock = Clock::new(64, 1.0);
@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_timed_without_marks_nor_begun_without_stages() {
+    fn missing_marks_yield_no_times() {
         let mut clock = Clock::new(64, 1.0);
         assert_eq!(
             clock.times(&[REFIT], &[], StageSet::default()),

@@ -102,7 +102,7 @@ mod tests {
     use backend::BackendError;
 
     #[test]
-    fn where_there_is_no_slack_the_bytes_are_enough() {
+    fn falls_back_to_size_without_slack() {
         let within = |limit: u64| {
             with_slack(3200, |bytes| match bytes <= limit {
                 true => Ok(bytes),

@@ -89,7 +89,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn positions_are_written_where_nobody_reads_or_where_reading_ends_first() {
+    fn picks_the_buffer_freed_first() {
         assert_eq!(soonest(1, None, [None, None]), (1, None));
         assert_eq!(soonest(1, None, [None, Some(3)]), (0, None));
         assert_eq!(soonest(1, Some(1), [Some(3), None]), (0, Some(3)));

@@ -35,7 +35,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn codes_become_errors_that_say_what_was_being_done() {
+    fn result_codes_become_descriptive_errors() {
         let lost = failed("a submission")(vk::Result::ERROR_DEVICE_LOST);
         assert_eq!(lost.to_string(), "the device was lost: a submission");
         let full = failed_for("hits", 64)(vk::Result::ERROR_OUT_OF_DEVICE_MEMORY);

@@ -166,7 +166,7 @@ mod tests {
     };
 
     #[test]
-    fn a_refused_buffer_names_its_need_and_the_limit_it_meets() {
+    fn refused_buffer_names_need_and_limit() {
         assert_eq!(LIMITS.admit("hits", 1 << 27), Ok(()));
         let refused = LIMITS.admit("hits", (1 << 27) + 16).unwrap_err();
         let expected =
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn a_device_with_too_few_buffers_is_refused_by_the_kernels_name() {
+    fn refused_kernel_names_its_limit() {
         let always = |k: &Kernel| !k.makes_trees();
         assert_eq!(LIMITS.admit_kernels(always), Ok(()));
         let poor = DeviceLimits {

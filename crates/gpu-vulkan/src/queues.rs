@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn copies_go_to_copy_engines_else_to_spare_queues_else_to_the_one_there_is() {
+    fn copies_prefer_dedicated_queues() {
         let (g, c, t) = (
             vk::QueueFlags::GRAPHICS,
             vk::QueueFlags::COMPUTE,

@@ -160,7 +160,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pieces_lie_side_by_side_and_none_is_large() {
+    fn pieces_are_contiguous_and_bounded() {
         assert!(pieces(&(0..0), 5).is_empty());
         for bytes in [1, PIECE, PIECE + 1, 10 * PIECE + 7] {
             let all = pieces(&(0..bytes), 5);

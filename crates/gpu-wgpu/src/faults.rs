@@ -82,14 +82,14 @@ mod tests {
     }
 
     #[test]
-    fn memory_that_runs_out_says_for_what() {
+    fn out_of_memory_names_the_purpose() {
         let error = Faults::default().translate("the tree's nodes", 64, &out_of_memory());
         let said = "out of device memory: the tree's nodes needs 64 bytes";
         assert_eq!(error.to_string(), said);
     }
 
     #[test]
-    fn a_call_that_wgpu_rejects_is_no_loss_of_the_device() {
+    fn validation_error_is_not_device_loss() {
         let faults = Faults::default();
         let invalid = wgpu::Error::Validation {
             source: "no such usage".into(),
@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fault_nobody_caught_is_returned_once_and_a_loss_for_ever() {
+    fn uncaught_error_returns_once_loss_persists() {
         let faults = Faults::default();
         faults.note(&out_of_memory());
         assert!(matches!(

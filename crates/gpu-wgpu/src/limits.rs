@@ -170,7 +170,7 @@ mod tests {
     use shaders::Kernel;
 
     #[test]
-    fn a_device_with_too_little_workgroup_memory_is_refused_by_the_limits_name() {
+    fn refused_device_names_workgroup_memory_limit() {
         assert_eq!(check(&least()), Ok(()));
         let cramped = Limits {
             max_compute_workgroup_storage_size: 256,

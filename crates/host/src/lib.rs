@@ -261,7 +261,7 @@ mod tests {
 
     #[cfg(target_os = "linux")]
     #[test]
-    fn more_than_there_is_is_refused() {
+    fn rejects_more_than_available_memory() {
         assert!(check(1 << 22).is_ok());
         let e = check(1 << 60).unwrap_err();
         assert!(e.free.bytes < 1 << 60 && e.need == 1 << 60);
@@ -270,7 +270,7 @@ mod tests {
 
     #[cfg(target_os = "linux")]
     #[test]
-    fn the_least_limit_of_a_group_and_of_those_above_it_counts() {
+    fn smallest_cgroup_limit_applies() {
         let root = tempfile::tempdir().unwrap();
         let write = |path: &str, text: &str| {
             let path = root.path().join(path);
@@ -292,7 +292,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn pipes_devices_and_directories_are_refused_at_once() {
+    fn rejects_pipes_devices_and_directories() {
         let folder = tempfile::tempdir().unwrap();
         let pipe = folder.path().join("pipe");
         let rw = rustix::fs::Mode::RUSR | rustix::fs::Mode::WUSR;

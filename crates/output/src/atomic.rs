@@ -273,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_fails_halfway_leaves_nothing_new() {
+    fn failed_write_keeps_the_old_file() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a");
         let fail = |out: &mut dyn Write| {
@@ -291,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_killed_run_left_is_removed_and_what_a_living_one_writes_is_not() {
+    fn removes_only_abandoned_temporary_files() {
         let dir = tempfile::tempdir().unwrap();
         let left = unlocked_in(dir.path()).unwrap();
         let (_, left) = left.keep().unwrap();
@@ -312,7 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn a_directory_in_the_way_is_found_early() {
+    fn detects_unwritable_paths_early() {
         let dir = tempfile::tempdir().unwrap();
         let e = check_writable(dir.path()).unwrap_err();
         assert!(e.to_string().contains("directory"), "{e}");
@@ -329,7 +329,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn devices_stay_devices_and_links_stay_links() {
+    fn preserves_devices_and_links() {
         use std::os::unix::fs::{FileTypeExt, PermissionsExt, symlink};
         write_whole(Path::new("/dev/null"), b"x").unwrap();
         let null = fs::metadata("/dev/null").unwrap().file_type();

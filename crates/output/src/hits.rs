@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_reads_back_as_it_was() {
+    fn hit_arrays_round_trip() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("hits_0000.npz");
         let hits = hits();
@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn given_rays_have_no_shadow_and_no_clock_takes_part() {
+    fn hit_files_are_reproducible() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.npz");
         let names = || {
@@ -191,7 +191,7 @@ mod tests {
 
     #[test]
     #[should_panic(expected = "the shape of shadow")]
-    fn arrays_of_another_shape_are_misuse() {
+    fn mismatched_shapes_panic() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.npz");
         let hits = hits();

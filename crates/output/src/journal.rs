@@ -314,7 +314,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn digests_are_those_of_the_standard() {
+    fn digest_matches_sha256_test_vector() {
         let dir = tempfile::tempdir().unwrap();
         let file = dir.path().join("abc");
         std::fs::write(&file, b"abc").unwrap();
@@ -327,7 +327,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_has_one_writer_at_a_time() {
+    fn second_writer_is_refused() {
         let dir = tempfile::tempdir().unwrap();
         let open = || Journal::open(dir.path(), None);
         let first = open().unwrap();

@@ -308,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn rays_read_back_as_written() {
+    fn ray_files_round_trip() {
         let dir = TempDir::new().unwrap();
         let path = dir.path().join("rays.npy");
         for mut rays in [rays(0), rays(5), rays(1)] {
@@ -327,7 +327,7 @@ mod tests {
     }
 
     #[test]
-    fn byte_order_and_axis_order_do_not_matter() {
+    fn reads_any_byte_and_axis_order() {
         let want = rays(3);
         let row = |r: &Ray| [r.origin, r.direction].concat();
         let table: Vec<Vec<f32>> = want.iter().map(row).collect();
@@ -380,7 +380,7 @@ mod tests {
     }
 
     #[test]
-    fn another_type_or_shape_is_named() {
+    fn errors_name_wrong_type_or_shape() {
         let data = [0; 64];
         for (descr, says) in [("<f2", "'<f2'"), ("<i4", "'<i4'"), ("|O", "found")] {
             let file = npy(&header(descr, "False", "(1, 6)"), &data);
@@ -395,7 +395,7 @@ mod tests {
     }
 
     #[test]
-    fn a_truncated_file_is_refused_wherever_it_ends() {
+    fn truncated_files_are_rejected() {
         let whole = npy(&header("<f4", "False", "(2, 6)"), &[0; 48]);
         assert!(read(&whole).is_ok());
         for end in 0..whole.len() {

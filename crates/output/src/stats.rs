@@ -218,7 +218,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn unknown_numbers_are_null_and_summaries_are_rounded() {
+    fn unknown_values_serialize_as_null() {
         let mut frame = FrameStats::default();
         frame.report.times.refit_ms = Some(1.0 / 3.0);
         frame.tree.sah_ratio = Some(f64::NAN);
@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn percentiles_are_those_of_the_sorted_values() {
+    fn percentiles_use_sorted_values() {
         let s = Summary::of((1..=100).rev().map(f64::from)).unwrap();
         assert_eq!((s.median, s.p95, s.worst), (50.5, 95.0, 100.0));
         let s = Summary::of([3.0, 1.0, 2.0]).unwrap();
@@ -242,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn rates_count_what_was_timed() {
+    fn rates_use_timed_stages_only() {
         let frame = |ms, hits| {
             let mut frame = FrameStats::default();
             frame.report.times.trace_primary_ms = Some(ms);

@@ -287,7 +287,7 @@ mod tests {
     use std::time::Duration;
 
     #[test]
-    fn events_are_what_viewers_expect_and_spans_that_meet_still_meet() {
+    fn adjacent_spans_remain_adjacent() {
         let begun = Instant::now();
         let third = Duration::from_secs(1) / 3;
         let steps = (0..50).map(|i| ("step", begun + third * i));

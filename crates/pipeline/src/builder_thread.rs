@@ -169,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn a_panic_of_a_build_is_a_failed_one_and_the_next_job_goes_on() {
+    fn build_panic_fails_only_one_job() {
         let mut thread = BuilderThread::new(|job: Job, _: &Cancel| {
             assert!(job.discarded_last, "planted");
             Err("planted".into())
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn builders_that_share_threads_take_no_more_of_them() {
+    fn builders_share_one_thread_pool() {
         let threads = BuilderThreads::new(2).unwrap();
         let who = || rayon::broadcast(|_| std::thread::current().id());
         let builder = || BuilderPool::new(threads.clone(), TreeFormat::Binary);

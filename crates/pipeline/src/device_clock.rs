@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_device_clock_work_ends_when_seen_but_before_the_next() {
+    fn missing_clock_falls_back_to_host() {
         let origin = Instant::now();
         let times = |ms| StageTimes {
             device_ms: ms,
@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_that_drifts_is_followed() {
+    fn follows_clock_drift() {
         // 1000 frames of 10 ms with latencies of 0.02 ms. A drift of 50 ppm adds up to half a millisecond.
         let (origin, all, truth) = run(7e6, 5e-5, &vec![[0.0, 0.02, 10.0, 0.02]; 1000]);
         let spans = place_on_host(origin, &all);
@@ -163,7 +163,7 @@ mod tests {
 
         /// Placed work differs from its true time by at most half of the two minimum latencies, for any clock offset.
         #[test]
-        fn placed_work_is_off_by_half_the_least_latencies_at_most(
+        fn placement_error_is_bounded_by_latency(
             zero in -1e6_f64..1e6,
             frames in proptest::collection::vec([0.0_f64..5.0, 0.01..2.0, 0.1..9.0, 0.01..2.0], 0..60),
         ) {

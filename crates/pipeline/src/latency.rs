@@ -192,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn a_steady_motion_is_continued_to_the_middle_of_the_trees_use() {
+    fn predicts_middle_of_tree_use() {
         let mut f = watching([0.0, 100.0], None, &[0.0, 0.5, 1.0]);
         assert_eq!(f.target_time(), 1.0);
         f.observe_latency(4, BuildStrategy::Scratch);
@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn trees_of_groups_and_trees_from_scratch_are_told_apart() {
+    fn latency_is_tracked_per_strategy() {
         let mut f = watching([0.0, 1000.0], None, &[0.0, 1.0]);
         f.observe_latency(40, BuildStrategy::Scratch);
         assert_eq!(f.target_time(), 1.0 + 40.0 + 19.5);
@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tree_is_ripe_when_its_moment_is_nearer_than_the_last_ones() {
+    fn adopts_the_tree_nearest_in_time() {
         for (times, last, new, ripe) in [
             ([1.0, 2.0], 1.5, 4.0, false),
             ([2.0, 3.0], 1.5, 4.0, true),
@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tree_that_comes_long_before_its_moment_gives_way_to_one_that_comes_sooner() {
+    fn newer_tree_may_be_due_first() {
         let at = |times: &[f64], latency| {
             let mut f = watching([0.0, 100.0], None, times);
             f.observe_latency(latency, BuildStrategy::Scratch);
@@ -258,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn a_first_tree_is_built_for_a_key_frame_or_what_is_left() {
+    fn first_use_is_clamped_to_range() {
         let at = |time| watching([0.0, 9.0], None, &[time]).halves_of_first_use();
         assert_eq!(at(2.0), Some([2.25, 2.75]));
         let left = [0.25, 0.75].map(|share| 8.8 + share * (9.0 - 8.8));
@@ -267,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn before_a_tree_has_come_the_first_build_and_the_pace_tell() {
+    fn initial_estimate_uses_first_build_time() {
         let ms = Duration::from_millis;
         let start = Instant::now();
         let mut f = LatencyPredictor::new([0.0, 1000.0], None);
@@ -297,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn an_agreed_latency_is_not_learned_and_no_guess_leaves_the_range_but_for_a_frame_outside_it() {
+    fn fixed_latency_and_range_are_respected() {
         for (range, agreed, times, middle) in [
             ([0.0, 100.0], 3, &[0.0, 1.0][..], 5.0),
             ([0.0, 100.0], 0, &[0.0, 1.0], 1.0),

@@ -199,7 +199,7 @@ mod tests {
     use crate::tree_builder::tests::row;
 
     #[test]
-    fn motion_is_measured_against_the_diagonal() {
+    fn motion_is_relative_to_the_diagonal() {
         let rest = [[0.0; 3], [3.0, 0.0, 0.0], [0.0, 4.0, 0.0], [f32::NAN; 3]];
         let mut moved = rest;
         moved[0] = [0.0, 1.0, 0.0];
@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn a_scene_without_size_does_not_move() {
+    fn single_point_scene_does_not_move() {
         let a = Animation::new(vec![vec![[1.0; 3]]], vec![]).unwrap();
         assert_eq!(motion(&a).unwrap().max_step, 0.0);
     }
@@ -227,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn a_row_that_is_shuffled_makes_the_first_tree_worse() {
+    fn shuffling_triangles_degrades_the_first_tree() {
         let shuffled = sample(|i| i * 37 % 64, &[0.0, 0.5, 1.0]);
         assert!(shuffled.worst > 1.5 && shuffled.mean > 1.2, "{shuffled:?}");
         assert!(shuffled.mean < shuffled.worst, "{shuffled:?}");
@@ -238,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_decays_that_moves_as_a_whole_or_in_one_frame_or_without_triangles() {
+    fn rigid_motion_does_not_degrade_trees() {
         let times = [0.0, 0.5, 1.0];
         let moved = sample(|i| i + 5, &times);
         assert!(moved.worst < 1.01, "{moved:?}");

@@ -242,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn the_choice_takes_at_most_a_third_longer_than_the_best_measured() {
+    fn choice_is_near_the_measured_best() {
         use DeviceKind::{Cpu, Gpu};
         let tables: [(&[Measured], DeviceKind, usize, usize); 4] = [
             (&H100, Gpu, 16, 1920 * 1200),
@@ -272,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn runs_of_a_kind_have_the_policy_that_suits_them() {
+    fn chooses_policy_by_kind_of_run() {
         use DeviceKind::{Cpu, Gpu};
         let moving = facts(&H100[1], Gpu, 16, 1 << 20);
         let apart = RunFacts {

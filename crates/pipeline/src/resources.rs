@@ -143,7 +143,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn cores_are_shared_where_builder_and_renderer_work_at_once() {
+    fn cores_are_shared_for_concurrent_builds() {
         use DeviceKind::{Cpu, Gpu, Software};
         let (free, refit) = (Policy::Async, Policy::Refit);
         // Cores, requested threads, and expected threads for rendering and for building.

@@ -70,7 +70,7 @@ mod tests {
     }
 
     #[test]
-    fn one_build_is_in_flight_and_swapped_to_once_it_is_finished_or_due() {
+    fn schedules_one_build_at_a_time() {
         for (policy, frame, [none, under_way, adoptable]) in [
             (FREE, 6, ["r", "", "sr"]),
             (FREE, 99, ["r", "", "sr"]),

@@ -98,7 +98,7 @@ mod tests {
     use crate::testing::put;
 
     #[test]
-    fn a_scene_is_made_of_its_meshes_and_of_what_they_name() {
+    fn lists_meshes_and_referenced_files() {
         let dir = tempfile::tempdir().unwrap();
         let put = |name: &str, text: &str| put(&dir, name, text);
         let a = put("a/1.obj", "mtllib x.mtl\nv 0 0 0\n");

@@ -51,7 +51,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn a_file_outside_the_folder_is_read_only_if_that_is_allowed() {
+    fn outside_files_require_permission() {
         let all = tempfile::tempdir().unwrap();
         let inside = all.path().join("scene");
         fs::create_dir_all(inside.join("sub")).unwrap();

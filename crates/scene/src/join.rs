@@ -264,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn what_exists_wins_and_else_plus_and_at_part_names() {
+    fn existing_names_win_over_separators() {
         assert_eq!(parsed("a.obj"), [("a.obj", None)]);
         assert_eq!(parsed("a.obj+b.glb"), [("a.obj", None), ("b.glb", None)]);
         assert_eq!(parsed("a+b.obj"), [("a+b.obj", None)]);
@@ -295,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn a_place_is_three_numbers_and_a_scale() {
+    fn rejects_malformed_placements() {
         for bad in [
             "", "1,2", "1,2,3,4", "1,2,x", "1,2,3*0", "1,2,3*-1", "1,2,inf",
         ] {
@@ -318,7 +318,7 @@ mod tests {
     }
 
     #[test]
-    fn inputs_are_joined_in_order_and_a_still_one_is_repeated() {
+    fn joins_inputs_in_order() {
         let folder = folder();
         let scene = open_in(&folder, "still.obj+two@10,0,0*2", &Options::default()).unwrap();
         let a = &scene.animation;
@@ -334,7 +334,7 @@ mod tests {
     }
 
     #[test]
-    fn inputs_that_move_differently_are_refused_with_both_counts() {
+    fn rejects_inputs_with_different_key_counts() {
         let folder = folder();
         let open = |names| open_in(&folder, names, &Options::default());
         let says = ["two has 2", "three 3", "single"];
@@ -343,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn a_clip_is_asked_of_inputs_that_have_clips_alone() {
+    fn clip_option_requires_inputs_with_clips() {
         let folder = folder();
         let options = Options {
             clip: Some("Walk".to_owned()),
@@ -358,7 +358,7 @@ mod tests {
     }
 
     #[test]
-    fn times_of_inputs_that_move_are_kept_if_they_are_the_same() {
+    fn joined_inputs_must_share_times() {
         let folder = folder();
         let times = |of: &str, second: f64| {
             let text = format!(
@@ -381,7 +381,7 @@ mod tests {
     }
 
     #[test]
-    fn many_inputs_are_told_apart_in_linear_time() {
+    fn splits_many_inputs_in_linear_time() {
         let asked = |count: usize, folder: &str| {
             let names: Vec<String> = (0..count).map(|i| format!("{folder}{i}.obj")).collect();
             let calls = std::cell::Cell::new(0);

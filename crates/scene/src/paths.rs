@@ -97,7 +97,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn every_path_comes_back_from_its_word() {
+    fn path_encoding_round_trips() {
         use std::os::unix::ffi::OsStrExt;
         for bytes in [
             &b"plain \xc3\xa9.obj"[..],

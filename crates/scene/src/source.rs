@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn a_directory_is_played_in_natural_order() {
+    fn directory_files_are_naturally_ordered() {
         let files = [("10.obj", 10), ("2.obj", 2), ("1.OBJ", 1), (".3.obj", 3)];
         let files = files.map(|(name, x)| (name, obj(x, TRIANGLE)));
         let others = [("read.me", String::new()), ("x.obj/4.txt", String::new())];
@@ -152,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn key_frames_of_other_topology_are_named_with_both_counts() {
+    fn rejects_key_frames_of_other_topology() {
         for (text, says) in [
             (obj(2, TRIANGLE) + "v 0 0 0\n", ["5 vertices", "1.obj"]),
             (obj(2, "f 1 2 3 4\n"), ["2 triangles", "has 1"]),
@@ -179,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn times_beside_key_frames_are_kept() {
+    fn reads_key_times_from_json() {
         let with = |times: &str| {
             let files = [
                 ("1.obj", obj(0, TRIANGLE)),
@@ -214,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn polygons_are_triangulated_in_the_first_key_frame() {
+    fn first_key_frame_determines_triangulation() {
         // Vertex 2 forms a notch in the first key frame but not in the second.
         let with = |y: u32, faces: &str| format!("v 2 2 0\nv 0 {y} 0\nv -2 2 0\nv 0 0 0\n{faces}");
         let ply = |y: u32, face: &str| {
@@ -259,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn git_lfs_pointers_are_named_in_every_format() {
+    fn git_lfs_pointers_are_named() {
         let pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n";
         let triangle = obj(0, TRIANGLE);
         let gltf = r#"{"asset":{"version":"2.0"},"meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],
@@ -300,7 +300,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_scene_is_refused_with_the_reason() {
+    fn rejects_non_scenes_with_a_reason() {
         let folder = folder(&[
             ("other/a.txt", String::new()),
             ("other/a.glb", String::new()),

@@ -157,7 +157,7 @@ mod tests {
     use crate::testing::refused;
 
     #[test]
-    fn what_cannot_be_numbered_is_refused_with_need_and_limit() {
+    fn rejects_counts_beyond_the_limit() {
         let limit = Animation::MAX_TRIANGLES;
         let within = |found| within(Path::new("a.ply"), "triangles", found, limit);
         refused(within(limit + 1), &["1073741825", "1073741824"]);

@@ -109,7 +109,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_end_in_either_character_or_both() {
+    fn splits_all_line_endings() {
         let split = |text: &'static str| -> Vec<_> { lines(text.as_bytes()).collect() };
         assert_eq!(split("a\nb\rc\r\nd"), [b"a", b"b", b"c", b"d"]);
         assert_eq!(split("a\r\r\n\nb\r"), [&b"a"[..], b"", b"", b"b"]);
@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_that_are_not_finite_have_the_spellings_of_c() {
+    fn parses_c_spellings_of_non_finites() {
         for word in [
             "nan",
             "NaN",
@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn a_comment_starts_at_a_sharp_outside_a_number() {
+    fn comment_starts_outside_numbers() {
         for (line, before) in [
             ("v 1 2 3 # x", "v 1 2 3 "),
             ("v 1 2 3# x", "v 1 2 3"),
@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn wide_encodings_are_named() {
+    fn rejects_utf16_and_utf32() {
         let wide = |bytes: usize, big: bool, text: &str| -> Vec<u8> {
             let unit = |c: char| {
                 let all = (c as u32).to_be_bytes();

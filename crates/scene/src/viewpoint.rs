@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn the_whole_motion_is_in_the_picture_and_fills_it() {
+    fn camera_frames_the_whole_motion() {
         let [long, tall, flat] = [[9.0, 0.1, 0.1], [0.1, 9.0, 0.1], [4.0, 0.0, 4.0]];
         let shapes = [[1.0; 3], long, tall, flat];
         for size in [SIZE, [90, 160], [64, 64]] {
@@ -238,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn odd_scenes_have_a_camera_too() {
+    fn degenerate_scenes_get_a_camera() {
         let nan = [f32::NAN, 0.0, 0.0];
         let odd = [
             vec![],

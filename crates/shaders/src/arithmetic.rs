@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn a_driver_that_ends_loops_early_is_refused_with_the_version_needed() {
+    fn rejects_drivers_that_truncate_loops() {
         let refused = with(1, 2, |_| 65_535).unwrap_err();
         assert!(
             refused.contains("after 65535 turns") && refused.contains("Mesa need version 23.1")
@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_device_does_where_it_may_choose_is_known() {
+    fn detects_optional_arithmetic_behaviour() {
         let free = |i, f| with(1, i, f).unwrap();
         let (divides, _) = free(0, |[a, b, ..]| (a * (1.0 / b)).to_bits());
         assert!(!divides.rounds_division && !divides.fuses);
@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn fusing_and_regrouping_would_be_seen() {
+    fn detects_fused_and_regrouped_operations() {
         let all = operands();
         let (found, _) = verify(&all, &right(&all)).unwrap();
         assert_eq!(found, Arithmetic::IEEE);

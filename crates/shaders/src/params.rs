@@ -211,7 +211,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn points_are_scaled_and_small_coordinates_are_zero() {
+    fn light_is_scaled_and_flushed() {
         let point = [3.0e-3, f32::MIN_POSITIVE, -2.0e-39];
         let (least, none) = ((-64_f32).exp2(), Shape::default());
         for k in -126..=126 {

@@ -125,7 +125,7 @@ mod tests {
     use crate::Shape;
 
     #[test]
-    fn devices_take_tiles_by_what_they_have() {
+    fn packet_mode_depends_on_subgroups() {
         let of = Packets::for_device;
         assert_eq!(of(Some((32, 32)), false), Some(Packets::BySubgroups));
         for other in [Some((8, 32)), Some((64, 64)), None] {
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn tiles_pay_where_a_picture_has_pixels_enough() {
+    fn packets_require_enough_pixels() {
         let most = 64 * 48 / 4;
         let [usual, more] = [most, most + 1].map(|triangles| params(triangles, [64, 48]));
         for how in [Packets::BySubgroups, Packets::ByGroups] {
@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn rasters_pay_as_far_as_that_was_measured() {
+    fn rasterization_is_limited_to_measured_sizes() {
         let (large, larger, fewer) = ([1920, 1200], [3840, 2160], MANY_TRIANGLES - 1);
         for (triangles, size, by_subgroups, by_groups) in [
             (1_600_000, large, true, false),
@@ -187,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn rasters_rest_after_they_told_too_little_and_are_tried_again() {
+    fn rasterization_backs_off_and_retries() {
         let mut backoff = RasterBackoff::default();
         let counts = |untold| Counts {
             untold,

@@ -117,7 +117,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn costs_have_a_slot_for_each_tile() {
+    fn cost_buffer_fits_every_tile() {
         for leaves in [1, 2, 511, 513, 100_000, 1 << 24] {
             let tree = Shape::made_on_device(leaves);
             let work = cluster(Params::default(), &tree);
@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn the_hosts_numbers_are_the_kernels() {
+    fn rebuild_constants_match_kernel_sources() {
         let has = |kernel: &str, text: &str| {
             let found = common(kernel).code.wgsl.contains(text);
             assert!(found, "{kernel} lacks {text}");

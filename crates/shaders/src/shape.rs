@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_hold_every_float_of_what_moves() {
+    fn rows_cover_all_moving_floats() {
         assert_eq!(rows(&[], 9), Some(vec![]));
         assert_eq!(rows(&[0], 9), Some(vec![0]));
         assert_eq!(rows(&[1], 9), Some(vec![0, 1]));

@@ -78,7 +78,7 @@ mod tests {
     }
 
     #[test]
-    fn the_host_makes_room_for_what_kernels_take_at_once() {
+    fn host_constants_match_kernel_sources() {
         let says = |entry: &str, what: &str| {
             let wgsl = kernel(entry, Intersector::Exact).code.wgsl;
             assert!(wgsl.contains(what), "{entry}");
@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn woop_names_its_triangles_behind_the_rows() {
+    fn woop_records_append_triangle_indices() {
         for (leaves, rows) in [(1, 4), (4, 13), (5, 17)] {
             assert_eq!(record_bytes(Intersector::Woop, leaves), 16 * rows);
         }

@@ -204,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_tree_is_refused() {
+    fn rejects_malformed_trees() {
         // The root's left child is leaf 1, its right child holds leaves 0 and 2. The second place is unused.
         let whole = [1, 0, LEAF | 1, 2, LEAF, LEAF | 2];
         assert_eq!(read(whole).unwrap().leaf_triangles(), [8, 7, 9]);

@@ -332,7 +332,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn more_groups_than_one_axis_holds_go_into_rows() {
+    fn workgroups_overflow_into_rows() {
         assert_eq!(Groups::Linear(0).counts(128, 65535), Ok([0, 1]));
         assert_eq!(Groups::Linear(129).counts(128, 65535), Ok([2, 1]));
         let [x, y] = Groups::Linear(128 * 100_000).counts(128, 65535).unwrap();

@@ -19,14 +19,14 @@ fn codes(kernel: &'static Kernel) -> impl Iterator<Item = Code> {
 }
 
 #[test]
-fn there_are_no_more_variants_than_need_be() {
+fn variant_count_is_bounded() {
     let (variants, forms) = (all().count(), all().flat_map(codes).count());
     assert!(variants <= MOST_VARIANTS, "{variants} variants");
     assert!(forms <= MOST_FORMS, "{forms} compiled forms");
 }
 
 #[test]
-fn no_two_variants_are_the_same() {
+fn variants_are_distinct() {
     let mut known = BTreeMap::new();
     for kernel in all() {
         for code in codes(kernel) {
@@ -85,7 +85,7 @@ fn loose_operations(module: &[u32]) -> usize {
 }
 
 #[test]
-fn only_what_decides_no_hit_may_be_fused_and_no_name_is_left() {
+fn only_expected_operations_may_be_fused() {
     for (kernel, code) in KERNELS.iter().flat_map(|k| codes(k).map(move |c| (k, c))) {
         let used = LOOSE.iter().filter(|(f, _)| code.wgsl.contains(f));
         let expected: usize = used.map(|(_, operations)| operations).sum();
@@ -98,7 +98,7 @@ fn only_what_decides_no_hit_may_be_fused_and_no_name_is_left() {
 }
 
 #[test]
-fn products_of_two_words_take_one_instruction() {
+fn word_products_take_one_instruction() {
     for kernel in KERNELS {
         let module: Vec<u32> = bytemuck::pod_collect_to_vec(kernel.code.spirv);
         let products = instructions(&module);
@@ -109,7 +109,7 @@ fn products_of_two_words_take_one_instruction() {
 }
 
 #[test]
-fn params_lie_as_the_kernels_read_them() {
+fn params_layout_matches_kernels() {
     for kernel in KERNELS {
         let module = naga::front::wgsl::parse_str(kernel.code.wgsl).unwrap();
         let mut types = module.types.iter();

@@ -4,7 +4,7 @@
 #![expect(unsafe_code, reason = "the driver's library has no safe calls")]
 
 use crate::external::{OFFSET, Shared, SharedRays, words};
-use crate::lent::{OnHost, Sheets, bits, find_what_the_hosts_do, see_as_of_the_host, sheet};
+use crate::lent::{OnHost, Sheets, bits, check_rays_match_host, check_vertices_match_host, sheet};
 use crate::other_device::{Exported, Importer};
 use crate::scenes::camera;
 use abvh::{Error, Query, Ray, Source, Update};
@@ -236,17 +236,17 @@ impl Importer for Cuda {
     }
 }
 
-pub(crate) fn vertices_of_cuda_are_traced_where_they_lie() {
-    see_as_of_the_host::<Shared<Cuda>>();
+pub(crate) fn traces_cuda_vertices_in_place() {
+    check_vertices_match_host::<Shared<Cuda>>();
 }
 
-pub(crate) fn rays_and_answers_are_shared_with_cuda() {
-    find_what_the_hosts_do(SharedRays::<Cuda>::new);
+pub(crate) fn shares_rays_and_hits_with_cuda() {
+    check_rays_match_host(SharedRays::<Cuda>::new);
 }
 
 /// Checks that neither waits on the host. CUDA overwrites the vertices before each write, so a missing wait is
 /// detected.
-pub(crate) fn steps_and_cuda_wait_for_each_other() {
+pub(crate) fn steps_and_cuda_synchronize() {
     let mut shared = Shared::<Cuda>::open(Update::Async);
     let mut expected = OnHost::open(Update::Async);
     let semaphore = shared.tracer.external_semaphore().unwrap();

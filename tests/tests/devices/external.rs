@@ -1,8 +1,8 @@
 //! Tests vertices, rays and answers in memory shared with another device, and the semaphore that orders accesses.
 
 use crate::lent::{
-    Found, LentRays, Moved, OnHost, Sheets, find_what_the_hosts_do, found, see_as_of_the_host,
-    sheet, stay_while_another_is_replaced, triangles, two_sheets,
+    Found, LentRays, Moved, OnHost, Sheets, check_rays_match_host, check_vertices_match_host,
+    check_vertices_survive_replacement, found, sheet, triangles, two_sheets,
 };
 use crate::open_vulkan;
 use crate::other_device::{Exported, Importer, OtherDevice};
@@ -97,12 +97,12 @@ pub(crate) fn words(points: &[Point]) -> &[u8] {
     bytemuck::cast_slice(points)
 }
 
-pub(crate) fn vertices_may_lie_in_external_memory() {
-    see_as_of_the_host::<Shared<OtherDevice>>();
+pub(crate) fn reads_vertices_from_external_memory() {
+    check_vertices_match_host::<Shared<OtherDevice>>();
 }
 
-pub(crate) fn vertices_of_external_memory_stay_while_another_mesh_is_replaced() {
-    stay_while_another_is_replaced::<Shared<OtherDevice>>();
+pub(crate) fn external_vertices_survive_mesh_replacement() {
+    check_vertices_survive_replacement::<Shared<OtherDevice>>();
 }
 
 /// Rays and answers in memory shared with another device.
@@ -163,11 +163,11 @@ impl<O: Importer> LentRays for SharedRays<O> {
     }
 }
 
-pub(crate) fn rays_and_answers_may_lie_in_external_memory() {
-    find_what_the_hosts_do(SharedRays::<OtherDevice>::new);
+pub(crate) fn traces_rays_in_external_memory() {
+    check_rays_match_host(SharedRays::<OtherDevice>::new);
 }
 
-pub(crate) fn misuse_of_external_memory_is_an_error() {
+pub(crate) fn external_memory_misuse_is_an_error() {
     let open = || Shared::<OtherDevice>::open(Update::Async);
     let (mut own, other) = (open(), open());
     let (mesh, (buffer, _)) = (own.sheets[0], &own.memory[0]);
@@ -252,7 +252,7 @@ fn let_go(
 }
 
 /// Signals the timeline from the host, in place of another device.
-pub(crate) fn what_is_lent_is_used_between_two_values_of_a_timeline() {
+pub(crate) fn timeline_bounds_external_memory_access() {
     let mut backend = open_vulkan().unwrap();
     let gpu = Arc::clone(&backend.gpu().gpu);
     let [vertices, given] = [12 * 400, 32 * 500].map(|bytes| {

@@ -40,7 +40,7 @@ pub(crate) fn stages_are_timed_by_one_clock(backend: &mut dyn Subject) {
 }
 
 /// Checks the memory of a scene of 20,000 triangles, that it is freed with the scene, and the memory of a trace.
-pub(crate) fn device_memory_is_counted_and_given_back(backend: &mut dyn Subject) {
+pub(crate) fn device_memory_is_counted_and_freed(backend: &mut dyn Subject) {
     let (large, small) = (swarm(20_000), swarm(20));
     let mut bytes = |animation| {
         open(backend, animation);
@@ -77,7 +77,7 @@ pub(crate) fn device_memory_is_counted_and_given_back(backend: &mut dyn Subject)
     assert!((least..least + 2 * 64).contains(&grown), "{grown}");
 }
 
-pub(crate) fn steady_frames_make_no_buffers(backend: &mut dyn Subject) {
+pub(crate) fn steady_frames_create_no_buffers(backend: &mut dyn Subject) {
     let (animation, camera) = (swarm(1000), camera());
     let trees = [0.0, 0.7, 1.5].map(|time| tree_at(&animation, time));
     open(backend, &animation);
@@ -103,9 +103,7 @@ pub(crate) fn steady_frames_make_no_buffers(backend: &mut dyn Subject) {
     assert_eq!(backend.buffers_made(), made);
 }
 
-pub(crate) fn a_query_too_large_is_refused_and_a_smaller_one_may_follow_at_once(
-    backend: &mut dyn Subject,
-) {
+pub(crate) fn too_large_query_is_refused(backend: &mut dyn Subject) {
     let animation = swarm(50);
     open(backend, &animation);
     stand(backend, &animation, 0.5);
@@ -135,7 +133,7 @@ pub(crate) fn a_query_too_large_is_refused_and_a_smaller_one_may_follow_at_once(
 }
 
 /// Checks that the query after a refused one has the same hits, whether or not the host computed the moment's range.
-pub(crate) fn a_moment_is_measured_after_a_query_was_refused(backend: &mut dyn Subject) {
+pub(crate) fn range_is_measured_after_refused_query(backend: &mut dyn Subject) {
     let scene = swarm(50);
     let mut far = scene.first().to_vec();
     far[7] = [1e30, 0.0, 0.0];
@@ -190,7 +188,7 @@ fn another(beside: &dyn Backend) -> Box<dyn Backend> {
 }
 
 /// Checks that other scenes on the device change nothing while they are loaded, traced and dropped.
-pub(crate) fn scenes_that_share_a_device_are_traced_at_once(backend: &mut dyn Subject) {
+pub(crate) fn scenes_share_a_device_concurrently(backend: &mut dyn Subject) {
     let scenes = [2000, 3000].map(swarm);
     let alone = scenes.each_ref().map(|scene| play(backend, scene));
     let mut others = [0, 1].map(|_| another(backend));
@@ -213,7 +211,7 @@ pub(crate) fn scenes_that_share_a_device_are_traced_at_once(backend: &mut dyn Su
     assert!(play(backend, &scenes[1]) == alone[1]);
 }
 
-pub(crate) fn a_snapshot_outlives_the_backend(mut backend: Box<dyn Subject>) {
+pub(crate) fn snapshot_outlives_the_backend(mut backend: Box<dyn Subject>) {
     let animation = swarm(100);
     open(&mut *backend, &animation);
     stand(&mut *backend, &animation, 0.25);
@@ -227,7 +225,7 @@ pub(crate) fn a_snapshot_outlives_the_backend(mut backend: Box<dyn Subject>) {
     assert!(elsewhere.join().unwrap() == expected);
 }
 
-pub(crate) fn a_backend_may_be_dropped_at_any_moment(mut backend: Box<dyn Subject>) {
+pub(crate) fn dropping_a_busy_backend_is_safe(mut backend: Box<dyn Subject>) {
     let subject: &mut dyn Backend = &mut *backend;
     let animation = swarm(2000);
     open(subject, &animation);
@@ -262,7 +260,7 @@ pub(crate) fn paged_key_frames_take_memory_for_few(backend: &mut dyn Subject) {
     assert!(keys < 8 + 2 + 3, "memory for {keys} times all vertices");
 }
 
-pub(crate) fn nothing_is_shaded_without_a_palette(backend: &mut dyn Subject) {
+pub(crate) fn shading_requires_a_palette(backend: &mut dyn Subject) {
     let (animation, camera) = (swarm(50), camera());
     open(backend, &animation);
     stand(backend, &animation, 0.0);

@@ -28,7 +28,7 @@ fn chain() -> Topology {
     record(LEAVES as usize, &order, |_, _| 1)
 }
 
-pub(crate) fn a_submission_may_hold_any_number_of_stages(backend: &mut dyn Subject) {
+pub(crate) fn submission_accepts_many_stages(backend: &mut dyn Subject) {
     let animation = stack();
     let intersector = Intersector::Watertight;
     backend.load(Arc::clone(&animation), intersector).unwrap();
@@ -44,7 +44,7 @@ pub(crate) fn a_submission_may_hold_any_number_of_stages(backend: &mut dyn Subje
 }
 
 /// Also tests counts, which last until the next preprocess. A scene that was just loaded has no cost.
-pub(crate) fn a_cost_stands_until_the_next_refit(backend: &mut dyn Subject) {
+pub(crate) fn cost_persists_until_next_refit(backend: &mut dyn Subject) {
     let animation = swarm(300);
     open(backend, &animation);
     assert_eq!(report(backend).sah_cost, None);
@@ -71,7 +71,7 @@ fn resting() -> Arc<Animation> {
     Arc::new(Animation::new(keys, triangles).unwrap())
 }
 
-pub(crate) fn treelets_that_stand_still_are_passed_over_to_the_last_bit(backend: &mut dyn Subject) {
+pub(crate) fn skipping_static_treelets_preserves_bits(backend: &mut dyn Subject) {
     let animation = resting();
     let words = tree_at(&animation, 0.0).words().to_vec();
     let plain = Topology::from_words(words).unwrap();
@@ -159,7 +159,7 @@ fn refitted(
 }
 
 /// Tests a scene so large that `preprocess` waits for positions.
-pub(crate) fn large_trees_have_the_references_boxes(backend: &mut dyn Subject) {
+pub(crate) fn large_trees_match_reference_boxes(backend: &mut dyn Subject) {
     static LARGE: LazyLock<(Arc<Animation>, Topology)> = LazyLock::new(|| {
         let animation = swarm(540_000);
         let tree = tree_at(&animation, 0.4);

@@ -112,7 +112,7 @@ const STEPS: [Moved; 10] = [
 ];
 
 /// Checks that sheets moved step by step have the same hits and pictures as on the host.
-pub(crate) fn see_as_of_the_host<S: Sheets>() {
+pub(crate) fn check_vertices_match_host<S: Sheets>() {
     for update in [
         Update::Async,
         Update::Rebuild,
@@ -135,7 +135,7 @@ pub(crate) fn see_as_of_the_host<S: Sheets>() {
 }
 
 /// Checks that device vertices and memory stay valid while another mesh is replaced, even before the first query.
-pub(crate) fn stay_while_another_is_replaced<S: Sheets>() {
+pub(crate) fn check_vertices_survive_replacement<S: Sheets>() {
     let (mut found, mut expected) = (one_replaced::<S>(), one_replaced::<OnHost>());
     let moved = [None, Some((0.25, false)), Some((0.75, true))];
     for moved in moved.map(|second| [None, second]) {
@@ -233,7 +233,7 @@ pub(crate) fn all_kinds() -> Vec<Ray> {
 
 /// Checks that lent rays have the same hits and answers as rays of the host, whatever the buffer of answers held
 /// before. Returns the last `L`, whose last query was for closest hits and had some.
-pub(crate) fn find_what_the_hosts_do<L: LentRays>(open: impl Fn(Scene, &[Ray]) -> L) -> L {
+pub(crate) fn check_rays_match_host<L: LentRays>(open: impl Fn(Scene, &[Ray]) -> L) -> L {
     let list = all_kinds();
     let [_, last] = [(nothing(), false), (flying(), true)].map(|(scene, hits_some)| {
         let mut lent = open(scene, &list);

@@ -77,88 +77,88 @@ macro_rules! named {
 /// Tests of every device. Each loads its own scenes.
 const SHARED: &[Test] = named![
     frames::stages_are_timed_by_one_clock,
-    frames::steady_frames_make_no_buffers,
+    frames::steady_frames_create_no_buffers,
     frames::paged_key_frames_take_memory_for_few,
-    frames::device_memory_is_counted_and_given_back,
-    frames::a_query_too_large_is_refused_and_a_smaller_one_may_follow_at_once,
-    frames::a_moment_is_measured_after_a_query_was_refused,
-    frames::scenes_that_share_a_device_are_traced_at_once,
-    frames::nothing_is_shaded_without_a_palette,
-    geometry::a_submission_may_hold_any_number_of_stages,
-    geometry::a_cost_stands_until_the_next_refit,
+    frames::device_memory_is_counted_and_freed,
+    frames::too_large_query_is_refused,
+    frames::range_is_measured_after_refused_query,
+    frames::scenes_share_a_device_concurrently,
+    frames::shading_requires_a_palette,
+    geometry::submission_accepts_many_stages,
+    geometry::cost_persists_until_next_refit,
     geometry::trees_of_any_shape_have_the_references_hits_and_boxes,
-    geometry::large_trees_have_the_references_boxes,
+    geometry::large_trees_match_reference_boxes,
 ];
 
 /// Tests of kernels, for which one device suffices.
 const OF_KERNELS: &[Test] = named![
-    geometry::treelets_that_stand_still_are_passed_over_to_the_last_bit,
-    together::triangles_find_the_rays_that_find_them,
-    together::each_ray_goes_by_itself_where_triangles_cover_too_much,
-    rebuild::trees_of_any_size_are_whole,
-    rebuild::two_triangles_in_a_row_share_a_leaf,
-    rebuild::no_tree_is_too_deep_for_the_traversal,
-    rebuild::extreme_and_equal_coordinates_make_a_tree,
-    rebuild::triangles_are_sorted_by_their_keys_and_equal_keys_keep_their_order,
-    rebuild::a_tree_made_here_costs_hardly_more_than_the_hosts,
-    together::rays_together_find_what_each_finds_by_itself,
+    geometry::skipping_static_treelets_preserves_bits,
+    together::rasterization_matches_single_rays,
+    together::excessive_coverage_falls_back_to_rays,
+    rebuild::trees_of_any_size_are_valid,
+    rebuild::adjacent_pairs_share_a_leaf,
+    rebuild::nested_triangles_respect_maximum_depth,
+    rebuild::builds_trees_of_extreme_coordinates,
+    rebuild::radix_sort_is_stable,
+    rebuild::device_tree_cost_is_near_host,
+    together::packets_match_single_rays,
 ];
 
 /// Tests that end with the device.
 const FRESH: &[LastTest] = named![
-    frames::a_snapshot_outlives_the_backend,
-    frames::a_backend_may_be_dropped_at_any_moment,
+    frames::snapshot_outlives_the_backend,
+    frames::dropping_a_busy_backend_is_safe,
 ];
 
 /// Tests of one device's features.
 const OF_VULKAN: &[(&str, fn())] = named![
-    queues::required_validation_is_there_or_its_absence_is_named,
-    queues::every_adapter_tells_its_limits,
-    queues::large_buffers_of_the_host_lie_in_pages_of_the_process,
-    queues::no_more_submissions_are_under_way_than_may_be,
+    queues::required_validation_is_active_or_reported,
+    queues::every_adapter_lists_its_limits,
+    queues::large_host_buffers_import_process_pages,
+    queues::submissions_in_flight_are_bounded,
 ];
 const OF_THREE_QUEUES: &[(&str, fn())] = named![
-    queues::positions_on_their_way_are_not_written_over,
-    queues::frames_go_on_though_nothing_comes_down_or_goes_up,
+    queues::pending_readbacks_are_not_overwritten,
+    queues::frames_continue_during_blocked_copies,
 ];
 const OF_WGPU: &[(&str, fn())] = named![
-    wgpu_lent::a_lent_device_without_features_gives_the_same_hits,
-    wgpu_lent::a_scene_too_large_is_refused_by_its_limit,
-    wgpu_lent::a_device_with_too_few_buffers_is_refused,
-    wgpu_lent::a_lent_device_keeps_its_handlers,
-    wgpu_lent::stages_are_timed_each_whether_they_share_a_pass_or_not,
-    wgpu_lent::every_verb_after_a_loss_is_an_error_and_no_panic,
-    wgpu_points::vertices_may_lie_in_a_buffer_of_the_programs,
-    wgpu_points::a_buffer_that_does_not_fit_is_an_error,
-    wgpu_points::vertices_of_a_buffer_stay_while_another_mesh_is_replaced,
-    wgpu_rays::rays_may_lie_in_a_buffer_of_the_programs,
-    wgpu_rays::long_lists_take_no_more_room_than_was_asked_for,
-    wgpu_rays::buffers_of_rays_are_let_go_of,
-    wgpu_rays::a_buffer_of_rays_that_does_not_fit_is_an_error,
-    wgpu_encode::a_step_keeps_the_order_of_the_programs_commands,
-    wgpu_encode::a_step_that_is_not_submitted_has_no_results_yet,
-    wgpu_encode::a_step_that_is_dropped_with_its_commands_is_given_up,
-    wgpu_encode::a_tracer_goes_on_after_dropped_commands,
-    wgpu_encode::commands_that_wgpu_refuses_have_no_results,
-    wgpu_encode::what_cannot_be_encoded_is_refused,
-    wgpu_encode::a_tree_stays_until_the_commands_are_done_that_read_it,
-    wgpu_module::shaders_find_what_queries_do,
-    wgpu_module::a_scene_that_shaders_cannot_trace_is_an_error,
+    wgpu_lent::featureless_device_gives_same_hits,
+    wgpu_lent::too_large_scene_names_its_limit,
+    wgpu_lent::device_with_few_buffers_is_refused,
+    wgpu_lent::lent_device_keeps_its_handlers,
+    wgpu_lent::stages_are_timed_within_shared_passes,
+    wgpu_lent::calls_after_device_loss_return_errors,
+    wgpu_points::reads_vertices_from_caller_buffers,
+    wgpu_points::unsuitable_vertex_buffer_is_an_error,
+    wgpu_points::buffer_vertices_survive_mesh_replacement,
+    wgpu_rays::reads_rays_from_caller_buffers,
+    wgpu_rays::long_lists_fit_the_requested_limits,
+    wgpu_rays::ray_buffers_are_released,
+    wgpu_rays::unsuitable_ray_buffer_is_an_error,
+    wgpu_encode::steps_keep_the_command_order,
+    wgpu_encode::unsubmitted_step_has_no_results,
+    wgpu_encode::step_with_dropped_commands_is_abandoned,
+    wgpu_encode::tracer_recovers_from_dropped_commands,
+    wgpu_encode::refused_commands_have_no_results,
+    wgpu_encode::unencodable_steps_are_refused,
+    wgpu_encode::tree_outlives_commands_that_read_it,
+    wgpu_module::shader_hits_match_queries,
+    wgpu_module::untraceable_scene_is_an_error,
 ];
 
 #[cfg(target_os = "linux")]
 const OF_EXTERNAL_MEMORY: &[(&str, fn())] = named![
-    external::vertices_may_lie_in_external_memory,
-    external::vertices_of_external_memory_stay_while_another_mesh_is_replaced,
-    external::rays_and_answers_may_lie_in_external_memory,
-    external::misuse_of_external_memory_is_an_error,
-    external::what_is_lent_is_used_between_two_values_of_a_timeline,
+    external::reads_vertices_from_external_memory,
+    external::external_vertices_survive_mesh_replacement,
+    external::traces_rays_in_external_memory,
+    external::external_memory_misuse_is_an_error,
+    external::timeline_bounds_external_memory_access,
 ];
 #[cfg(target_os = "linux")]
 const OF_CUDA: &[(&str, fn())] = named![
-    cuda::vertices_of_cuda_are_traced_where_they_lie,
-    cuda::rays_and_answers_are_shared_with_cuda,
-    cuda::steps_and_cuda_wait_for_each_other,
+    cuda::traces_cuda_vertices_in_place,
+    cuda::shares_rays_and_hits_with_cuda,
+    cuda::steps_and_cuda_synchronize,
 ];
 
 fn main() -> ExitCode {

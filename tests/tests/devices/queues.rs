@@ -13,7 +13,7 @@ use gpu_vulkan::transfer::Transfer;
 use std::sync::Arc;
 use std::time::Duration;
 
-pub(crate) fn required_validation_is_there_or_its_absence_is_named() {
+pub(crate) fn required_validation_is_active_or_reported() {
     let options = Options {
         validation: Validation::Required,
         ..Options::default()
@@ -26,7 +26,7 @@ pub(crate) fn required_validation_is_there_or_its_absence_is_named() {
     assert!(!plain.gpu().gpu.host.is_validated);
 }
 
-pub(crate) fn every_adapter_tells_its_limits() {
+pub(crate) fn every_adapter_lists_its_limits() {
     for adapter in gpu_vulkan::adapters().unwrap() {
         let value = |name| {
             let found = adapter.limits.iter().find(|(n, _)| *n == name);
@@ -44,7 +44,7 @@ pub(crate) fn every_adapter_tells_its_limits() {
     }
 }
 
-pub(crate) fn large_buffers_of_the_host_lie_in_pages_of_the_process() {
+pub(crate) fn large_host_buffers_import_process_pages() {
     let mut backend = open_vulkan().unwrap();
     let gpu = Arc::clone(&backend.gpu().gpu);
     let words: Vec<u32> = (0..1 << 18).collect();
@@ -88,7 +88,7 @@ fn is_done(backend: &VulkanBackend, ticket: Ticket) -> bool {
     backend.gpu().done.has_reached(ticket.0).unwrap()
 }
 
-pub(crate) fn no_more_submissions_are_under_way_than_may_be() {
+pub(crate) fn submissions_in_flight_are_bounded() {
     let mut backend = open_vulkan().unwrap();
     let (animation, camera) = (swarm(2000), camera());
     open(&mut backend, &animation);
@@ -100,7 +100,7 @@ pub(crate) fn no_more_submissions_are_under_way_than_may_be() {
     }
 }
 
-pub(crate) fn positions_on_their_way_are_not_written_over() {
+pub(crate) fn pending_readbacks_are_not_overwritten() {
     let mut backend = open_vulkan().unwrap();
     let gpu = Arc::clone(&backend.gpu().gpu);
     let animation = swarm(5000);
@@ -127,7 +127,7 @@ pub(crate) fn positions_on_their_way_are_not_written_over() {
     backend.wait(third).unwrap();
 }
 
-pub(crate) fn frames_go_on_though_nothing_comes_down_or_goes_up() {
+pub(crate) fn frames_continue_during_blocked_copies() {
     let mut backend = open_vulkan().unwrap();
     let gpu = Arc::clone(&backend.gpu().gpu);
     let (animation, camera) = (swarm(5000), camera());

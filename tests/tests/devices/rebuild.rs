@@ -28,7 +28,7 @@ fn made(backend: &mut dyn Subject, animation: &Arc<Animation>, time: f64) -> (To
 }
 
 /// Checks that boxes and costs equal those of a refit of the same tree.
-pub(crate) fn trees_of_any_size_are_whole(backend: &mut dyn Subject) {
+pub(crate) fn trees_of_any_size_are_valid(backend: &mut dyn Subject) {
     let mut reference = CpuBackend::new(Some(2)).unwrap();
     let sizes = [0, 1, 2, 3, 128, 129, 511, 512, 513, 769, 2048, 2049, 9000];
     for (triangles, time) in sizes.into_iter().zip([1.3, 0.0].into_iter().cycle()) {
@@ -47,7 +47,7 @@ pub(crate) fn trees_of_any_size_are_whole(backend: &mut dyn Subject) {
 }
 
 /// Tests pairs of triangles that are far from one another.
-pub(crate) fn two_triangles_in_a_row_share_a_leaf(backend: &mut dyn Subject) {
+pub(crate) fn adjacent_pairs_share_a_leaf(backend: &mut dyn Subject) {
     let at = |i: u32| [(i / 2) as f32 * 10.0 + 0.1 * (i % 2) as f32, 0.0, 0.0];
     let scene = at_points((0..600).map(at), 1.0);
     made(backend, &scene, 0.0);
@@ -59,7 +59,7 @@ pub(crate) fn two_triangles_in_a_row_share_a_leaf(backend: &mut dyn Subject) {
 }
 
 /// Tests nested triangles: each round except the last ones merges only the innermost two.
-pub(crate) fn no_tree_is_too_deep_for_the_traversal(backend: &mut dyn Subject) {
+pub(crate) fn nested_triangles_respect_maximum_depth(backend: &mut dyn Subject) {
     for count in [300, 3000] {
         let corners = |i: u32| {
             let s = 1.1_f32.powi(i as i32 % 300);
@@ -72,7 +72,7 @@ pub(crate) fn no_tree_is_too_deep_for_the_traversal(backend: &mut dyn Subject) {
     }
 }
 
-pub(crate) fn extreme_and_equal_coordinates_make_a_tree(backend: &mut dyn Subject) {
+pub(crate) fn builds_trees_of_extreme_coordinates(backend: &mut dyn Subject) {
     let far = |i: u32| [i as f32 * 1e34, -1e38, 1e37];
     let line = |i: u32| [0.0, 0.0, i as f32];
     let near = |i: u32| [1e-30 * i as f32, 0.0, 0.0];
@@ -88,9 +88,7 @@ pub(crate) fn extreme_and_equal_coordinates_make_a_tree(backend: &mut dyn Subjec
 }
 
 /// Checks that the pass of each digit is stable. Equal keys keep the order of the triangles.
-pub(crate) fn triangles_are_sorted_by_their_keys_and_equal_keys_keep_their_order(
-    backend: &mut dyn Subject,
-) {
+pub(crate) fn radix_sort_is_stable(backend: &mut dyn Subject) {
     let mut number = numbers(3);
     let mut points: Vec<Point> = (0..5000).map(|_| [number(), number(), number()]).collect();
     points.extend_from_within(..1000);
@@ -106,7 +104,7 @@ pub(crate) fn triangles_are_sorted_by_their_keys_and_equal_keys_keep_their_order
 }
 
 /// Compares the cost with that of the host's tree over the same vertices.
-pub(crate) fn a_tree_made_here_costs_hardly_more_than_the_hosts(backend: &mut dyn Subject) {
+pub(crate) fn device_tree_cost_is_near_host(backend: &mut dyn Subject) {
     let animation = swarm(20_000);
     let (_, cost) = made(backend, &animation, 0.3);
     let tree = tree_at(&animation, 0.3);

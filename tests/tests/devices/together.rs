@@ -42,13 +42,13 @@ fn open_by(backend: &mut dyn Subject, animation: &Arc<Animation>, intersector: I
     backend.adopt(&tree, Generation(1)).unwrap();
 }
 
-pub(crate) fn rays_together_find_what_each_finds_by_itself(backend: &mut dyn Subject) {
+pub(crate) fn packets_match_single_rays(backend: &mut dyn Subject) {
     for intersector in Intersector::ALL {
-        rays_together_find_the_same(backend, intersector);
+        check_packets(backend, intersector);
     }
 }
 
-fn rays_together_find_the_same(backend: &mut dyn Subject, intersector: Intersector) {
+fn check_packets(backend: &mut dyn Subject, intersector: Intersector) {
     let (moving, still) = ([(0.0, 1), (0.3, 2), (1.0, 3)], [(0.0, 1), (0.0, 2)]);
     for (animation, moments) in [(swarm(4000), &moving[..]), (layers(), &still[..])] {
         backend.load(Arc::clone(&animation), intersector).unwrap();
@@ -148,13 +148,13 @@ fn told_all(backend: &mut dyn Subject, intersector: Intersector) -> bool {
     backend.words(BufferName::Visibility, 2 * numbers + 2)[2 * numbers..] == [u32::MAX; 2]
 }
 
-pub(crate) fn triangles_find_the_rays_that_find_them(backend: &mut dyn Subject) {
+pub(crate) fn rasterization_matches_single_rays(backend: &mut dyn Subject) {
     for intersector in Intersector::ALL {
-        triangles_find_their_rays(backend, intersector);
+        check_rasterization(backend, intersector);
     }
 }
 
-fn triangles_find_their_rays(backend: &mut dyn Subject, intersector: Intersector) {
+fn check_rasterization(backend: &mut dyn Subject, intersector: Intersector) {
     let dust = dust_for(intersector);
     open_by(backend, &dust, intersector);
     let before = backend.device_bytes().unwrap().tree;
@@ -182,13 +182,13 @@ fn triangles_find_their_rays(backend: &mut dyn Subject, intersector: Intersector
     }
 }
 
-pub(crate) fn each_ray_goes_by_itself_where_triangles_cover_too_much(backend: &mut dyn Subject) {
+pub(crate) fn excessive_coverage_falls_back_to_rays(backend: &mut dyn Subject) {
     for intersector in Intersector::ALL {
-        each_ray_goes_by_itself(backend, intersector);
+        check_fallback_to_rays(backend, intersector);
     }
 }
 
-fn each_ray_goes_by_itself(backend: &mut dyn Subject, intersector: Intersector) {
+fn check_fallback_to_rays(backend: &mut dyn Subject, intersector: Intersector) {
     // The first three need more tests than traversal does, of large, medium and small triangles. The others have more
     // tiles than fit in memory, and more large triangles than the list holds.
     let tests = [sheets(4), panes(500, 0.4), panes(9000, 0.08)];

@@ -102,7 +102,7 @@ impl Encoded {
 }
 
 /// Tests two steps in flight at a time.
-pub(crate) fn a_step_keeps_the_order_of_the_programs_commands() {
+pub(crate) fn steps_keep_the_command_order() {
     for update in [Update::Async, Update::Refit] {
         let mut found = Encoded::new(update);
         let mut expected = OnHost::open(update);
@@ -121,7 +121,7 @@ pub(crate) fn a_step_keeps_the_order_of_the_programs_commands() {
     }
 }
 
-pub(crate) fn a_step_that_is_not_submitted_has_no_results_yet() {
+pub(crate) fn unsubmitted_step_has_no_results() {
     let mut own = Encoded::new(Update::Async);
     let steps = [0.25, 0.5].map(|height| own.encode([height, 1.0]));
     for step in &steps {
@@ -162,7 +162,7 @@ fn check_next(own: &mut Encoded, [on_device, on_host]: [f32; 2]) {
 }
 
 /// Checks that earlier steps keep their results, and that later ones are as if the step had never existed.
-pub(crate) fn a_step_that_is_dropped_with_its_commands_is_given_up() {
+pub(crate) fn step_with_dropped_commands_is_abandoned() {
     for update in [Update::Async, Update::Refit, Update::DeviceRebuild] {
         for drop_commands in VAIN {
             let mut own = Encoded::new(update);
@@ -188,7 +188,7 @@ pub(crate) fn a_step_that_is_dropped_with_its_commands_is_given_up() {
 }
 
 /// Drops many steps with vertices in host memory, then tests steps, a replacement and a rebuilt tracer.
-pub(crate) fn a_tracer_goes_on_after_dropped_commands() {
+pub(crate) fn tracer_recovers_from_dropped_commands() {
     let vertices = [[-1.0, 0.0, -1.0], [1.0, 0.0, -1.0], [0.0, 0.0, 1.0]];
     let mesh = || Mesh::streamed(&vertices, &[[0, 1, 2]]).unwrap();
     let mut scene = Scene::new();
@@ -235,7 +235,7 @@ pub(crate) fn a_tracer_goes_on_after_dropped_commands() {
 }
 
 /// wgpu refuses these commands only when they are finished. The step then has no results.
-pub(crate) fn commands_that_wgpu_refuses_have_no_results() {
+pub(crate) fn refused_commands_have_no_results() {
     let mut own = Encoded::new(Update::Async);
     let other = own_device(own.own.device.device.limits());
     let refused = |device: &OwnDevice, commands: CommandEncoder| {
@@ -264,7 +264,7 @@ pub(crate) fn commands_that_wgpu_refuses_have_no_results() {
 }
 
 /// Also checks that commands recorded before the refused step are kept.
-pub(crate) fn what_cannot_be_encoded_is_refused() {
+pub(crate) fn unencodable_steps_are_refused() {
     let camera = camera();
     let refused = |tracer: &mut Tracer, own: &Encoded, queries: usize| {
         let mut commands = own.commands();
@@ -311,7 +311,7 @@ pub(crate) fn what_cannot_be_encoded_is_refused() {
 }
 
 /// Writes of the queue run before the commands, so they must not overwrite the tree that the commands read.
-pub(crate) fn a_tree_stays_until_the_commands_are_done_that_read_it() {
+pub(crate) fn tree_outlives_commands_that_read_it() {
     let (animation, camera) = (swarm(300), camera());
     let limits = gpu_wgpu::required_limits(&animation, camera.pixels());
     let features = required_features() | useful_features();

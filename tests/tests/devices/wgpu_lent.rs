@@ -70,7 +70,7 @@ pub(crate) fn bytes_of(own: &OwnDevice, buffer: &Buffer) -> Vec<u8> {
 }
 
 /// Also compares the kernel variants. The lent device uses WGSL without checks.
-pub(crate) fn a_lent_device_without_features_gives_the_same_hits() {
+pub(crate) fn featureless_device_gives_same_hits() {
     let (animation, camera) = (swarm(300), camera());
     let limits = required_limits(&animation, camera.pixels());
     let mut lent = lent(&own_device(limits)).unwrap();
@@ -95,7 +95,7 @@ pub(crate) fn a_lent_device_without_features_gives_the_same_hits() {
     );
 }
 
-pub(crate) fn a_scene_too_large_is_refused_by_its_limit() {
+pub(crate) fn too_large_scene_names_its_limit() {
     let own = own_device(required_limits(&swarm(10), 10));
     let mut backend = lent(&own).unwrap();
     let refused = backend.load(swarm(25_000), Intersector::Watertight);
@@ -120,7 +120,7 @@ pub(crate) fn a_scene_too_large_is_refused_by_its_limit() {
     go(&mut backend, Rays::List(&many[..100]), QueryKind::Closest);
 }
 
-pub(crate) fn a_device_with_too_few_buffers_is_refused() {
+pub(crate) fn device_with_few_buffers_is_refused() {
     let refused = lent(&own_device(Limits::downlevel_defaults())).err();
     let said = refused.map(|e| e.to_string()).unwrap_or_default();
     assert!(
@@ -129,7 +129,7 @@ pub(crate) fn a_device_with_too_few_buffers_is_refused() {
     );
 }
 
-pub(crate) fn a_lent_device_keeps_its_handlers() {
+pub(crate) fn lent_device_keeps_its_handlers() {
     let (animation, camera) = (swarm(300), camera());
     let limits = required_limits(&animation, camera.pixels());
     let own = device_with(useful_features(), limits);
@@ -162,7 +162,7 @@ pub(crate) fn a_lent_device_keeps_its_handlers() {
     assert_eq!(heard, [0, 1], "errors and losses the engine heard of");
 }
 
-pub(crate) fn stages_are_timed_each_whether_they_share_a_pass_or_not() {
+pub(crate) fn stages_are_timed_within_shared_passes() {
     let (animation, camera) = (swarm(300), camera());
     let within = wgpu::Features::TIMESTAMP_QUERY_INSIDE_PASSES;
     for features in [useful_features(), useful_features() - within] {
@@ -229,7 +229,7 @@ fn frame(b: &mut WgpuBackend, animation: &Animation, rays: Option<&[Ray]>) -> ba
     b.wait(ticket).map(drop)
 }
 
-pub(crate) fn every_verb_after_a_loss_is_an_error_and_no_panic() {
+pub(crate) fn calls_after_device_loss_return_errors() {
     let animation = swarm(100);
     let list = rays(100);
     type Verb = fn(&mut WgpuBackend, &Arc<Animation>, &[Ray]) -> backend::Result<()>;

@@ -113,7 +113,7 @@ impl Shader {
 }
 
 /// Moves sheets by the program's commands, traces with its shader, and compares with queries. Only extreme rays differ.
-pub(crate) fn shaders_find_what_queries_do() {
+pub(crate) fn shader_hits_match_queries() {
     let mut list = all_kinds();
     // Hits may have negative distances.
     for ray in list.iter_mut().skip(1).step_by(3) {
@@ -159,7 +159,7 @@ pub(crate) fn shaders_find_what_queries_do() {
     }
 }
 
-pub(crate) fn a_scene_that_shaders_cannot_trace_is_an_error() {
+pub(crate) fn untraceable_scene_is_an_error() {
     let own = Own::open(Update::Async);
     let refused = |builder: abvh::Builder, warm: bool| {
         let builder = builder.device(Device::from(own.device.clone())).threads(2);

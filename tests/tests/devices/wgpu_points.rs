@@ -1,7 +1,8 @@
 //! Tests vertices in the program's own buffers.
 
 use crate::lent::{
-    Moved, OnHost, Sheets, see_as_of_the_host, sheet, stay_while_another_is_replaced, two_sheets,
+    Moved, OnHost, Sheets, check_vertices_match_host, check_vertices_survive_replacement, sheet,
+    two_sheets,
 };
 use crate::scenes::camera;
 use crate::wgpu_lent::{filled, own_device};
@@ -71,11 +72,11 @@ impl Sheets for Own {
     }
 }
 
-pub(crate) fn vertices_may_lie_in_a_buffer_of_the_programs() {
-    see_as_of_the_host::<Own>();
+pub(crate) fn reads_vertices_from_caller_buffers() {
+    check_vertices_match_host::<Own>();
 }
 
-pub(crate) fn a_buffer_that_does_not_fit_is_an_error() {
+pub(crate) fn unsuitable_vertex_buffer_is_an_error() {
     let mut own = Own::open(Update::Async);
     let buffer = own.buffer(&sheet(0.0), BufferUsages::COPY_SRC);
     let stored = own.buffer(&sheet(0.0), BufferUsages::STORAGE);
@@ -101,6 +102,6 @@ pub(crate) fn a_buffer_that_does_not_fit_is_an_error() {
     }
 }
 
-pub(crate) fn vertices_of_a_buffer_stay_while_another_mesh_is_replaced() {
-    stay_while_another_is_replaced::<Own>();
+pub(crate) fn buffer_vertices_survive_mesh_replacement() {
+    check_vertices_survive_replacement::<Own>();
 }

@@ -1,6 +1,6 @@
 //! Tests rays in the program's own buffers, and answers that are written to them.
 
-use crate::lent::{Found, LentRays, all_kinds, find_what_the_hosts_do, flying, found};
+use crate::lent::{Found, LentRays, all_kinds, check_rays_match_host, flying, found};
 use crate::scenes::rays;
 use crate::wgpu_lent::{bytes_of, filled, own_device};
 use abvh::own_device::{OwnDevice, RayBuffers, required_limits};
@@ -69,10 +69,10 @@ impl LentRays for Own {
     }
 }
 
-pub(crate) fn rays_may_lie_in_a_buffer_of_the_programs() {
+pub(crate) fn reads_rays_from_caller_buffers() {
     let list = all_kinds();
     for how in HOW {
-        let mut own = find_what_the_hosts_do(|scene, rays| Own::new(scene, rays, how));
+        let mut own = check_rays_match_host(|scene, rays| Own::new(scene, rays, how));
         // Hits of rays from the host are stored on the device in the format of answers.
         let mut step = own.tracer.step(0.5);
         let asked = step.trace(&list, Query::Closest).unwrap();
@@ -91,7 +91,7 @@ pub(crate) fn rays_may_lie_in_a_buffer_of_the_programs() {
 }
 
 /// Tests a list from the host that is uploaded in parts, on a device whose limits allow no larger list.
-pub(crate) fn long_lists_take_no_more_room_than_was_asked_for() {
+pub(crate) fn long_lists_fit_the_requested_limits() {
     let all = rays(1000).repeat(34);
     let mut own = Own::new(flying(), &all, HOW[0]);
     for query in [Query::Closest, Query::Any, Query::Closest] {
@@ -101,7 +101,7 @@ pub(crate) fn long_lists_take_no_more_room_than_was_asked_for() {
 }
 
 /// Checks that buffers are released, since a program may pass new ones in every step.
-pub(crate) fn buffers_of_rays_are_let_go_of() {
+pub(crate) fn ray_buffers_are_released() {
     const BYTES: usize = 8 << 20;
     let few = rays(64);
     let mut all = few.clone();
@@ -123,7 +123,7 @@ pub(crate) fn buffers_of_rays_are_let_go_of() {
     );
 }
 
-pub(crate) fn a_buffer_of_rays_that_does_not_fit_is_an_error() {
+pub(crate) fn unsuitable_ray_buffer_is_an_error() {
     let list = all_kinds();
     let open = || Own::new(flying(), &list, HOW[0]);
     let (mut own, mut other) = (open(), open());

@@ -141,7 +141,7 @@ fn sign(x: f32) -> f32 {
 }
 
 /// Tests [`cut`] with every intersector that rounds.
-pub(crate) fn cut_where_hits_are(source: Source) {
+pub(crate) fn check_ray_limits(source: Source) {
     use Intersector::{MollerTrumbore, Watertight, Woop};
     let animation = source.animation();
     for by in [Watertight, Woop, MollerTrumbore] {

@@ -12,9 +12,9 @@ fn main() -> ExitCode {
     let arguments = integration::arguments();
     let mut trials: Vec<Trial> = Vec::new();
     for scene in DEMOS.into_iter().chain(REAL) {
-        trials.push(scene.trial("limits_cut_where_hits_are", exact::cut_where_hits_are));
-        trials.push(scene.trial("every_pixels_shadow", exact::shadows));
-        trials.push(scene.trial("every_pixel_and_rays_at_edges_and_vertices", exact::rays));
+        trials.push(scene.trial("ray_limits_are_exact_at_hits", exact::check_ray_limits));
+        trials.push(scene.trial("shadows_match_the_oracle", exact::shadows));
+        trials.push(scene.trial("rays_match_the_oracle", exact::rays));
     }
     trials.extend(hard::trials());
     trials.push(trial("odd_scenes", exact::odd_scenes));

@@ -89,18 +89,18 @@ render --\u{1b}[2J | '--\\u{1b}[2J'
 pub(crate) fn trials() -> Vec<Trial> {
     let robot = REAL.into_iter().filter(|scene| scene.name == "robot");
     let clip = robot.map(|scene| {
-        scene.trial("an_unknown_clip_is_answered_by_those_there_are", |scene| {
+        scene.trial("unknown_clip_lists_valid_ones", |scene| {
             let words = format!("render {} --clip gallop", scene.path());
             Sandbox::new().refuses(&words, &["gallop", "Dance", "Idle"]);
         })
     });
     let beside = BACKENDS.into_iter().map(|on| {
         let option = format!(" --backend {}", on.0);
-        on.trial("bad::input_is_refused", move |s, _| {
+        on.trial("bad::invalid_input_is_refused", move |s, _| {
             refused(s, CASES, &option)
         })
     });
-    let auto = trial("bad::input_is_refused", |s| {
+    let auto = trial("bad::invalid_input_is_refused", |s| {
         refused(s, &[CASES, OTHERS].concat(), "");
     });
     clip.chain(beside).chain([auto]).collect()

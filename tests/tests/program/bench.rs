@@ -7,14 +7,14 @@ use libtest_mimic::Trial;
 use serde_json::Value;
 
 pub(crate) fn trials() -> Vec<Trial> {
-    let warm = |b: Subject| b.trial("bench::a_warm_up_shows_in_no_frame", warm_up);
-    let memory = |b: Subject| b.trial("bench::memory_is_told_by_what_it_holds", memory);
+    let warm = |b: Subject| b.trial("bench::warm_up_does_not_affect_frames", warm_up);
+    let memory = |b: Subject| b.trial("bench::memory_is_listed_by_purpose", memory);
     let mut all = vec![
-        trial("bench::the_file_holds_every_frame_and_the_machine", file),
-        trial("bench::what_moves_is_counted_in_every_input", moving),
-        trial("bench::what_is_not_there_is_refused", refused),
-        trial("bench::a_run_that_fails_has_a_row_with_the_reason", failed),
-        trial("bench::rays_at_random_have_rows_of_their_own", random_rays),
+        trial("bench::file_describes_frames_and_machine", file),
+        trial("bench::counts_moving_triangles_of_joined_inputs", moving),
+        trial("bench::missing_references_are_refused", refused),
+        trial("bench::failed_run_reports_its_reason", failed),
+        trial("bench::random_rays_have_separate_rows", random_rays),
         trial("bench::camera_options_select_the_view_as_in_render", camera),
         warm(HOST),
     ];

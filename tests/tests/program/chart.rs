@@ -6,15 +6,15 @@ use libtest_mimic::Trial;
 use serde_json::Value;
 
 pub(crate) fn trials() -> Vec<Trial> {
-    let equal = |b: Subject| b.trial("chart::robust_answers_are_the_hosts", robust);
+    let equal = |b: Subject| b.trial("chart::robust_hits_match_the_host", robust);
     let mut all = vec![
-        trial("chart::four_files_hold_every_way_once", files),
-        trial("chart::exact_is_right_and_the_others_are_not", judged),
-        trial("chart::a_way_that_fails_has_a_line_with_the_reason", failed),
-        trial("chart::the_same_rays_are_wrong_again", repeated),
-        trial("chart::a_command_measures_its_point_again", command),
-        trial("chart::what_cannot_be_is_refused", refused),
-        trial("bench::sizes_have_their_rows", sizes),
+        trial("chart::files_list_every_method_once", files),
+        trial("chart::only_exact_has_no_errors", judged),
+        trial("chart::failed_method_reports_its_reason", failed),
+        trial("chart::results_are_reproducible", repeated),
+        trial("chart::printed_command_reproduces_its_point", command),
+        trial("chart::invalid_options_are_refused", refused),
+        trial("bench::each_scene_size_has_rows", sizes),
     ];
     all.extend(BACKENDS.map(equal));
     all

@@ -6,15 +6,15 @@ use serde_json::Value;
 
 pub(crate) fn trials() -> Vec<Trial> {
     vec![
-        trial("conform::the_host_keeps_every_property", keeps),
-        trial("conform::nothing_leaks", leaks),
-        trial("conform::exact_is_held_to_the_oracle", oracle),
-        trial("conform::wrong_answers_of_watertight_are_counted", counted),
-        trial("conform::what_cannot_be_is_refused", refused),
-        trial("stability::the_host_errs_as_often_as_expected", expected),
-        trial("stability::one_seed_says_one_thing", repeatable),
+        trial("conform::host_satisfies_every_property", keeps),
+        trial("conform::closed_bodies_have_no_leaks", leaks),
+        trial("conform::exact_is_compared_with_oracle", oracle),
+        trial("conform::counts_wrong_watertight_hits", counted),
+        trial("conform::invalid_options_are_refused", refused),
+        trial("stability::host_error_rates_match_baseline", expected),
+        trial("stability::equal_seeds_give_equal_results", repeatable),
         // Takes half a minute of one core.
-        trial("stability::a_baseline_can_be_measured_anew", recorded)
+        trial("stability::baseline_can_be_recorded", recorded)
             .with_ignored_flag(!integration::is_full()),
     ]
 }

@@ -47,9 +47,9 @@ impl Subject {
 pub(crate) fn trials() -> Vec<Trial> {
     let mut trials = vec![
         trial("devices::info_keeps_its_schema", info),
-        trial("devices::auto_says_what_it_took_and_why", says_why),
+        trial("devices::auto_reports_choice_and_reason", says_why),
         trial("devices::without_a_driver", |s| lacking(s, &NO_DRIVER)),
-        trial("devices::the_host_makes_no_trees_on_a_device", |s| {
+        trial("devices::cpu_rejects_device_rebuild", |s| {
             let words = format!("{RENDER} --backend cpu --update device-rebuild");
             s.refuses(&words, &["cpu does not support trees made on the device"]);
         }),
@@ -58,7 +58,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         trials.push(trial("devices::without_a_loader", without_a_loader));
     }
     let all = BACKENDS.into_iter().chain([HOST, REFERENCE]);
-    trials.extend(all.map(|b| b.trial("devices::what_info_lists_can_be_had", as_listed)));
+    trials.extend(all.map(|b| b.trial("devices::listed_choices_are_usable", as_listed)));
     trials
 }
 

@@ -15,17 +15,22 @@ use std::process::Stdio;
 use zip::ZipArchive;
 
 pub(crate) fn trials() -> Vec<Trial> {
-    let memory = |on: Subject| on.trial("files::memory_is_foreseen", memory_is_foreseen);
-    let reduced = |s: Source| s.trial("reduced_key_frames_come_back_bit_for_bit", reduced);
+    let memory = |on: Subject| {
+        on.trial(
+            "files::memory_estimate_is_accurate",
+            memory_estimate_is_accurate,
+        )
+    };
+    let reduced = |s: Source| s.trial("reduced_key_frames_round_trip", reduced);
     let backends = BACKENDS.into_iter().chain([HOST]).map(memory);
     let scenes = DEMOS.into_iter().chain(REAL).map(reduced);
     let others = [
-        trial("files::a_render_writes_its_frames_and_a_table", table),
+        trial("files::render_writes_frames_and_table", table),
         trial("files::help_and_version_succeed", help),
-        trial("files::a_reader_that_goes_away_is_no_crash", broken_pipe),
+        trial("files::broken_pipe_does_not_crash", broken_pipe),
         trial("hits::trace_repeats_render", trace_repeats_render),
-        trial("hits::points_keep_the_coordinates_of_the_files", recentred),
-        trial("reduce::what_is_there_is_never_overwritten", kept),
+        trial("hits::recentred_hits_keep_file_coordinates", recentred),
+        trial("reduce::existing_files_are_not_overwritten", kept),
     ];
     backends.chain(scenes).chain(others).collect()
 }
@@ -39,7 +44,7 @@ fn table(sandbox: &Sandbox) {
 }
 
 /// Checks that a run takes at least two thirds of the expected memory, and no more than expected.
-fn memory_is_foreseen(sandbox: &Sandbox, backend: &str) {
+fn memory_estimate_is_accurate(sandbox: &Sandbox, backend: &str) {
     let words = format!("render demo:twist:100000 --backend {backend} --frames 3 --quiet");
     // On the other backends, the host's memory includes the driver's.
     let of = match backend {

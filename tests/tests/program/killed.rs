@@ -14,19 +14,16 @@ use std::time::{Duration, Instant};
 
 pub(crate) fn trials() -> Vec<Trial> {
     let mut all = vec![
-        trial("killed::final_names_are_of_whole_files", whole_or_absent),
-        trial("killed::shards_resume_to_the_bytes_of_one_run", shards),
-        trial(
-            "paged::a_file_that_vanishes_or_shrinks_ends_the_run",
-            vanishes,
-        ),
+        trial("killed::final_files_are_complete", whole_or_absent),
+        trial("killed::resumed_shards_match_one_run", shards),
+        trial("paged::changed_key_frame_file_ends_run", vanishes),
     ];
     if cfg!(unix) {
-        all.push(trial("killed::signals_end_with_their_codes", signals));
-        let name = "killed::a_signal_leaves_no_half_file";
+        all.push(trial("killed::signals_set_exit_codes", signals));
+        let name = "killed::signal_leaves_no_partial_file";
         all.push(trial(name, signal_while_writing));
         #[cfg(unix)]
-        all.push(trial("killed::a_signal_ends_a_blocked_run", blocked));
+        all.push(trial("killed::signal_ends_a_blocked_run", blocked));
     }
     all.push(on_disk());
     all
@@ -210,7 +207,7 @@ fn blocked(sandbox: &Sandbox) {
 
 /// Creates a test with a disk that fills up during writes. It is ignored if the machine does not permit mounting one.
 fn on_disk() -> Trial {
-    let trial = trial("killed::a_full_disk_leaves_no_half_file", full_disk);
+    let trial = trial("killed::full_disk_leaves_no_partial_file", full_disk);
     match on_full_disk(Sandbox::new().path(), Path::new("true"), "") {
         Ok(tried) if tried.status.success() => trial,
         _ => (trial.with_ignored_flag(true)).with_kind("needs leave to mount a tmpfs"),

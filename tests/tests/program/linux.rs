@@ -8,9 +8,9 @@ use std::os::unix::ffi::OsStrExt;
 
 pub(crate) fn trials() -> Vec<Trial> {
     vec![
-        trial("files::names_may_be_any_bytes", any_bytes),
+        trial("files::accepts_non_utf8_file_names", any_bytes),
         trial("files::meshes_beyond_memory_are_refused", beyond_memory),
-        trial("files::too_large_a_file_is_a_failure", too_large),
+        trial("files::exceeding_file_size_limit_fails", too_large),
     ]
 }
 

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 pub(crate) fn trials() -> Vec<Trial> {
     vec![
-        trial("pages::every_link_leads_somewhere", |_| links_lead()),
+        trial("pages::every_link_has_a_target", |_| links_lead()),
         trial("pages::readme_has_two_commands", |_| two_commands()),
     ]
 }

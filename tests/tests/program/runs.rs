@@ -8,18 +8,18 @@ use std::path::PathBuf;
 
 pub(crate) fn trials() -> Vec<Trial> {
     vec![
-        trial("runs::two_ranges_fill_one_folder", ranges),
-        trial("runs::another_run_is_named_and_kept", another),
-        trial("runs::only_what_is_damaged_is_made_again", damaged),
-        trial("runs::nothing_is_loaded_when_nothing_is_left", finished),
-        trial("runs::shards_merge_to_the_whole", shards),
-        trial("runs::a_shard_without_frames_is_merged", empty_shard),
-        trial("runs::shards_of_statistics_alone_merge", stats_alone),
-        trial("runs::nothing_outside_a_folder_is_touched", tampered),
+        trial("runs::ranges_share_one_output_folder", ranges),
+        trial("runs::different_run_is_refused", another),
+        trial("runs::resume_repairs_only_damaged_files", damaged),
+        trial("runs::finished_run_loads_nothing", finished),
+        trial("runs::shards_merge_into_one_run", shards),
+        trial("runs::empty_shard_is_merged", empty_shard),
+        trial("runs::statistics_only_shards_merge", stats_alone),
+        trial("runs::files_outside_folder_are_untouched", tampered),
         #[cfg(unix)]
-        trial("runs::pipes_in_a_folder_are_replaced", pipes),
-        trial("runs::outputs_never_eat_inputs_or_each_other", eaten),
-        trial("runs::foreseen_failures_leave_no_folder", foreseen),
+        trial("runs::named_pipes_are_replaced", pipes),
+        trial("runs::outputs_never_overwrite_inputs", eaten),
+        trial("runs::invalid_runs_create_no_folder", foreseen),
     ]
 }
 

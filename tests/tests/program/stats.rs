@@ -6,10 +6,10 @@ use serde_json::{Value, json};
 
 pub(crate) fn trials() -> Vec<Trial> {
     vec![
-        trial("stats::every_promised_field_is_there", every_field),
-        trial("stats::what_cannot_be_hit_is_counted", unhittable),
-        trial("stats::memory_is_counted_and_does_not_grow", memory),
-        trial("timeline::it_agrees_with_the_statistics", |sandbox| {
+        trial("stats::documented_fields_are_present", every_field),
+        trial("stats::counts_unhittable_triangles", unhittable),
+        trial("stats::memory_does_not_grow", memory),
+        trial("timeline::timeline_agrees_with_statistics", |sandbox| {
             agrees(sandbox, "on", 1);
             agrees(sandbox, "off", usize::MAX);
         }),

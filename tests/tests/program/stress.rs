@@ -5,7 +5,7 @@ use crate::sandbox::{Sandbox, list, trial};
 use libtest_mimic::Trial;
 
 pub(crate) fn trials() -> Vec<Trial> {
-    let equal = |b: Subject| b.trial("stress::streamed_steps_have_the_hosts_hits", streamed);
+    let equal = |b: Subject| b.trial("stress::streamed_steps_match_host_hits", streamed);
     let mut all = vec![
         trial("stress::unsupported_choices_are_refused", refused),
         equal(HOST),

@@ -8,12 +8,12 @@ use std::{fs, process::Command, thread};
 
 pub(crate) fn trials() -> Vec<Trial> {
     vec![
-        trial("video::raw_frames_are_the_pictures", raw),
-        trial("video::nothing_begins_without_an_encoder", absent),
+        trial("video::raw_video_matches_pictures", raw),
+        trial("video::missing_encoder_is_refused", absent),
         #[cfg(unix)]
-        trial("video::an_encoder_gets_all_frames_in_order", encoded),
+        trial("video::encoder_receives_frames_in_order", encoded),
         #[cfg(unix)]
-        trial("video::an_encoder_that_fails_leaves_no_video", fails),
+        trial("video::failed_encoder_leaves_no_video", fails),
     ]
 }
 

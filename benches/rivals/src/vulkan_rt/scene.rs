@@ -90,7 +90,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn triangles_are_cleansed_where_a_vertex_is_or_may_become_infinite_or_no_number() {
+    fn detects_possibly_non_finite_vertices() {
         let of = |x: f32| {
             let keys = vec![vec![[1.0; 3]], vec![[0.0, x, 1.0]]];
             is_tame(&Animation::new(keys, vec![]).unwrap())

@@ -122,20 +122,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_sky_has_no_seam_at_the_horizon() {
+    fn sky_is_continuous_at_the_horizon() {
         let [above, below] = [1e-7, -1e-7].map(|y| sky(vec3(1.0, y, 0.0)));
         assert!((0..3).all(|i| (above[i] - below[i]).abs() < 1e-5));
     }
 
     #[test]
-    fn a_surface_that_faces_up_gets_the_most_and_one_turned_away_gets_no_lamp() {
+    fn surface_orientation_determines_light() {
         let [up, side, down] = [1.0, 0.0, -1.0].map(|y| ambient(vec3(0.0, y, 0.0)).y);
         assert!(up > side && side > down && down > 0.0);
         assert_eq!(lamp(Vec3::Y, Vec3::NEG_Y), Vec3::ZERO);
     }
 
     #[test]
-    fn colours_below_the_knee_come_back_as_they_were() {
+    fn colours_below_the_knee_round_trip() {
         // 218 is the highest sRGB level whose linear light is below the knee.
         for c in 0..=218 {
             let back = encode(linear([c; 3]))[0];
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn brighter_light_is_never_darker_and_nonsense_is_no_panic() {
+    fn encoding_is_monotonic() {
         let level = |i| encode(Vec3::splat(i as f32 * 0.01))[0];
         assert!((0..4000).map(level).is_sorted());
         let brightest = FROM_LINEAR[LAST_STEP];
@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn no_light_here_reaches_the_last_step() {
+    fn maximum_light_fits_the_table() {
         let most = FROM_ABOVE + LAMP;
         assert!(most.max_element() * 1.01 < LAST_STEP as f32 / STEPS as f32);
     }

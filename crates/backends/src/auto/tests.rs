@@ -122,7 +122,7 @@ fn check(fakes: &[Fake], asked: Option<&str>, log: &str, says: &[&str]) {
 }
 
 #[test]
-fn the_best_device_that_opens_is_taken_and_nothing_is_touched_before_its_turn() {
+fn opens_devices_in_preference_order() {
     let small = |name| broken(name, too_small);
     let two = Fake {
         offers: Ok(vec![("one", Gpu), ("two", Gpu)]),
@@ -190,7 +190,7 @@ fn the_reference_is_never_selected() {
 }
 
 #[test]
-fn a_backend_that_would_find_no_more_is_not_even_listed() {
+fn skips_backends_covered_by_another() {
     let covered = Fake {
         covered_by: Some(BackendName::Vulkan),
         ..fake(BackendName::Wgpu, &[CARD])
@@ -207,7 +207,7 @@ fn a_backend_that_would_find_no_more_is_not_even_listed() {
 }
 
 #[test]
-fn who_names_an_adapter_gets_it_and_one_that_fits_several_or_none_is_refused() {
+fn named_adapter_is_opened_or_refused() {
     let fakes = [fake(BackendName::Vulkan, &[SOFT, CARD]), host()];
     // Both backends have an adapter 0, and the host is preferred to software.
     for (asked, opened, says) in [
@@ -238,7 +238,7 @@ fn who_names_an_adapter_gets_it_and_one_that_fits_several_or_none_is_refused() {
 }
 
 #[test]
-fn where_nothing_works_every_reason_is_told_and_the_last_failure_decides() {
+fn total_failure_reports_every_reason() {
     let host = |breaks| Fake {
         breaks: Some(breaks),
         ..host()

@@ -44,7 +44,7 @@ mod tests {
     use geom::Aabb;
 
     #[test]
-    fn wide_bins_hold_the_same_bits() {
+    fn avx2_bins_match_scalar_bins() {
         let Some(add) = add() else { return };
         let mut random = fastrand::Rng::with_seed(9);
         let mut corner = |size: f32| [0; 3].map(|_| size * (random.f32() - 0.5));

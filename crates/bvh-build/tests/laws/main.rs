@@ -99,12 +99,12 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 96, ..ProptestConfig::default() })]
 
     #[test]
-    fn a_tree_holds_each_active_triangle_once_and_is_not_deep(boxes in soup()) {
+    fn tree_holds_each_active_triangle_once(boxes in soup()) {
         check(&boxes);
     }
 
     #[test]
-    fn the_workspace_leaves_no_trace_in_the_tree(first in soup(), second in soup()) {
+    fn workspace_reuse_does_not_change_tree(first in soup(), second in soup()) {
         let (mut builder, mut reused) = (Builder::default(), BinaryTree::default());
         for boxes in [&first, &second] {
             builder.build(&boxes[..], &Cancel::new(), &mut reused).unwrap();
@@ -123,7 +123,7 @@ proptest! {
     #![proptest_config(soups_by_threads())]
 
     #[test]
-    fn the_tree_and_its_cost_are_the_same_for_every_number_of_threads(small in soup(), seed: u64) {
+    fn build_is_deterministic_across_thread_counts(small in soup(), seed: u64) {
         let (kinds, mut random) = ([0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10], Rng::with_seed(seed));
         let large = boxes(70_000, &kinds, &mut random);
         let with = |boxes: &[Aabb], threads| {
@@ -142,7 +142,7 @@ proptest! {
 }
 
 #[test]
-fn a_small_stack_suffices() {
+fn builds_on_a_small_stack() {
     let boxes = boxes(300_000, &[0], &mut Rng::with_seed(3));
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(2)
@@ -156,7 +156,7 @@ fn identical_triangles_make_a_balanced_tree() {
 }
 
 #[test]
-fn odd_scenes_stay_within_the_depth_bound() {
+fn skewed_scenes_respect_maximum_depth() {
     let series = |ratio: f32| -> Vec<Aabb> {
         let mut x = 1e30;
         let next = |_| {
@@ -177,7 +177,7 @@ fn odd_scenes_stay_within_the_depth_bound() {
 }
 
 #[test]
-fn a_scene_that_wants_a_deeper_tree_gets_the_deepest_allowed() {
+fn depth_is_capped_at_maximum() {
     // On each axis, every point is 64 times as far out as the next, so that each plane separates one point. The last 32
     // are halved by the exact sweep.
     let mut boxes = Vec::new();
@@ -194,7 +194,7 @@ fn a_scene_that_wants_a_deeper_tree_gets_the_deepest_allowed() {
 }
 
 #[test]
-fn the_scale_of_a_scene_does_not_change_its_tree() {
+fn tree_is_independent_of_scale() {
     // Multiples of 2^-16 within -2..2 keep all their bits at every scale in this test.
     let round = |x: f32| ((x - 0.75) * 98_304.0).round() / 65_536.0;
     let boxes = boxes(3_000, &[0, 3, 4, 10], &mut Rng::with_seed(7));

@@ -69,7 +69,7 @@ fn check(binary: &BinaryTree) {
 }
 
 #[test]
-fn each_triangle_and_each_inner_node_has_one_place() {
+fn triangles_and_nodes_appear_once() {
     for tree in shapes().iter().chain(&[random_tree(20_000, 5)]) {
         check(tree);
     }
@@ -95,7 +95,7 @@ fn boxes(n: usize, large: u32) -> Vec<Aabb> {
 }
 
 #[test]
-fn a_large_triangle_lies_higher_where_areas_are_known() {
+fn known_areas_move_large_triangles_up() {
     // Only the nodes above one large triangle differ in area.
     let tree = random_tree(20_000, 5);
     let record = record(&tree);
@@ -125,7 +125,7 @@ fn asked_first(wide: &BlockTree) -> &Block {
 }
 
 #[test]
-fn of_two_subtrees_the_larger_is_asked_first_or_the_left_one() {
+fn visits_larger_or_left_subtree_first() {
     let tree = random_tree(20_000, 5);
     let record = record(&tree);
     let order = tree.order();
@@ -195,7 +195,7 @@ impl AllForms<'_> {
 }
 
 #[test]
-fn no_other_nodes_over_the_same_blocks_have_less_area() {
+fn wide_nodes_have_minimal_area() {
     for n in [9, 40, 100, 120] {
         let tree = random_tree(n, n as u64);
         let bounds = |t: usize| {

@@ -47,7 +47,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(4_000))]
 
     #[test]
-    fn a_damaged_record_is_taken_only_if_it_is_a_record(
+    fn accepts_only_valid_topologies(
         mut words in record(),
         damages in prop::collection::vec((0..7_u8, any::<prop::sample::Index>(), any::<u32>()), 0..3),
     ) {
@@ -57,7 +57,7 @@ proptest! {
     }
 
     #[test]
-    fn words_at_random_never_panic(mut words in prop::collection::vec(any::<u32>(), 0..40), small: bool) {
+    fn random_words_never_panic(mut words in prop::collection::vec(any::<u32>(), 0..40), small: bool) {
         if small {
             for (word, given) in words.iter_mut().zip([Topology::MAGIC, 1, 9, 5]) {
                 *word = given;
@@ -70,7 +70,7 @@ proptest! {
 
 /// Each line: index of a word, its new value, and the error.
 #[test]
-fn what_is_wrong_is_named() {
+fn errors_name_the_invalid_word() {
     let sample = record_of(&random_tree(40, 11));
     let (levels, length) = (sample.level_count(), sample.words().len());
     let (bits, leaf) = (8 + levels, length - 33);
@@ -95,7 +95,7 @@ fn what_is_wrong_is_named() {
 }
 
 #[test]
-fn levels_end_where_nodes_do() {
+fn rejects_inconsistent_level_ends() {
     let deepest = [vec![1; 65], vec![0]].concat();
     let chain = [vec![0xaaaa_aaaa; 4], vec![6]].concat();
     for (leaves, levels, bits, says) in [

@@ -150,14 +150,14 @@ fn each_treelet_stands_below_one(treelets: &Treelets) {
 }
 
 #[test]
-fn treelets_are_the_tree() {
+fn treelets_represent_the_tree() {
     for tree in shapes() {
         check(&tree);
     }
 }
 
 #[test]
-fn large_trees_take_several_levels_and_are_the_tree_still() {
+fn large_trees_use_several_treelet_levels() {
     for (leaves, levels) in [(257, 2), (20_000, 2), (150_000, 3)] {
         let treelets = check(&random_tree(leaves, 9));
         assert_eq!(treelets.levels.len(), levels, "{leaves} leaves");
@@ -171,7 +171,7 @@ fn large_trees_take_several_levels_and_are_the_tree_still() {
 }
 
 #[test]
-fn a_triangle_takes_at_most_8_bytes_and_treelets_are_mostly_full() {
+fn treelets_are_compact_and_mostly_full() {
     for (leaves, least) in [(100_000, 0.5), (150_000, 0.85)] {
         let treelets = check(&random_tree(leaves, 4));
         let bytes = treelets.bytes() as f64 / leaves as f64;

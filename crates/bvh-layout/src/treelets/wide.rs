@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn every_triangle_lies_below_one_lane_and_lanes_lead_where_their_boxes_belong() {
+    fn lanes_cover_each_triangle_once() {
         let others = [random_tree(9000, 5), chain(40)];
         for tree in shapes().into_iter().chain(others) {
             let treelets = Treelets::of_tree(&tree);
@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn trees_of_too_many_triangles_have_none() {
+    fn large_trees_have_no_wide_tree() {
         let most = WideTree::MOST_TRIANGLES;
         let of = |n| Treelets::of_tree(&random_tree(n, 1)).wide.is_some();
         assert!(of(1) && of(most) && !of(most + 1) && !of(0));

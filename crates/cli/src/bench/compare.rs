@@ -210,7 +210,7 @@ mod tests {
     use serde_json::json;
 
     #[test]
-    fn what_differs_from_frame_to_frame_hides_no_change() {
+    fn frame_variation_does_not_hide_changes() {
         // The load of a frame, with noise that differs between runs.
         let load = |t: f64, seed: f64| (10.0 + t) * (1.0 + 0.01 * (t * seed).sin());
         let run = |count, step, factor, seed| {
@@ -236,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn two_files_are_compared() {
+    fn compares_two_result_files() {
         let dir = tempfile::tempdir().unwrap();
         let file = |name: &str, json: Value| {
             let path = dir.path().join(name);
@@ -276,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn only_a_slower_whole_is_refused() {
+    fn fails_only_on_slower_wall_time() {
         let change = |quantity, ratio, beyond_noise| Change {
             run: "r".to_owned(),
             quantity,

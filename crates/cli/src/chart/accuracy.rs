@@ -360,7 +360,7 @@ mod tests {
     }
 
     #[test]
-    fn every_sort_of_fault_is_counted_where_it_belongs() {
+    fn counts_each_kind_of_error() {
         let batch = |is_aimed, closest: &[Option<u32>]| AnsweredBatch {
             batch: RayBatch {
                 time: 0.0,
@@ -408,7 +408,7 @@ mod tests {
     }
 
     #[test]
-    fn only_methods_whose_intervals_overlap_get_more_rays() {
+    fn overlapping_intervals_request_more_rays() {
         use Intersector::{Exact, MollerTrumbore, Watertight, Woop};
         let mut all = [
             tally(MollerTrumbore, [31, 200]),
@@ -431,7 +431,7 @@ mod tests {
     }
 
     #[test]
-    fn stages_share_out_every_ray_once() {
+    fn stages_partition_the_rays() {
         let scene = scene::open("demo:collide:300", &scene::Options::default()).unwrap();
         let sampler = RaySampler {
             animation: &scene.animation,
@@ -451,7 +451,7 @@ mod tests {
     }
 
     #[test]
-    fn distances_are_compared_before_they_are_rounded() {
+    fn distance_error_is_measured_before_rounding() {
         assert_eq!(off(&hit(0, 3.0), 3.0), 0.0);
         let half = 2.0 + f64::from(f32::EPSILON);
         assert_eq!(off(&hit(0, 2.0), half), 0.5);
@@ -459,7 +459,7 @@ mod tests {
     }
 
     #[test]
-    fn every_sort_of_ray_is_made_and_the_same_ones_again() {
+    fn rays_are_valid_and_reproducible() {
         let scene = scene::open("demo:collide:300", &scene::Options::default()).unwrap();
         let a = &scene.animation;
         let view = Viewpoint::framing(a, 40.0, [64, 40]);
@@ -471,7 +471,7 @@ mod tests {
     }
 
     #[test]
-    fn moments_lie_between_the_ends_and_stillness_has_one() {
+    fn moments_lie_inside_the_animation() {
         let key = |x| vec![[x, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
         let of = |keys| Animation::new(keys, vec![[0, 1, 2]]).unwrap();
         let moving = of(vec![key(0.0), key(1.0), key(2.0)]);
@@ -480,7 +480,7 @@ mod tests {
     }
 
     #[test]
-    fn a_scene_without_a_triangle_to_aim_at_has_fewer_rays() {
+    fn inactive_scenes_get_no_aimed_rays() {
         let nothing = Animation::new(vec![vec![[f32::NAN; 3]]], vec![[0; 3]]).unwrap();
         let view = Viewpoint::framing(&nothing, 40.0, [64, 40]);
         let counts = rays_at(&nothing, &view, 0.0, 100).map(|rays| rays.len());

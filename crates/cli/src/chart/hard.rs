@@ -84,7 +84,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_rays_aimed_from_inside_at_that_offset_count() {
+    fn sums_only_aimed_inside_rays() {
         let row = |offset, aim, inside| LeakRow {
             body: "box",
             offset,

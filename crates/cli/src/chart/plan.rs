@@ -187,7 +187,7 @@ mod tests {
     use backend::BackendName;
 
     #[test]
-    fn what_is_named_twice_is_done_once() {
+    fn duplicate_options_are_measured_once() {
         let words = "abvh chart a b a --update refit,async,refit --backend cpu --intersector woop,exact,woop";
         let parsed = parse(words.split(' ').map(Into::into));
         let Ok(CommandSettings::Chart(settings)) = parsed else {
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn auto_charts_gpus_and_the_host_but_no_software_driver() {
+    fn auto_skips_software_drivers() {
         let presence = |backend, kinds: &[DeviceKind]| {
             let adapter = |(index, &kind): (usize, &DeviceKind)| AdapterInfo {
                 index,
@@ -236,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn a_shell_reads_every_word_as_one() {
+    fn quotes_words_for_the_shell() {
         for (word, shell) in [
             ("demo:grove:50", "demo:grove:50"),
             ("my scene/*.obj", "'my scene/*.obj'"),

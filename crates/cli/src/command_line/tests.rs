@@ -22,7 +22,7 @@ fn refused(line: &str) -> String {
 }
 
 #[test]
-fn the_definitions_fit_together() {
+fn clap_definition_is_valid() {
     CommandLine::command().debug_assert();
 }
 
@@ -41,7 +41,7 @@ fn bench(line: &str) -> BenchSettings {
 }
 
 #[test]
-fn each_command_has_defaults_of_its_own_and_takes_lists_and_negative_coordinates() {
+fn parses_defaults_lists_and_negative_coordinates() {
     let args = render("");
     assert_eq!(
         (&*args.scene, args.camera.size),
@@ -70,7 +70,7 @@ fn each_command_has_defaults_of_its_own_and_takes_lists_and_negative_coordinates
 }
 
 #[test]
-fn help_is_told_in_short_sentences() {
+fn help_uses_short_sentences() {
     let cli = CommandLine::command();
     let commands = cli.get_subcommands();
     let texts = commands.flat_map(|c| c.get_arguments().map(move |a| (c, a)));
@@ -146,7 +146,7 @@ conform --oracle-batch 3 | --oracle-batch | --oracle-rays
 stability --record f --rays 9 | --record | --rays";
 
 #[test]
-fn what_cannot_be_or_would_do_nothing_is_refused_by_name() {
+fn rejects_invalid_or_useless_options() {
     for row in REFUSED.lines() {
         let mut parts = row.split(" | ");
         let text = refused(parts.next().unwrap());
@@ -176,7 +176,7 @@ fn compare_refuses_every_option_that_measures() {
 }
 
 #[test]
-fn every_rival_is_refused_as_a_backend_by_the_option_that_measures_it() {
+fn rivals_are_rejected_as_backends() {
     for rival in rivals::RIVALS {
         let name = rival.name;
         for command in ["render", "bench", "chart", "conform", "stability", "stress"] {
@@ -190,7 +190,7 @@ fn every_rival_is_refused_as_a_backend_by_the_option_that_measures_it() {
 }
 
 #[test]
-fn what_does_something_is_taken() {
+fn accepts_valid_command_lines() {
     for line in [
         "render --stats -",
         "render --lockstep 1",

@@ -232,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn scenes_of_one_kind_are_summed_and_backends_too() {
+    fn sums_scene_kinds_and_backends() {
         let rows = rows(Intersector::Watertight, 3);
         let sums: Vec<u64> = rows.iter().map(|r| r.tally.rays).collect();
         assert_eq!(sums, [2000, 1000, 1000]);
@@ -243,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wrong_answer_is_a_failure_of_exact_alone() {
+    fn only_exact_fails_on_wrong_hits() {
         let failures = |by, wrong| rows(by, wrong).iter().filter(|r| r.is_failure()).count();
         assert_eq!(failures(Intersector::Exact, 1), 3);
         assert_eq!(failures(Intersector::Exact, 0), 0);

@@ -171,7 +171,7 @@ mod tests {
     use geom::Animation;
 
     #[test]
-    fn a_tolerance_is_a_length_or_a_share() {
+    fn parses_tolerances_as_length_or_percentage() {
         assert_eq!("0".parse(), Ok(Tolerance::Units(0.0)));
         assert_eq!("2.5e-3".parse(), Ok(Tolerance::Units(2.5e-3)));
         assert_eq!("1%".parse(), Ok(Tolerance::Share(0.01)));
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn a_scene_without_size_has_no_diagonal_and_one_key_frame() {
+    fn empty_bounds_reduce_to_one_key() {
         let animation = Animation::new(vec![vec![[f32::NAN; 3]]; 3], vec![[0; 3]]).unwrap();
         assert_eq!(animation.bounds().diagonal(), 0.0);
         let scene = Scene {

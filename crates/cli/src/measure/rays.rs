@@ -77,7 +77,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn random_rays_fill_the_box_and_all_directions_evenly() {
+    fn random_rays_are_uniformly_distributed() {
         let bounds = Aabb {
             min: [-1.0, 10.0, 0.0],
             max: [3.0, 11.0, 0.0],

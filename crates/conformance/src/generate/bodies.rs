@@ -253,7 +253,7 @@ mod tests {
     use crate::stage::triangles;
 
     #[test]
-    fn bodies_keep_their_area_wherever_they_are() {
+    fn placed_bodies_have_no_degenerate_triangles() {
         for (body, offset) in BODIES.iter().flat_map(|b| OFFSETS.map(|o| (b, o))) {
             let moved = PlacedBody::new(body, offset, true, &mut Rng::with_seed(3)).animation();
             assert!(!triangles(&moved, 0.0).iter().any(geom::is_degenerate));

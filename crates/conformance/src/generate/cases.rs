@@ -351,7 +351,7 @@ mod tests {
     }
 
     #[test]
-    fn cases_of_every_kind_shrink_to_one_triangle_and_one_ray() {
+    fn cases_shrink_to_one_triangle() {
         for number in 0..SceneKind::ALL.len() as u32 {
             let case = smallest(number);
             let animation = &case.animation;
@@ -368,7 +368,7 @@ mod tests {
     }
 
     #[test]
-    fn no_scene_has_more_triangles_than_can_be_kept() {
+    fn scenes_respect_the_triangle_limit() {
         for number in 0..90 {
             let case = nth_case(3, number);
             assert!(

@@ -264,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn lists_shrink_to_what_matters_in_few_attempts() {
+    fn lists_shrink_in_few_attempts() {
         let numbers = each((0..1000).map(Just));
         for wanted in [vec![7], vec![0, 999], vec![3, 400, 401, 800]] {
             let (list, attempts) = shrunk(&numbers, |l| wanted.iter().all(|x| l.contains(x)));
@@ -276,14 +276,14 @@ mod tests {
     }
 
     #[test]
-    fn elements_that_are_left_shrink() {
+    fn remaining_elements_shrink() {
         let lists = each((0..9).map(|i| (Just(i), 0..100)));
         let fails = |l: &Vec<(i32, i32)>| l.iter().any(|&(i, x)| i == 5 && x >= 0);
         assert_eq!(shrunk(&lists, fails).0, [(5, 0)]);
     }
 
     #[test]
-    fn the_simplest_value_that_fails_is_found() {
+    fn shrinking_finds_the_simplest_failure() {
         for least in 0..4 {
             let found = shrunk(&steps([0, 1, 2, 3]), |&x| x >= least);
             assert_eq!(found.0, least);
@@ -291,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn precision_leaves_special_numbers_alone() {
+    fn precision_preserves_special_numbers() {
         for precision in [Precision::Eighths, Precision::ThreeBits, Precision::Full] {
             assert!(precision.number(f32::NAN).is_nan());
             assert_eq!(precision.number(f32::NEG_INFINITY), f32::NEG_INFINITY);

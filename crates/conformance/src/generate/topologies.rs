@@ -126,7 +126,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn odd_trees_are_sound_and_as_deep_as_may_be() {
+    fn odd_trees_are_valid_and_deep() {
         for n in [0, 1, 2, 3, 40, 65, 66, 300] {
             let leaves: Vec<u32> = (0..n).collect();
             for split in LeafSplit::ALL {

@@ -104,7 +104,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_begins_beyond_the_bound_is_left_out_and_what_begins_at_it_is_not() {
+    fn culls_boxes_beyond_the_bound() {
         let wall = |x: f32| [[x, 0.0, 0.0], [x, 1.0, 0.0], [x, 0.0, 1.0]];
         // Walls at 0, 1, 2 and so on, eight at each position, in mixed order.
         let corners: Vec<Triangle> = (0..256).map(|i| wall((i * 7 % 32) as f32)).collect();
@@ -125,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn rounding_loses_no_ray_that_just_clips_a_corner() {
+    fn rounding_keeps_rays_through_box_corners() {
         // Enters at exactly 1 + (17/48) 2^-52, leaves at 1 + (18/48) 2^-52. The first rounds up to 1 + 2^-52, the
         // second down to 1.
         let x = -(2.0_f32.powi(-52) + 2.0_f32.powi(-56));

@@ -57,7 +57,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_between_neighbours_round_to_the_nearer_one_or_to_the_even_one() {
+    fn rounds_ties_to_even() {
         let least = f32::from_bits(1);
         for x in [
             0.0,
@@ -77,7 +77,7 @@ mod tests {
     }
 
     #[test]
-    fn limits_exclude_what_rounds_to_them() {
+    fn limits_exclude_values_rounding_to_them() {
         let [x, y, z] = [1.0_f32.next_down(), 1.0, 1.0_f32.next_up()];
         for (t, above, below) in [
             (between(x, y, 1), false, true),

@@ -24,7 +24,7 @@ fn first([u, v]: [f32; 2], [edge, tie]: [bool; 2]) -> Option<ExactHit> {
 }
 
 #[test]
-fn the_greatest_and_the_least_numbers_are_no_trouble() {
+fn handles_extreme_magnitudes() {
     for s in [f32::MAX, 1e30, 1e-30, f32::from_bits(8)] {
         let corners = SQUARE.map(|t| t.map(|p| p.map(|x| x * s)));
         let ray = Ray::new([0.5 * s, 0.25 * s, s], [0.0, 0.0, -s]);
@@ -43,7 +43,7 @@ fn the_greatest_and_the_least_numbers_are_no_trouble() {
 
 /// The ray passes through exactly the midpoint of an edge that two triangles share.
 #[test]
-fn a_ray_leaks_nowhere_though_it_does_in_double_precision() {
+fn shared_edge_does_not_leak() {
     let [a, b] = [
         [125_496.0, -74_074.0, -194_525.0],
         [132_966.0, 145_922.0, 96_123.0],
@@ -71,7 +71,7 @@ fn cases() -> impl Iterator<Item = (Vec<Triangle>, Vec<Ray>)> {
 }
 
 #[test]
-fn the_oracle_agrees_with_the_naive_version() {
+fn oracle_agrees_with_naive_version() {
     for (corners, rays) in cases() {
         let oracle = Oracle::new(corners.clone());
         for ray in &rays {
@@ -96,7 +96,7 @@ fn the_oracle_agrees_with_the_naive_version() {
 }
 
 #[test]
-fn double_precision_is_never_wrong_when_it_is_sure() {
+fn certain_double_results_are_correct() {
     for (all, rays) in cases() {
         for ray in rays.iter().filter(|ray| ray.is_valid()) {
             for corners in all.iter().filter(|corners| is_active(corners)) {

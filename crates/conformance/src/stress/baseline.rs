@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn a_device_is_held_to_what_was_measured_with_its_own_arithmetic() {
+    fn baseline_depends_on_device_arithmetic() {
         let by = Intersector::MollerTrumbore;
         let [of_host, of_gpu] = [[1983, 186, 3828], [2056, 412, 2990]];
         assert!(edges(by, of_host, Arithmetic::IEEE).is_ok());
@@ -200,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn answers_equal_everywhere_have_one_bound_and_unknown_arithmetic_has_none_of_its_own() {
+    fn robust_intersectors_share_one_baseline() {
         let strange = Arithmetic {
             rounds_division: false,
             fuses: true,
@@ -217,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn every_baseline_has_every_cell_once_and_says_where_it_comes_from() {
+    fn baselines_are_complete() {
         for baseline in BASELINES.iter() {
             let of = |by: Intersector| decisive(by, baseline.arithmetic) == baseline.arithmetic;
             let all = Intersector::ALL.into_iter().filter(|&by| of(by));

@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn bounds_hold_what_chance_brings_and_little_more() {
+    fn bounds_are_tight_confidence_intervals() {
         let [low, high] = interval(&known(0.25, 1.0), 10_000);
         // The standard deviation is 0.0043, and 0.0004 for the known rate.
         assert!((0.220..0.226).contains(&low), "{low}");
@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn never_and_always_have_an_end_of_their_own() {
+    fn bounds_handle_rates_zero_and_one() {
         let [low, high] = interval(&known(0.0, 1.0), 8192);
         assert!(low == 0.0 && (5e-4..1e-3).contains(&high), "{high}");
         let [low, high] = interval(&known(1.0, 1.0), 8192);

@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn every_rate_of_the_host_is_within_its_bound_whatever_the_seed_and_number_of_rays() {
+    fn host_rates_are_within_bounds() {
         let mut all = Vec::new();
         let is_full = std::env::var("ABVH_FULL").is_ok_and(|full| full == "1");
         let many = if is_full { 8192 } else { 1024 };
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn whoever_answers_by_another_intersector_is_found_out_whether_worse_or_better() {
+    fn detects_swapped_intersectors() {
         use Intersector::{Exact, MollerTrumbore, Watertight, Woop};
         let (seed, rays) = (5, 2048);
         let tests = stress_tests(&Plan { seed, rays });

@@ -10,28 +10,28 @@ use faulty::Faulty;
 /// Properties, each with faults that it must detect. It may detect others.
 const NOTICED: &str = "
 frames_equal_the_reference_after_any_commands: positions one ulp off, last box too large, boxes of the moment before, what moves is passed over, inactive miscounted, copies are of the newest frame, copies come twice
-reports_name_what_was_done: times of stages left out, clock runs backwards
+reports_time_only_recorded_stages: times of stages left out, clock runs backwards
 paged_key_frames_have_the_positions_of_held_ones: paged key frames come late
 the_device_measures_streamed_vertices: streamed vertices are not measured
 streamed_key_frames_are_played_like_held_ones: streamed key frames come late, first leaf is never hit
 hits_equal_the_reference: distances one ulp off, weights swapped, interval is closed, ties go to the first leaf, hits miscounted, any hit forgets the last ray
 pictures_and_shadows_equal_the_reference: distances one ulp off, weights swapped, shadows inverted, pixels sampled at corners
 any_hit_agrees_with_closest_hit: interval is closed, any hit forgets the last ray
-a_camera_is_its_rays: pixels sampled at corners, second trace misses
-queries_together_find_what_each_does: the second of several queries misses
-a_ray_that_continues_visits_every_crossing_once: distances one ulp off, weights swapped, hit again where the ray begins, any hit forgets the last ray
-far_geometry_changes_no_other_hit: far vertices change other hits, far triangles are lost
+camera_matches_listed_rays: pixels sampled at corners, second trace misses
+batched_queries_match_separate_queries: the second of several queries misses
+continued_rays_visit_every_crossing_once: distances one ulp off, weights swapped, hit again where the ray begins, any hit forgets the last ray
+far_geometry_does_not_change_hits: far vertices change other hits, far triangles are lost
 closed_bodies_do_not_leak: edges leak, edges hit twice
 tree_age_does_not_change_hits: first leaf is never hit
 tree_shape_does_not_change_hits: first leaf is never hit, ties go to the first leaf
-a_swap_does_not_change_hits: first leaf is never hit, new tree answers for old frames
-a_tree_that_was_brought_is_the_one_adopted: a tree that was left is adopted, first leaf is never hit
-a_tree_is_evaluated_beside_the_current_one: cost is that of the current tree, evaluation counts inactive triangles twice, first leaf is never hit
-a_tree_made_on_the_device_is_whole: made tree is not the one in use
-a_tree_made_on_the_device_does_not_change_hits: made tree misses sometimes
-a_wrong_tree_is_refused: any tree is taken
-tickets_finish_in_order_and_answers_are_kept: answers of the newest frame, tickets repeat, answers lost without a trace
-loading_again_starts_afresh: every third scene is empty, positions outlive their scene
+tree_swap_does_not_change_hits: first leaf is never hit, new tree answers for old frames
+uploaded_tree_is_the_one_adopted: a tree that was left is adopted, first leaf is never hit
+evaluation_does_not_change_results: cost is that of the current tree, evaluation counts inactive triangles twice, first leaf is never hit
+device_built_tree_is_valid: made tree is not the one in use
+device_build_does_not_change_hits: made tree misses sometimes
+trees_of_other_scenes_are_refused: any tree is taken
+tickets_are_ordered_and_results_kept: answers of the newest frame, tickets repeat, answers lost without a trace
+reloading_resets_all_state: every third scene is empty, positions outlive their scene
 ";
 
 /// Number of cases per property, as in the full tier.
@@ -90,7 +90,7 @@ fn every_property_detects_its_faults() {
 }
 
 #[test]
-fn a_backend_that_panics_disagrees() {
+fn panicking_backend_counts_as_disagreement() {
     let found = shrunk("hits_equal_the_reference", "panics");
     assert!(found.what.contains("this backend panics"), "{found}");
     assert!(found.minimal.triangles <= 1, "{found}");
@@ -115,7 +115,7 @@ streamed_key_frames_are_played_like_held_ones: streamed key frames come late
 const SMALL: [usize; 3] = [4, 2, 2];
 
 #[test]
-fn faults_shrink_to_a_few_triangles_and_rays() {
+fn faults_shrink_to_small_cases() {
     for (property, faults) in SHRUNK.lines().filter_map(|line| line.split_once(": ")) {
         for fault in faults.split(", ") {
             let found = shrunk(property, fault);

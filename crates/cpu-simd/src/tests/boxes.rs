@@ -114,7 +114,7 @@ fn check(ray: &OneRay<'_, impl Lanes>, bounds: &Aabb) -> Result<(), TestCaseErro
 
 proptest! {
     #[test]
-    fn what_the_box_test_meets_is_visited(
+    fn visits_boxes_that_rays_hit(
         (boxes, ray) in boxes().prop_flat_map(|boxes| (Just(boxes), ray_to(boxes[1]))),
     ) {
         let [root, bounds] = boxes;

@@ -140,7 +140,7 @@ fn ends<L: Lanes>(numbers: &[f32; 16]) -> [f32; 2] {
 }
 
 #[test]
-fn every_instruction_set_gives_the_same_bits() {
+fn instruction_sets_give_identical_bits() {
     let expected = Level::all()[0].run(Everything);
     assert!(expected.len() > 16 * 10 * 16);
     for level in Level::all() {
@@ -149,7 +149,7 @@ fn every_instruction_set_gives_the_same_bits() {
 }
 
 #[test]
-fn lanes_and_bits_have_one_order() {
+fn mask_bits_follow_lane_order() {
     let a = Plain::<8>::load(&[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
     let below = Plain::<8>::bits(a.less(Plain::splat(3.0)));
     assert_eq!(below, 0b111);

@@ -234,7 +234,7 @@ mod tests {
     const UNIT: Triangle = [[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]];
 
     #[test]
-    fn double_precision_tells_clear_misses_alone() {
+    fn double_precision_detects_only_clear_misses() {
         let misses = |x, y| {
             let ray = Ray::new([x, y, 0.0], [0.0, 0.0, 0.5]);
             surely_misses(&Line { ray, shift: 0 }, &UNIT)
@@ -248,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn a_moved_line_passes_once_through_what_triangles_share() {
+    fn shared_edges_are_crossed_once() {
         // Eight triangles around the centre of a square. A ray along the grid and two tilted rays intersect them.
         let ring = [1.0, 1.0, 0.0, -1.0, -1.0, -1.0, 0.0, 1.0];
         let at = |i: usize| -> Point {
@@ -277,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn weights_are_those_of_the_second_and_the_third_corner_at_every_size() {
+    fn weights_are_exact_at_every_scale() {
         for e in [-140, -60, 0, 60, 120] {
             let s = 2.0_f64.powi(e) as f32;
             let corners = UNIT.map(|p| p.map(|x| x * s));
@@ -295,7 +295,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_surely_missed_is_missed(
+        fn certain_misses_are_exact_misses(
             corners in [point(), point(), point()], origin in point(), aim in 0..4_usize, w in 0.0_f32..1.0, e in -30_i32..30, far in 0_i32..40,
         ) {
             // Aimed at an edge or a vertex, from near and far, so that the sign is hard to decide.

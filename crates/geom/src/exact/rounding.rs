@@ -107,7 +107,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn a_triangle_seen_from_its_side_reports_the_exact_distance() {
+    fn edge_on_triangle_reports_exact_distance() {
         let corners = [
             [0.002, -0.004, -0.003],
             [-0.002, 0.0, 0.003],
@@ -123,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn most_hits_are_rounded_by_double_precision() {
+    fn double_precision_rounds_most_hits() {
         let corners = [[0.1, 0.2, 1.0], [1.3, 0.1, 1.2], [0.2, 1.7, 0.9]];
         let few = |i: u32| (i as f32 * 0.618).fract() - 0.5;
         let count = (0..1000).filter(|&i| {
@@ -143,7 +143,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_double_precision_rounds_is_the_exact_number_rounded_once(
+        fn certain_rounding_matches_exact_rounding(
             corners in [point(), point(), point()], from in point(), weights in [0.0_f32..1.0, 0.0_f32..1.0],
             thin in 0_i32..20, far in -10_i32..40, size in -60_i32..60, e in -60_i32..60, shift in -3_i32..4,
         ) {

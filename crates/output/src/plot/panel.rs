@@ -288,7 +288,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn a_logarithmic_axis_names_round_values_and_zeros_below_them() {
+    fn log_axis_labels_round_values() {
         for (values, names) in [
             (&[0.9, 12.0][..], "1 2 5 10"),
             (&[0.0, 0.001, 999.0], "none 0.001 0.01 0.1 1 10 100 1000"),
@@ -305,7 +305,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn any_values_give_a_finite_axis_with_few_names(
+        fn log_axis_accepts_any_values(
             values in prop::collection::vec(any::<f64>(), 0..6)
         ) {
             let axis = Axis::log("", values.clone());

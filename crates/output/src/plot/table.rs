@@ -203,7 +203,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_have_three_digits_and_counts_are_grouped() {
+    fn formats_numbers_and_counts() {
         let cases = [
             (0.0, "0"),
             (9.999, "10"),

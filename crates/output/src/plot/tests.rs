@@ -147,7 +147,7 @@ fn places(picture: &str) -> Vec<(i32, i32)> {
 }
 
 #[test]
-fn rates_have_their_intervals() {
+fn rates_have_confidence_intervals() {
     // For 0 of a million, the rule of three applies. For 10 of 100, Wilson's formula gives 0.0552 to 0.1744.
     for (wrong, tested, expected) in [
         (0, 1_000_000, [0.0, 0.0, 3.0]),
@@ -166,7 +166,7 @@ fn rates_have_their_intervals() {
 }
 
 #[test]
-fn every_point_is_drawn_and_everything_is_named() {
+fn draws_and_labels_every_point() {
     for scenes in [1, 3] {
         assert_eq!(places(&checked(&invented(scenes))).len(), 36 * scenes);
     }
@@ -193,7 +193,7 @@ fn every_point_is_drawn_and_everything_is_named() {
 }
 
 #[test]
-fn faster_is_left_and_fewer_wrong_is_lower() {
+fn better_points_are_lower_left() {
     let points = [(1.0, 100), (2.0, 10), (4.0, 1), (8.0, 0), (16.0, 0)];
     let picture = svg(&of_points(points.map(|(ms, wrong)| point(ms, wrong)))).unwrap();
     let places = places(&picture);
@@ -220,7 +220,7 @@ fn faster_is_left_and_fewer_wrong_is_lower() {
 }
 
 #[test]
-fn the_front_is_the_same_in_every_file() {
+fn front_agrees_across_output_formats() {
     let chart = invented(2);
     let starred = (0..chart.points.len()).filter(|&i| cell(&chart, i, "on_front") == "1");
     let names: Vec<_> = starred.map(|i| chart.points[i].name()).collect();
@@ -235,7 +235,7 @@ fn the_front_is_the_same_in_every_file() {
 }
 
 #[test]
-fn columns_stay_where_they_are() {
+fn csv_columns_are_stable() {
     let (head, _) = records(&Chart::default());
     let expected = "scene triangles backend adapter driver intersector update samples ms_median ms_p5 ms_p95 \
         mrays_per_s rays_tested wrong wrong_per_million wrong_per_million_low wrong_per_million_high on_front \
@@ -257,7 +257,7 @@ fn columns_stay_where_they_are() {
 }
 
 #[test]
-fn a_failure_has_its_row_in_every_table() {
+fn failures_appear_in_every_table() {
     let mut chart = invented(1);
     chart.failures.push(Failure {
         scene: "grove".to_owned(),
@@ -286,7 +286,7 @@ fn a_failure_has_its_row_in_every_table() {
 }
 
 #[test]
-fn what_cannot_be_drawn_is_counted() {
+fn counts_points_that_are_not_drawn() {
     let unknown = Point {
         ms_per_frame: Spread::default(),
         ..point(1.0, 3)
@@ -307,7 +307,7 @@ fn what_cannot_be_drawn_is_counted() {
 }
 
 #[test]
-fn names_are_words_and_never_markup_and_long_ones_are_cut() {
+fn names_are_escaped_and_truncated() {
     let markup = "<script>alert(\"&amp;\")</script>'\u{1}\u{0}\n</title>]]>";
     for name in [markup.to_owned(), "name-that-never-ends ".repeat(30)] {
         let mut chart = invented(1);
@@ -325,7 +325,7 @@ fn names_are_words_and_never_markup_and_long_ones_are_cut() {
 }
 
 #[test]
-fn every_text_stays_within_the_picture() {
+fn texts_fit_within_the_picture() {
     let picture = svg(&invented(2)).unwrap();
     let document = Document::parse(&picture).unwrap();
     let texts = document.descendants().filter(|n| n.has_tag_name("text"));
@@ -345,7 +345,7 @@ fn every_text_stays_within_the_picture() {
 }
 
 #[test]
-fn absurd_numbers_are_drawn() {
+fn draws_extreme_values() {
     let most = u64::MAX;
     let mut points: Vec<_> = [(5e-324, 1), (f64::MAX, 1), (1e-9, most)]
         .map(|(ms, wrong)| point(ms, wrong))
@@ -366,7 +366,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
     #[test]
-    fn a_point_is_off_the_front_only_if_another_is_as_good(
+    fn front_excludes_only_dominated_points(
         pairs in prop::collection::vec((1_u8..9, 0_u8..9), 0..40)
     ) {
         let points = pairs.iter().map(|&(ms, wrong)| point(f64::from(ms), u64::from(wrong)));

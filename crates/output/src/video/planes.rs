@@ -109,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn chroma_is_halved_along_both_axes_and_edges_count_twice() {
+    fn chroma_halving_repeats_edge_pixels() {
         let pixel = |i: u8| {
             [
                 i.wrapping_mul(91),
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn luma_and_chroma_are_the_nearest() {
+    fn luma_and_chroma_round_to_nearest() {
         // Every third value per channel, including 0 and 255.
         let axis = || (0..=255_u8).step_by(3);
         let all = axis().flat_map(|r| axis().flat_map(move |g| axis().map(move |b| [r, g, b, 7])));

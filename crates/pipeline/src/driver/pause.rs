@@ -69,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn pauses_double_until_a_tree_is_adopted_or_the_current_one_costs_more_than_ever() {
+    fn pauses_double_until_adoption() {
         let mut pause = RequestPause::default();
         let all = [0, 10, 30, 70, 150, 310, 310];
         assert_eq!(pauses(&mut pause, 7), all);
@@ -83,7 +83,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tree_that_saves_less_than_a_tenth_counts_as_rejected() {
+    fn small_savings_count_as_rejection() {
         let mut pause = RequestPause::default();
         pauses(&mut pause, 2);
         pause.adopted(100, 10, 0.91);

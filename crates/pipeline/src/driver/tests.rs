@@ -138,7 +138,7 @@ fn play(
 }
 
 #[test]
-fn a_scene_at_rest_starts_no_builder_and_does_no_geometry_work() {
+fn static_scene_needs_no_builder() {
     for update in [Policy::Rebuild, Policy::Refit, Policy::Async] {
         let r = run(1, 5, update, Some(0));
         assert!(!r.built);
@@ -150,7 +150,7 @@ fn a_scene_at_rest_starts_no_builder_and_does_no_geometry_work() {
 }
 
 #[test]
-fn rebuild_traces_each_frame_with_its_own_tree() {
+fn rebuild_uses_one_tree_per_frame() {
     for update in [Policy::Rebuild, Policy::Lockstep(0)] {
         let r = run(9, 8, update, Some(3));
         assert!(!r.built);
@@ -163,7 +163,7 @@ fn rebuild_traces_each_frame_with_its_own_tree() {
 }
 
 #[test]
-fn device_rebuild_has_each_frame_make_its_own_tree_and_nobody_builds() {
+fn device_rebuild_needs_no_host_builder() {
     let r = run(9, 8, Policy::DeviceRebuild, Some(0));
     assert!(!r.built && r.log.adopted.is_empty() && r.log.requested == 0);
     assert_eq!(r.log.made, (1..9).map(Generation).collect::<Vec<_>>());
@@ -177,7 +177,7 @@ fn device_rebuild_has_each_frame_make_its_own_tree_and_nobody_builds() {
 }
 
 #[test]
-fn lockstep_swaps_k_frames_after_asking() {
+fn lockstep_adopts_after_k_frames() {
     for k in [1_u64, 3, 7] {
         let r = run(30, 24, Policy::Lockstep(k as u32), Some(5));
         for (n, f) in (0..).zip(&r.records) {
@@ -193,7 +193,7 @@ fn lockstep_swaps_k_frames_after_asking() {
 }
 
 #[test]
-fn a_free_builder_is_heard_and_frames_go_on_while_vertices_are_under_way_for_ever() {
+fn async_frames_never_wait_for_vertices() {
     // On busy cores the builder needs many frames.
     let r = run(60, 200, Policy::Async, Some(2));
     let generations = r.records.iter().map(|f| f.tree.generation);
@@ -224,7 +224,7 @@ fn trees_for(by: Config, kind: impl Fn(u64) -> QueryKind) -> Vec<Vec<u32>> {
 }
 
 #[test]
-fn every_tree_faces_the_light_of_the_frame_that_asks() {
+fn trees_are_ordered_toward_requested_light() {
     let animation = shuffled(6, 256);
     // One light, and another from frame 3 on, at opposite ends of the row.
     let lights = [[300.0, 40.0, 10.0], [-40.0, 40.0, 10.0]];
@@ -268,7 +268,7 @@ fn beside_a_slow_builder(frames: u64, held: u64) -> Vec<FrameRecord> {
 
 /// If a frame waited for the builder, both would wait for each other, and trees adopted later would be young.
 #[test]
-fn frames_go_on_while_the_builder_waits_for_them() {
+fn frames_continue_during_slow_builds() {
     let records = beside_a_slow_builder(100, 20);
     assert_eq!(records.len(), 100);
     let mut adopted = 0;
@@ -286,7 +286,7 @@ fn frames_go_on_while_the_builder_waits_for_them() {
 }
 
 #[test]
-fn only_those_who_want_a_tree_of_their_own_or_a_fixed_age_wait_for_it() {
+fn only_rebuild_and_lockstep_wait() {
     let refit = run(30, 20, Policy::Refit, Some(0));
     assert!(!refit.built && refit.log.adopted == [Generation(1)]);
     assert_eq!(
@@ -306,7 +306,7 @@ fn only_those_who_want_a_tree_of_their_own_or_a_fixed_age_wait_for_it() {
 }
 
 #[test]
-fn moments_come_in_order_and_each_tree_adopted_was_asked_for() {
+fn frame_events_are_in_order() {
     for update in [Policy::Rebuild, Policy::Async, Policy::Lockstep(3)] {
         let records = run(60, 50, update, Some(2)).records;
         let mut newest = Generation(0);

@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_are_the_same_whatever_was_warmed_up() {
+    fn warm_up_does_not_change_frames() {
         // One more trace is in flight when enough have finished.
         const ASKED: usize = 50;
         const DONE: usize = ASKED + 1;
@@ -267,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_are_steady_once_two_windows_agree() {
+    fn steady_requires_two_equal_windows() {
         assert!(steady(vec![1.0; 250]));
         assert!(!steady(vec![1.0; 90]), "one window alone");
         // The clock rose at the end of the earlier window.
@@ -286,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn only_devices_are_warmed_up_and_software_if_it_is_asked_for() {
+    fn warm_up_time_depends_on_device() {
         use DeviceKind::{Cpu, Gpu, Software};
         let of = |asked| [Gpu, Software, Cpu].map(|kind| seconds(asked, kind));
         assert_eq!(of(None), [USUAL, 0.0, 0.0]);

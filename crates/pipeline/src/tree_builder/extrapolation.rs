@@ -82,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn motion_is_continued_unless_it_turned_since() {
+    fn extrapolates_until_motion_reverses() {
         assert_eq!(observe(&[0.0, 9.0, 30.0], |t| t as f32), [true; 3]);
         assert_eq!(observe(&[0.0, 9.0], |_| 2.0), [true; 2]);
         // The motion reverses every 15 frames.
@@ -92,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn rest_changes_no_judgement() {
+    fn rest_keeps_the_previous_decision() {
         let stops = |t: f64| if t < 12.0 { (12.0 - t) as f32 } else { 10.0 };
         let found = observe(&[0.0, 20.0, 40.0, 60.0], stops);
         assert_eq!(found, [true, false, false, false]);

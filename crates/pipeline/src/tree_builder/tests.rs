@@ -111,7 +111,7 @@ impl Course {
 }
 
 #[test]
-fn a_tree_is_made_of_groups_of_the_last_one_until_trees_hold() {
+fn reuses_subtrees_until_trees_are_stable() {
     let mut course = Course::over(clumps(), TreeFormat::Binary);
     let [last, tree] = course.next(1.0);
     assert_eq!(tree, of_groups(&last, &course.boxes(1.0)));
@@ -131,7 +131,7 @@ fn a_tree_is_made_of_groups_of_the_last_one_until_trees_hold() {
 }
 
 #[test]
-fn a_warm_up_changes_no_tree_to_come_and_finds_its_memory() {
+fn warm_up_does_not_change_trees() {
     let next = |warms_up: bool| {
         let mut course = Course {
             animation: clumps(),
@@ -154,7 +154,7 @@ fn a_warm_up_changes_no_tree_to_come_and_finds_its_memory() {
 }
 
 #[test]
-fn what_records_carry_changes_no_tree() {
+fn optional_forms_do_not_change_trees() {
     let over = |format| Course::over(clumps(), format);
     let mut plain = over(TreeFormat::Binary);
     let [mut treelets, mut blocks] = [TreeFormat::Treelets, TreeFormat::WideBlocks].map(over);
@@ -168,7 +168,7 @@ fn what_records_carry_changes_no_tree() {
 }
 
 #[test]
-fn what_a_tree_costs_is_said_of_its_moment_whatever_it_was_built_for() {
+fn cost_is_measured_at_the_pose() {
     let mut course = Course::over(clumps(), TreeFormat::Binary);
     let halves = [0.25, 0.75];
     let built = course.build(0, Some(halves));
@@ -185,7 +185,7 @@ fn what_a_tree_costs_is_said_of_its_moment_whatever_it_was_built_for() {
 }
 
 #[test]
-fn a_tree_that_nobody_weighs_does_not_count_as_faded() {
+fn unevaluated_tree_is_not_degraded() {
     let mut course = Course::over(shuffled(), TreeFormat::Binary);
     for _ in 0..3 {
         let found = course.rebuild(1.0, Some([0.625, 1.0]), false);
@@ -195,7 +195,7 @@ fn a_tree_that_nobody_weighs_does_not_count_as_faded() {
 }
 
 #[test]
-fn key_frames_make_the_same_tree_as_the_vertices_read_back() {
+fn key_frames_match_read_back_vertices() {
     let a = shuffled();
     let read_back = Vertices::ReadBack(Box::new(positions(&a, 0.3)));
     let [x, y] = [Vertices::KeyFrames(a.pose(0.3)), read_back].map(|vertices| {
@@ -232,7 +232,7 @@ fn known(times: &[f64]) -> Topology {
 }
 
 #[test]
-fn what_was_observed_is_followed_to_where_it_is_going() {
+fn extrapolates_observed_motion() {
     let observed = |times, middle| {
         let mut course = Course::over(shuffled(), TreeFormat::Binary);
         observed(&mut course, times, middle).topology
@@ -245,7 +245,7 @@ fn what_was_observed_is_followed_to_where_it_is_going() {
 }
 
 #[test]
-fn where_motion_turned_a_tree_is_built_for_what_was_seen_last() {
+fn reversed_motion_uses_last_positions() {
     let mut course = Course::over(shuffled(), TreeFormat::Binary);
     // The motion reverses at time 1, so positions at 1.75 and 2 equal those at 0.25 and 0.
     let first = observed(&mut course, [0.25, 0.5], 0.75);
@@ -271,7 +271,7 @@ fn where_motion_turned_a_tree_is_built_for_what_was_seen_last() {
 }
 
 #[test]
-fn a_tree_that_was_never_used_is_taken_back() {
+fn revert_restores_the_used_tree() {
     let courses = [(); 2].map(|()| Course::over(shuffled(), TreeFormat::Binary));
     let [mut course, mut other] = courses;
     let used = course.builder.in_use.clone();
@@ -285,7 +285,7 @@ fn a_tree_that_was_never_used_is_taken_back() {
 }
 
 #[test]
-fn an_old_records_memory_is_used_again() {
+fn reuses_memory_of_old_trees() {
     for format in [TreeFormat::Binary, TreeFormat::Treelets] {
         let mut course = Course::over(shuffled(), format);
         let memory = |tree: &Topology| {
@@ -302,7 +302,7 @@ fn an_old_records_memory_is_used_again() {
 }
 
 #[test]
-fn blocks_of_a_tree_that_faces_the_light_are_asked_in_its_order() {
+fn light_ordered_blocks_keep_tree_order() {
     // Triangles are larger the farther they are from the light.
     let corner = |i: u32| {
         let (x, size) = ((4 * i) as f32, 1.0 + i as f32 / 99.0);
@@ -322,7 +322,7 @@ fn blocks_of_a_tree_that_faces_the_light_are_asked_in_its_order() {
 }
 
 #[test]
-fn blocks_are_fuller_where_they_are_asked_for() {
+fn requested_blocks_are_fuller() {
     let corner = |i: u32| {
         let [x, y, z] = [7919, 6007, 4001].map(|step| (i * step % 1009) as f32);
         [[x, y, z], [x + 3.0, y, z], [x, y + 3.0, z]]

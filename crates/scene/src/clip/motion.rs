@@ -260,7 +260,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ends_hold_and_steps_wait_between_uneven_times() {
+    fn interpolates_and_clamps_uneven_times() {
         let track = |interpolation| Track {
             times: vec![1.0, 2.0, 4.0],
             values: vec![0.0, 1.0, 3.0],

@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn a_demo_takes_at_least_what_is_asked_for_it_and_is_refused_where_that_is_too_much() {
+    fn demos_are_checked_against_memory() {
         for (name, ..) in DEMOS {
             let animation = open(&format!("{name}:20000")).unwrap().animation;
             let bytes = 12 * animation.key_count() * animation.vertex_count();
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn demos_have_the_same_bits_everywhere() {
+    fn demo_bits_are_platform_independent() {
         let found = DEMOS.map(|(name, ..)| fnv(&open(&format!("{name}:3000")).unwrap()));
         let expected = [
             0x5a06_e36d_ac7e_6e6a,
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn every_demo_meets_its_count_and_is_finite() {
+    fn demos_match_requested_triangle_counts() {
         let few = [1, 2, 7, 12, 40, 100, 300].map(|asked| (asked, 26));
         let many = [(2_000, 300), (20_000, 1_000), (100_000, 3_000)];
         for (name, ..) in DEMOS {

@@ -218,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn solids_are_closed_face_outward_and_have_the_promised_count() {
+    fn solids_are_closed_and_face_outward() {
         for cuts in [1, 2, 3, 8] {
             let mesh = cube(cuts);
             assert_eq!(mesh.triangles.len(), 12 * (cuts * cuts) as usize);

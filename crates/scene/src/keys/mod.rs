@@ -228,7 +228,7 @@ mod tests {
         #![proptest_config(ProptestConfig::with_cases(300))]
 
         #[test]
-        fn the_answer_is_the_best_of_all_subsets(
+        fn reduction_keeps_the_smallest_subset(
             keys in key_frames(coordinate()),
             tolerances in prop::collection::vec(prop_oneof![Just(0.0), 0.0..6.0_f64, Just(1.0)], 3),
         ) {
@@ -244,7 +244,7 @@ mod tests {
         }
 
         #[test]
-        fn a_tolerance_equal_to_an_error_admits_it_and_the_next_smaller_does_not(
+        fn tolerance_bound_is_inclusive(
             keys in key_frames(-9.0_f32..9.0),
         ) {
             let ends = if keys.len() > 1 { vec![0, keys.len() - 1] } else { vec![0] };
@@ -257,7 +257,7 @@ mod tests {
         }
 
         #[test]
-        fn the_limit_on_squares_is_the_tolerance_itself(tolerance in 0.0..1e38_f64, power in -60_i32..1) {
+        fn largest_square_matches_the_tolerance(tolerance in 0.0..1e38_f64, power in -60_i32..1) {
             let tolerance = tolerance * 10.0_f64.powi(power);
             let square = largest_square(tolerance);
             prop_assert!(square.sqrt() <= tolerance && square.next_up().sqrt() > tolerance);
@@ -277,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn meshes_of_many_blocks_are_judged_to_the_last_vertex() {
+    fn reduction_checks_every_vertex_block() {
         let is_static = |keys: &[KeyFrame]| !Reducer::new(keys).blocks.contains(&(512..1024));
         assert!(is_static(&wave(9, 2100)));
         for spike in [0, 1023, 1400, 2099] {
@@ -293,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn the_answer_is_the_same_for_every_number_of_threads() {
+    fn reduction_is_deterministic_across_thread_counts() {
         let keys = wave(12, 1500);
         let found = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
@@ -308,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn the_worst_place_is_the_first_and_the_mean_counts_every_finite_vertex() {
+    fn fit_reports_worst_vertex_and_mean() {
         let at = |x: f32| Arc::new(vec![[x, 0.0, 0.0], [-x, 0.0, 0.0], [f32::NAN; 3]].into());
         let keys = vec![at(0.0), at(3.0), at(0.0), at(3.0), at(0.0)];
         let fit = measure(&keys, &[0, 4]);

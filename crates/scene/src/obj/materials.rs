@@ -103,7 +103,7 @@ mod tests {
     use std::fs;
 
     #[test]
-    fn faces_take_the_diffuse_colour_of_their_material_from_libraries_that_may_be_read() {
+    fn faces_use_material_diffuse_colours() {
         let all = tempfile::tempdir().unwrap();
         fs::create_dir(all.path().join("scene")).unwrap();
         let library = "newmtl red paint\nKa 1 1\nKd 1 0 0\nmap_Kd\nnewmtl grey\nKd 0.2\nnewmtl broken\nKd 1 2\n";

@@ -267,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn triangles_come_in_file_order_whatever_groups_and_lines_say() {
+    fn triangles_are_in_file_order() {
         let mesh = parse(
             "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvn 0 0 1\nvt 0 0\ng b\nusemtl m\nf 1 2 3 4\n\
              g a\nl 1 2 3\nf -1/1/1 -2/1/1 -4//1 # a comment\nusemtl n\nf 2 \\\n 3 4\n",
@@ -283,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bad_statement_is_named_by_its_line() {
+    fn errors_name_the_line() {
         let head = "v 0 0 0\nv 1 0 0\nv 0 1 0\n\n";
         for (text, says) in [
             ("f 1 2 4\n", "line 5: vertex 4 does not exist, there are 3"),
@@ -308,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_that_are_none_are_accepted_where_a_vertex_may_be_absent() {
+    fn accepts_non_finite_coordinates() {
         let mesh =
             parse("v nan 0 0\nv inf 0 -INF\nv 1e99 1 0\nv 2 4 6 2\nf 1 2 3\nf 4 2 3\n").unwrap();
         let [a, b, c, d] = mesh.points[..] else {
@@ -320,7 +320,7 @@ mod tests {
     }
 
     #[test]
-    fn long_polygons_forward_references_and_foreign_bytes_are_read() {
+    fn reads_forward_references_and_long_polygons() {
         let mut text = String::from("# caf\u{e9}\ng na\u{ef}ve\nf");
         (1..=1000).for_each(|i| text.push_str(&format!(" {i}")));
         (1..=1000).for_each(|i| text.push_str(&format!("\r\nv {i} 0 0")));
@@ -337,7 +337,7 @@ mod tests {
     }
 
     #[test]
-    fn a_comment_ends_with_its_line() {
+    fn comment_ends_at_line_end() {
         for comment in [
             "# saved to D:\\out\\",
             "  # a \\  ",
@@ -357,7 +357,7 @@ mod tests {
     }
 
     #[test]
-    fn the_weight_of_a_vertex_is_ignored() {
+    fn vertex_weight_is_ignored() {
         for w in ["0", "2", "-1", "nan", "0.5"] {
             let mesh = parse(&format!("v 2 4 6 {w}\nv 1 0 0\nv 0 1 0 1\nf 1 2 3\n")).unwrap();
             assert_eq!(mesh.points[0], [2.0, 4.0, 6.0]);
@@ -366,7 +366,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_may_end_in_carriage_returns() {
+    fn accepts_carriage_return_line_ends() {
         let text = "# head\nmtllib a.mtl\n\nv 0 0 0\nv 1 0 0\nv 0 1 \\\n0\nl 1 2\nf 1 2 3\n";
         let whole = parse(text).unwrap();
         for end in ["\r", "\r\n"] {
@@ -381,7 +381,7 @@ mod tests {
     }
 
     #[test]
-    fn wide_text_is_refused_by_name() {
+    fn utf16_text_is_rejected() {
         let text = "\u{feff}v 0 0 0\n";
         let wide: Vec<u8> = text.encode_utf16().flat_map(u16::to_be_bytes).collect();
         let file = tempfile::Builder::new().suffix(".obj").tempfile().unwrap();
@@ -390,7 +390,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_of_visual_c_are_not_comments() {
+    fn msvc_numbers_are_not_comments() {
         for word in ["-1.#IND", "1.#QNAN", "1.#INF00", "-nan(ind)"] {
             let text = format!("v {word} 0 0\nv 0 0 0\nv 1 0 {word}# x\nv 0 1 0\nf 2 3 4\n");
             let mesh = parse(&text).unwrap();
@@ -400,7 +400,7 @@ mod tests {
     }
 
     #[test]
-    fn short_faces_are_skipped_with_a_remark() {
+    fn faces_below_three_vertices_are_skipped() {
         let text =
             "v 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2\nusemtl b\nf 1 2 3\nf\nf 2/1\nf 3 2 1\n";
         let mesh = parse(text).unwrap();
@@ -417,7 +417,7 @@ mod tests {
     }
 
     #[test]
-    fn colours_to_255_are_told_from_colours_to_1() {
+    fn detects_colour_range() {
         let with = |last: &str| {
             let text = format!("v 0 0 0 0 0.5 1\nv 1 0 0 1 1 nan\nv 0 1 0 {last}\nf 1 2 3\n");
             parse(&text).unwrap()

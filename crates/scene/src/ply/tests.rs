@@ -59,7 +59,7 @@ fn binary(big: bool, faces: &[(i32, &[i16])]) -> Vec<u8> {
 }
 
 #[test]
-fn all_three_encodings_say_the_same() {
+fn all_encodings_give_same_mesh() {
     let text = ascii(
         "0 0 0\n+1 0 0\n10e-1 .1e1 -.0\r\n 0 1. .0\n",
         "4 0 1 2 3\n3 3 2 0\n",
@@ -78,7 +78,7 @@ fn all_three_encodings_say_the_same() {
 }
 
 #[test]
-fn room_is_asked_for_every_corner() {
+fn memory_estimate_counts_every_corner() {
     let need = |bytes: &[u8]| {
         let path = Path::new("a.ply");
         PlyFile::open(path, bytes).unwrap().size()
@@ -110,7 +110,7 @@ fn room_is_asked_for_every_corner() {
 }
 
 #[test]
-fn vertices_that_no_face_uses_are_dropped() {
+fn unused_vertices_are_dropped() {
     let text = ascii("9e9 0 0\n0 0 0\n1 0 0\n9 9 9\n0 1 0\n", "3 4 1 2\n");
     let mesh = parse(text).unwrap();
     let Surface { points, triangles } = surface(&mesh);
@@ -120,13 +120,13 @@ fn vertices_that_no_face_uses_are_dropped() {
 }
 
 #[test]
-fn numbers_that_are_none_are_accepted() {
+fn reads_non_finite_coordinates() {
     let mesh = parse(ascii("nan 0 0\n0 -inf 0\n1 1 0\n", "3 0 1 2\n")).unwrap();
     assert!(!mesh.points[0][0].is_finite() && !mesh.points[1][1].is_finite());
 }
 
 #[test]
-fn what_is_wrong_is_named_by_line_or_element() {
+fn errors_name_line_or_element() {
     let whole = ascii("0 0 0\n1 0 0\n0 1 0\n", "3 0 1 2\n");
     // Each line: old text, new text, part of the message. `;` is a line end in the file.
     let changes = r#"
@@ -171,7 +171,7 @@ fn what_is_wrong_is_named_by_line_or_element() {
 }
 
 #[test]
-fn a_binary_file_may_be_cut_anywhere_without_a_panic_or_a_mesh() {
+fn truncated_binary_files_are_rejected() {
     let whole = binary(false, &[(4, &[0, 1, 2, 3]), (3, &[3, 2, 0])]);
     for end in 0..whole.len() {
         refused(parse(&whole[..end]), &[]);
@@ -189,7 +189,7 @@ fn a_binary_file_may_be_cut_anywhere_without_a_panic_or_a_mesh() {
 }
 
 #[test]
-fn a_file_that_differs_in_its_vertices_alone_is_read_as_any_other() {
+fn pattern_read_matches_full_parse() {
     let folder = tempfile::tempdir().unwrap();
     for big in [false, true] {
         // No face uses vertex 2.
@@ -222,7 +222,7 @@ fn a_file_that_differs_in_its_vertices_alone_is_read_as_any_other() {
 }
 
 #[test]
-fn floats_are_found_wherever_they_lie_in_a_row() {
+fn reads_floats_at_any_row_offset() {
     let header = "ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty uchar red\nproperty float z\n\
         property double w\nproperty float x\nproperty short s\nproperty float y\nelement face 1\n\
         property list uchar int vertex_indices\nend_header\n";
@@ -263,7 +263,7 @@ fn note_with(mesh: &PolygonMesh, says: &str) {
 }
 
 #[test]
-fn headers_and_numbers_may_end_in_carriage_returns() {
+fn accepts_carriage_returns() {
     let text = ascii(TRIANGLE, "3 0 1 2\n");
     for end in ["\r", "\r\n"] {
         assert!(only_triangle(text.replace('\n', end)).notes.is_empty());
@@ -274,7 +274,7 @@ fn headers_and_numbers_may_end_in_carriage_returns() {
 
 /// The data after a header may begin with the byte of a line feed.
 #[test]
-fn the_first_byte_of_the_data_may_be_a_line_feed() {
+fn data_may_start_with_line_feed() {
     let text = ascii(TRIANGLE, "3 0 1 2\n");
     let (head, _) = text.split_once("0 0 0").unwrap();
     let head = head.replace("format ascii", "format binary_little_endian");
@@ -293,7 +293,7 @@ fn the_first_byte_of_the_data_may_be_a_line_feed() {
 }
 
 #[test]
-fn header_lines_may_have_blanks_everywhere() {
+fn accepts_blanks_in_header_lines() {
     let text = ascii(TRIANGLE, "3 0 1 2\n");
     let (head, body) = text.split_at(text.find("0 0 0").unwrap());
     for head in [
@@ -310,7 +310,7 @@ fn header_lines_may_have_blanks_everywhere() {
 }
 
 #[test]
-fn names_are_any_words() {
+fn accepts_any_property_names() {
     let names = [
         "scalar_#2",
         "a.b",
@@ -340,7 +340,7 @@ fn names_are_any_words() {
 }
 
 #[test]
-fn numbers_of_ascii_bodies_are_a_stream() {
+fn ascii_numbers_ignore_line_breaks() {
     let faces = "3 0 1 2\n";
     for body in [
         format!("\n{TRIANGLE}\n\n{faces}\n"),
@@ -356,7 +356,7 @@ fn numbers_of_ascii_bodies_are_a_stream() {
 }
 
 #[test]
-fn numbers_of_visual_c_are_read() {
+fn reads_msvc_numbers() {
     for word in ["-1.#IND", "1.#QNAN0", "-nan(ind)", "1.#INF"] {
         let mesh = parse(ascii(&format!("{word} 0 0\n1 0 0\n0 1 0\n"), "3 0 1 2\n")).unwrap();
         assert!(!mesh.points[0][0].is_finite(), "{word}");
@@ -364,7 +364,7 @@ fn numbers_of_visual_c_are_read() {
 }
 
 #[test]
-fn short_faces_are_skipped_with_a_remark() {
+fn faces_below_three_vertices_are_skipped() {
     for (faces, says) in [
         (
             "3 0 1 2\n2 0 1\n",
@@ -397,7 +397,7 @@ fn strips(lists: &str) -> String {
 }
 
 #[test]
-fn strips_have_one_side() {
+fn strips_have_consistent_orientation() {
     let of = |lists: &str| surface(&parse(strips(lists)).unwrap()).triangles;
     assert_eq!(of("4 0 1 2 3\n"), [[0, 1, 2], [2, 1, 3]]);
     let all = [[0, 1, 2], [2, 1, 3], [2, 3, 4]];
@@ -410,7 +410,7 @@ fn strips_have_one_side() {
 }
 
 #[test]
-fn strips_are_checked_as_faces_are() {
+fn strips_are_validated_like_faces() {
     let mesh = parse(strips("9 -1 0 1 -1 -1 0 1 2 -1\n")).unwrap();
     assert_eq!(surface(&mesh).triangles, [[0, 1, 2]]);
     note_with(
@@ -432,7 +432,7 @@ fn strips_are_checked_as_faces_are() {
 }
 
 #[test]
-fn strips_and_faces_come_in_file_order() {
+fn strips_and_faces_keep_file_order() {
     let text = strips("3 2 1 3\n").replace(
         "end_header",
         "element face 1\nproperty list uchar short vertex_indices\nend_header",
@@ -448,7 +448,7 @@ fn concave_faces_are_not_fanned() {
 }
 
 #[test]
-fn float_colours_to_255_are_told_from_colours_to_1() {
+fn detects_float_colour_range() {
     let with = |scale: f32| {
         let colour = [1.0, 0.5, 0.0]
             .map(|c: f32| (c * scale).to_string())
@@ -466,7 +466,7 @@ fn float_colours_to_255_are_told_from_colours_to_1() {
 }
 
 #[test]
-fn wide_text_is_refused_by_name() {
+fn utf16_text_is_rejected() {
     let text = ascii(TRIANGLE, "3 0 1 2\n");
     let wide: Vec<u8> = text.encode_utf16().flat_map(u16::to_le_bytes).collect();
     refused(parse(wide), &["UTF-16"]);

@@ -58,7 +58,7 @@ fn check_cover(points: &[Position], triangles: &[[u32; 3]]) {
 }
 
 #[test]
-fn convex_polygons_are_fans_from_their_first_vertex() {
+fn convex_polygons_become_fans() {
     let square = flat(&[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]);
     let with_collinear = flat(&[
         [0.0, 0.0],
@@ -78,7 +78,7 @@ fn convex_polygons_are_fans_from_their_first_vertex() {
 }
 
 #[test]
-fn an_arrow_has_its_notch_from_every_first_vertex() {
+fn triangulates_arrow_from_any_vertex() {
     let arrow = [[2.0, 2.0], [0.0, 1.0], [-2.0, 2.0], [0.0, 0.0]];
     assert_eq!(triangles(&flat(&arrow)), [[0, 1, 3], [1, 2, 3]]);
     for first in 0..4 {
@@ -93,7 +93,7 @@ fn an_arrow_has_its_notch_from_every_first_vertex() {
 }
 
 #[test]
-fn vertices_on_edges_are_kept() {
+fn collinear_vertices_are_kept() {
     // A comb with repeated and collinear vertices on every side of every tooth.
     let mut rim = vec![[0.0, -1.0]];
     for tooth in (0..5).rev().map(|i| f64::from(i) * 2.0) {
@@ -114,7 +114,7 @@ fn vertices_on_edges_are_kept() {
 }
 
 #[test]
-fn polygons_without_a_plane_or_an_inside_still_have_their_triangles() {
+fn degenerate_polygons_are_triangulated() {
     let nan = f64::NAN;
     let huge = f64::from(f32::MAX);
     for rim in [
@@ -153,7 +153,7 @@ fn polygons_without_a_plane_or_an_inside_still_have_their_triangles() {
 }
 
 #[test]
-fn gaps_are_filled_whatever_ears_are_there() {
+fn complete_fills_all_gaps() {
     let mut ears = fan(8);
     ears.sort_unstable_by_key(|&[a, b, c]| (a, !c, b));
     for kept in 0..1 << ears.len() {
@@ -171,7 +171,7 @@ fn gaps_are_filled_whatever_ears_are_there() {
 }
 
 #[test]
-fn concave_polygons_of_too_many_vertices_are_counted() {
+fn oversized_concave_polygons_are_counted() {
     let count = MAX_CLIPPED + 1;
     let point = |i: usize| {
         let (sin, cos) = (i as f64 / count as f64 * std::f64::consts::TAU).sin_cos();

@@ -91,7 +91,7 @@ fn adds_up(scene: &Scene, key: usize, expected: &[Position]) {
 }
 
 #[test]
-fn coordinates_far_from_the_origin_are_remarked_or_recentred_in_every_format() {
+fn distant_coordinates_are_noted_or_recentred() {
     let folder = tempfile::tempdir().unwrap();
     put(&folder, "a.obj", obj(0.0));
     put(&folder, "double.ply", ascii_ply("double"));
@@ -114,7 +114,7 @@ fn coordinates_far_from_the_origin_are_remarked_or_recentred_in_every_format() {
 }
 
 #[test]
-fn single_precision_and_small_losses_need_no_remark() {
+fn small_rounding_losses_are_not_noted() {
     let folder = tempfile::tempdir().unwrap();
     // The loss is at most 0.03 in a scene of size 100.
     put(
@@ -137,7 +137,7 @@ fn single_precision_and_small_losses_need_no_remark() {
 }
 
 #[test]
-fn all_key_frames_have_the_offset_of_the_first_one() {
+fn key_frames_share_the_first_offset() {
     let folder = tempfile::tempdir().unwrap();
     for (name, shift) in [("1", 0.0), ("2", 3.5), ("3", -2.25)] {
         put(&folder, &format!("obj/{name}.obj"), obj(shift));
@@ -152,7 +152,7 @@ fn all_key_frames_have_the_offset_of_the_first_one() {
 }
 
 #[test]
-fn joined_inputs_share_the_offset_of_the_first_one() {
+fn joined_inputs_share_one_offset() {
     let folder = tempfile::tempdir().unwrap();
     put(&folder, "a.obj", obj(0.0));
     put(&folder, "b.ply", binary_ply(10.0));

@@ -79,7 +79,7 @@ mod tests {
     const LARGE: [u32; 4] = [100_000, 1_600_000, 1 << 26, 1 << 30];
 
     #[test]
-    fn every_phase_takes_up_what_the_one_before_left_elsewhere_and_one_cluster_remains() {
+    fn phases_reduce_to_one_cluster() {
         for leaves in SMALL.into_iter().chain(LARGE) {
             let phases = of(Params::default(), leaves);
             assert_eq!((phases[0].count, phases[0].first), (leaves, 0));
@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn no_tree_is_deeper_than_a_traversal_stack() {
+    fn tree_depth_fits_the_traversal_stack() {
         for leaves in SMALL.into_iter().chain(LARGE) {
             let phases = of(Params::default(), leaves);
             let pairing = LAST_PAIRING + PAIRING * (phases.len() as u32 - 1);

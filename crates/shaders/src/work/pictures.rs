@@ -148,7 +148,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn kernels_keep_stamps_where_the_host_makes_room() {
+    fn list_length_matches_kernel_source() {
         let wgsl = include_str!("../../wgsl/visibility/cover.wgsl");
         assert!(wgsl.contains(&format!("const LISTED: u32 = {LISTED}u;")));
     }
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn a_point_on_a_pixels_ray_is_seen_in_its_middle() {
+    fn projection_maps_rays_to_pixel_centers() {
         let scenes = [
             camera([3.0, 1.0, -2.0], [0.0; 3], 45.0),
             camera([1e4, 1e4, 1e4], [1e4, 1e4, 1e4 - 7.0], 100.0),
@@ -178,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_that_tells_no_pixels_apart_has_none() {
+    fn degenerate_camera_has_no_projection() {
         let flat = Camera {
             across: [0.0; 3],
             ..camera([0.0; 3], [0.0, 0.0, 1.0], 45.0)

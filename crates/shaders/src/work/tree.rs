@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn treelets_are_done_whole_first_and_then_where_anything_moves() {
+    fn later_refits_process_only_moving_treelets() {
         let intersector = Intersector::Watertight;
         let tree = Shape {
             leaf_count: 20_000,

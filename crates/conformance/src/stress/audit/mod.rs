@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn batches_share_out_every_ray_among_all_meshes_and_scenes() {
+    fn batches_distribute_all_rays_evenly() {
         for rays in [1, 100, 6000, 3_000_000] {
             let audit = Audit::new(4, rays, given());
             let specs = audit.specs();
@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn a_batch_can_be_made_again_alone_and_other_seeds_make_others() {
+    fn batches_are_reproducible_by_seed() {
         let [all, other] = [4, 5].map(|seed| Audit::new(seed, 20_000, given()));
         let specs = all.specs();
         for spec in [&specs[3], &specs[specs.len() - 1]] {
@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn whoever_rounds_is_found_out_with_the_ray_and_both_answers() {
+    fn detects_rounding_intersectors() {
         let audit = Audit::new(4, 5000, Vec::new());
         let mut cpu = CpuBackend::new(Some(2)).unwrap();
         let mut tally = AuditCounts::default();

@@ -13,7 +13,7 @@ fn foreseen(update: Policy) -> Run {
 }
 
 #[test]
-fn trees_built_ahead_read_nothing_back() {
+fn predicted_trees_need_no_readback() {
     let run = foreseen(FREE.0);
     assert!(run.built && run.log.adopted.len() > 3);
     let trees = || run.records.iter().filter_map(|r| r.adopted);
@@ -23,7 +23,7 @@ fn trees_built_ahead_read_nothing_back() {
 }
 
 #[test]
-fn in_lockstep_a_tree_is_built_for_the_middle_of_its_use() {
+fn lockstep_builds_for_middle_of_use() {
     let animation = shuffled(30, 64);
     let run = run_scene(&animation, 29, (lockstep(3), true), None);
     let tree_at = |time| tree_at(&animation, time, None);
@@ -82,7 +82,7 @@ fn early(from: u64, latency: u64) -> Run {
 }
 
 #[test]
-fn a_tree_waits_until_its_moment_is_nearer_than_the_last_ones() {
+fn early_tree_waits_for_its_time() {
     let records = early(1, 2).records;
     assert!(records[1].requested.is_some());
     for waiting in &records[2..4] {
@@ -95,7 +95,7 @@ fn a_tree_waits_until_its_moment_is_nearer_than_the_last_ones() {
 }
 
 #[test]
-fn a_tree_whose_moment_is_far_off_gives_way_to_one_that_is_asked_for_at_once() {
+fn distant_tree_yields_to_newer_request() {
     let run = early(1, 20);
     assert!(run.records[2].rejected.is_some() && run.records[2].requested.is_some());
     assert_eq!(moment(&run.records[4].adopted.unwrap()), 1.5);
@@ -104,7 +104,7 @@ fn a_tree_whose_moment_is_far_off_gives_way_to_one_that_is_asked_for_at_once() {
 }
 
 #[test]
-fn a_first_tree_that_is_used_for_nobody_knows_how_long_is_built_for_a_key_frame() {
+fn first_tree_spans_a_key_interval() {
     let animation = shuffled(30, 64);
     let halves = [0.25, 0.75].map(|time| animation.pose(time));
     let own = BuildInput {
@@ -123,7 +123,7 @@ fn a_first_tree_that_is_used_for_nobody_knows_how_long_is_built_for_a_key_frame(
 }
 
 #[test]
-fn the_second_tree_is_asked_for_once_the_pace_is_known_and_built_ahead() {
+fn second_tree_awaits_measured_frame_rate() {
     let run = run_scene(&shuffled(65, 1 << 13), 128, FREE, None);
     let asked = run.records[1..]
         .iter()
@@ -166,7 +166,7 @@ fn weighed(by: Config, frames: u64, knows_key_frames: bool) -> Run {
 }
 
 #[test]
-fn a_tree_is_adopted_if_it_costs_less_than_the_current_one_whoever_knows_the_vertices() {
+fn only_cheaper_trees_are_adopted() {
     for (predict, knows_key_frames) in [(false, true), (true, true), (false, false), (true, false)]
     {
         let run = weighed((FREE.0, predict), 199, knows_key_frames);
@@ -197,7 +197,7 @@ fn a_tree_is_adopted_if_it_costs_less_than_the_current_one_whoever_knows_the_ver
 }
 
 #[test]
-fn in_lockstep_every_tree_is_adopted_and_none_is_evaluated() {
+fn lockstep_adopts_trees_without_evaluation() {
     for knows_key_frames in [true, false] {
         let run = weighed((lockstep(2), false), 59, knows_key_frames);
         assert!(run.records.iter().all(|r| r.rejected.is_none()));
@@ -213,7 +213,7 @@ fn in_lockstep_every_tree_is_adopted_and_none_is_evaluated() {
 }
 
 #[test]
-fn an_evaluation_that_was_not_submitted_is_recorded_again() {
+fn unsubmitted_evaluation_is_recorded_again() {
     let (animation, fake) = (shuffled(200, 64), measuring());
     let log = Arc::clone(&fake.log);
     let mut driver = driver(fake, &animation, (FREE.0, false)).unwrap();
@@ -258,7 +258,7 @@ fn scattered(seed: u32) -> Arc<Animation> {
 }
 
 #[test]
-fn a_scene_at_rest_asks_for_no_tree_again_that_was_no_better() {
+fn resting_scene_stops_requesting_trees() {
     let mut left = 0;
     for seed in 0..24 {
         let scene = (&scattered(seed), (FREE.0, false));
@@ -290,7 +290,7 @@ fn unknown_by(by: Config, frames: u64, moving: u64) -> (Vec<FrameRecord>, Log) {
 }
 
 #[test]
-fn vertices_that_nobody_else_knows_are_read_back_in_two_frames_for_each_tree() {
+fn device_only_vertices_need_two_readbacks() {
     let (records, log) = unknown(60, 60);
     let trees: Vec<Adopted> = records[1..].iter().filter_map(|r| r.adopted).collect();
     let bytes = 2 * (64 * 3 * size_of::<Point>()) as u64;
@@ -301,7 +301,7 @@ fn vertices_that_nobody_else_knows_are_read_back_in_two_frames_for_each_tree() {
 }
 
 #[test]
-fn in_lockstep_a_tree_of_such_vertices_waits_for_no_other_frame() {
+fn lockstep_needs_one_readback_per_tree() {
     for (k, moving) in [(1, 60), (3, 60), (3, 5)] {
         let (records, _) = unknown_by((lockstep(k), true), 20, moving);
         let trees = records[1..].iter().filter_map(|r| r.adopted);
@@ -315,7 +315,7 @@ fn in_lockstep_a_tree_of_such_vertices_waits_for_no_other_frame() {
 }
 
 #[test]
-fn a_scene_of_such_vertices_that_comes_to_rest_gets_its_tree() {
+fn resting_device_scene_gets_final_tree() {
     let (records, _) = unknown(120, 5);
     let last = records.iter().rev().find_map(|r| r.adopted);
     assert_eq!(moment(&last.unwrap()), 1.25);

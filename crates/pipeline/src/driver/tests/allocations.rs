@@ -67,7 +67,7 @@ fn takings(by: Config) -> (Vec<u64>, usize) {
 }
 
 #[test]
-fn frames_take_no_memory_once_the_loop_runs() {
+fn steady_frames_do_not_allocate() {
     let before = TAKEN.get();
     drop(std::hint::black_box(vec![0_u8; 9]));
     assert_eq!(TAKEN.get(), before + 1, "nobody counts");

@@ -130,7 +130,7 @@ fn moving() -> (Bin, String) {
 }
 
 #[test]
-fn nodes_move_below_each_other_and_both_ends_of_the_clip_are_keys() {
+fn node_transforms_follow_the_hierarchy() {
     let (bin, rest) = moving();
     let scene = read(&bin, &rest).unwrap();
     let keys = scene.animation.all_keys().unwrap();
@@ -148,7 +148,7 @@ fn nodes_move_below_each_other_and_both_ends_of_the_clip_are_keys() {
 }
 
 #[test]
-fn channels_that_move_no_node_are_ignored() {
+fn channels_without_node_are_ignored() {
     let (bin, rest) = moving();
     let idle = r#""channels":[{"sampler":0,"target":{"path":"pointer"}},"#;
     let with = rest.replace(r#""channels":["#, idle);
@@ -163,7 +163,7 @@ fn channels_that_move_no_node_are_ignored() {
 }
 
 #[test]
-fn a_clip_is_chosen_by_name_or_index_and_none_makes_one_key() {
+fn selects_clip_by_name_or_index() {
     let (bin, rest) = moving();
     let none = rest.replace(r#""animations""#, r#""extras""#);
     let still = read(&bin, &none).unwrap();
@@ -220,7 +220,7 @@ fn skinned() -> (Bin, String) {
 }
 
 #[test]
-fn skins_follow_their_joints_and_not_their_node() {
+fn skins_follow_joints_not_nodes() {
     let (bin, rest) = skinned();
     let scene = read(&bin, &rest).unwrap();
     let keys = scene.animation.all_keys().unwrap();
@@ -258,7 +258,7 @@ fn morphing() -> (Bin, String) {
 }
 
 #[test]
-fn morph_targets_add_up_by_the_weights_of_clip_or_mesh() {
+fn morph_targets_are_weighted_and_summed() {
     let (bin, rest) = morphing();
     let keys = read(&bin, &rest).unwrap().animation.all_keys().unwrap();
     assert_eq!(keys.len(), 5);
@@ -273,7 +273,7 @@ fn morph_targets_add_up_by_the_weights_of_clip_or_mesh() {
 }
 
 #[test]
-fn strips_fans_and_lists_make_triangles_and_points_are_counted() {
+fn triangulates_strips_fans_and_lists() {
     let mut bin = Bin::default();
     let corners = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0].map(|x: f32| [x, x * x, 0.0]);
     let corners = bin.floats(corners.as_flattened(), "VEC3");
@@ -308,7 +308,7 @@ fn still(positions: usize, more: &str) -> String {
 }
 
 #[test]
-fn an_accessor_without_a_view_is_zeros() {
+fn accessor_without_view_is_zero() {
     let mut bin = Bin::default();
     let declared = r#"{"componentType":5126,"type":"VEC3","count":3}"#;
     bin.accessors.push(declared.to_owned());
@@ -318,7 +318,7 @@ fn an_accessor_without_a_view_is_zeros() {
 }
 
 #[test]
-fn quantized_positions_are_whole_numbers_or_parts_of_one() {
+fn reads_integer_and_normalized_positions() {
     let name = r#"["KHR_mesh_quantization"]"#;
     let required = format!(r#","extensionsUsed":{name},"extensionsRequired":{name}"#);
     let bytes = vec![0, 0, 0, 127, 0, 0, 0, 0x81, 0];
@@ -347,7 +347,7 @@ fn quantized_positions_are_whole_numbers_or_parts_of_one() {
 }
 
 #[test]
-fn instances_are_drawn_each_in_its_place() {
+fn expands_mesh_instances() {
     let mut bin = Bin::default();
     let positions = bin.floats(&CORNERS, "VEC3");
     let places = bin.floats(&[0.0, 0.0, 0.0, 5.0, 0.0, 0.0], "VEC3");
@@ -374,7 +374,7 @@ fn instances_are_drawn_each_in_its_place() {
 }
 
 #[test]
-fn extensions_that_are_not_supported_are_named() {
+fn unsupported_extensions_are_named() {
     let mut bin = Bin::default();
     let positions = bin.floats(&CORNERS, "VEC3");
     for name in ["KHR_draco_mesh_compression", "EXT_meshopt_compression"] {

@@ -28,7 +28,7 @@ fn is_triangle(read: Result<Scene>) -> Vec<String> {
 }
 
 #[test]
-fn properties_that_decide_no_triangle_are_not_read() {
+fn irrelevant_properties_are_ignored() {
     for more in [
         r#","textures":[{}],"images":[{"uri":7}],"samplers":[null],"cameras":"x""#,
         r#","textures":[{"extensions":{"KHR_texture_basisu":{"source":0}}}],"extensionsRequired":["KHR_texture_basisu"]"#,
@@ -48,7 +48,7 @@ fn properties_that_decide_no_triangle_are_not_read() {
 }
 
 #[test]
-fn items_without_a_use_are_not_checked() {
+fn unused_items_are_not_validated() {
     let (mut bin, rest) = triangle(r#","animations":[{}]"#);
     let unused = [
         r#"{"bufferView":7,"componentType":5130,"type":"VEC9","count":1}"#,
@@ -67,7 +67,7 @@ fn items_without_a_use_are_not_checked() {
 }
 
 #[test]
-fn buffers_without_a_use_may_be_absent() {
+fn unused_buffers_may_be_missing() {
     use base64::prelude::{BASE64_STANDARD, Engine};
     let (bin, rest) = triangle("");
     let json = bin.json(&rest, "").replace(
@@ -111,7 +111,7 @@ fn data_uris_need_no_base64() {
 }
 
 #[test]
-fn whole_numbers_may_be_written_as_floats() {
+fn integers_may_be_written_as_floats() {
     let (bin, rest) = triangle(r#","scene":0.0,"scenes":[{"nodes":[0e0]}]"#);
     let json = bin.json(&rest, "");
     let floats = json
@@ -143,7 +143,7 @@ fn primitives_without_positions_are_skipped() {
 }
 
 #[test]
-fn the_cause_of_no_triangles_is_named_and_no_other_remark() {
+fn empty_scene_error_names_its_cause() {
     let (bin, rest) = triangle(r#","extensionsUsed":["EXT_unheard_of"]"#);
     let points = rest.replace(r#""primitives":["#, r#""primitives":[{"attributes":{}},"#);
     let points = points.replace(r#""POSITION":0}"#, r#""POSITION":0},"mode":0"#);
@@ -157,7 +157,7 @@ fn the_cause_of_no_triangles_is_named_and_no_other_remark() {
 }
 
 #[test]
-fn meshes_without_nodes_and_scenes_are_shown_once() {
+fn meshes_without_nodes_are_shown_once() {
     let (bin, rest) = triangle("");
     let lone = rest.replace(r#""nodes":[{"mesh":0}],"#, "");
     assert_ne!(lone, rest);
@@ -168,7 +168,7 @@ fn meshes_without_nodes_and_scenes_are_shown_once() {
 }
 
 #[test]
-fn versions_that_are_not_supported_are_named() {
+fn unsupported_versions_are_named() {
     let (bin, rest) = triangle("");
     let with = |asset: &str| {
         let json = bin.json(&rest, "");
@@ -214,7 +214,7 @@ fn versions_that_are_not_supported_are_named() {
 }
 
 #[test]
-fn byte_order_marks_are_named() {
+fn byte_order_marks_are_rejected() {
     let text = r#"{"asset":{"version":"2.0"}}"#;
     let marked = format!("\u{feff}{text}");
     let says = "begins with a byte order mark of UTF-8";
@@ -226,7 +226,7 @@ fn byte_order_marks_are_named() {
 }
 
 #[test]
-fn chunks_of_unknown_type_and_bytes_after_the_end_are_ignored() {
+fn ignores_unknown_chunks_and_trailing_bytes() {
     let (bin, rest) = triangle("");
     let json = chunk(b"JSON", bin.json(&rest, "").as_bytes());
     let data = chunk(b"BIN\0", &bin.bytes);

@@ -4,7 +4,7 @@ use super::*;
 use crate::testing::put;
 
 #[test]
-fn buffers_come_from_data_uris_and_from_files_beside_or_elsewhere_if_that_is_allowed() {
+fn reads_buffers_from_uris_and_files() {
     use base64::prelude::{BASE64_STANDARD, Engine};
     let (bin, rest) = moving();
     let all = tempfile::tempdir().unwrap();
@@ -49,7 +49,7 @@ pub(super) fn refuse(file: &str, bin: &Bin, changes: &str) {
 }
 
 #[test]
-fn what_leads_nowhere_is_named() {
+fn errors_name_dangling_references() {
     let (bin, rest) = moving();
     let changes = r#"
         "POSITION":0 | "POSITION":9 | accessor 9 does not exist
@@ -73,7 +73,7 @@ fn what_leads_nowhere_is_named() {
 }
 
 #[test]
-fn accessors_and_weights_that_do_not_fit_are_refused() {
+fn rejects_mismatched_accessors_and_weights() {
     let (bin, rest) = morphing();
     let json = bin.json(&rest, "");
     let read = |bytes: &[u8]| read_with(bytes, &Options::default());
@@ -102,7 +102,7 @@ fn accessors_and_weights_that_do_not_fit_are_refused() {
 }
 
 #[test]
-fn a_file_shorter_than_it_says_is_refused() {
+fn rejects_files_shorter_than_declared() {
     let (bin, rest) = moving();
     let whole = glb(&bin.json(&rest, ""), &bin.bytes);
     let most = "4294967295 bytes are declared";
@@ -113,7 +113,7 @@ fn a_file_shorter_than_it_says_is_refused() {
 }
 
 #[test]
-fn a_small_file_that_takes_more_than_there_is_is_refused_before_it_is_sampled() {
+fn rejects_scenes_beyond_memory_before_sampling() {
     let mut bin = Bin::default();
     let corners: Vec<f32> = CORNERS.iter().copied().cycle().take(3000).collect();
     let corners = bin.floats(&corners, "VEC3");
