@@ -174,7 +174,7 @@ fn failed(sandbox: &Sandbox) {
     let run = sandbox.run(words);
     says(
         &run.stdout,
-        "cpu: |wgpu|bad.obj wgpu refit watertight auto failed: ",
+        "cpu: |wgpu|bad.obj wgpu refit watertight failed: ",
     );
     run.fails(1, &["3 of 4 runs failed"]);
     let json = sandbox.json("b.json");

@@ -46,7 +46,7 @@ fn files(sandbox: &Sandbox) {
     let expected = ["chart.html", "chart.svg", "points.csv", "points.json"];
     let expected = expected.map(|name| std::path::Path::new("c").join(name));
     assert!(names == expected, "{names:?}");
-    assert!(points.len() == 24, "{} points", points.len());
+    assert!(points.len() == 12, "{} points", points.len());
     for p in &points {
         let known = ["/ms_per_frame/median", "/mrays_per_s", "/memory_bytes"];
         let is_known = |k: &&str| p.pointer(k).is_some_and(Value::is_number);
@@ -60,7 +60,7 @@ fn files(sandbox: &Sandbox) {
         assert!(run.stdout.contains(name), "{}", run.stdout);
     }
     let csv = sandbox.text("c/points.csv");
-    assert!(csv.lines().count() == 25, "{csv}");
+    assert!(csv.lines().count() == 13, "{csv}");
     let commas = |line: &str| line.matches(',').count();
     let first = csv.lines().next().map(commas);
     assert!(csv.lines().all(|l| Some(commas(l)) == first), "{csv}");

@@ -27,12 +27,12 @@ fn keeps(sandbox: &Sandbox) {
     assert!(rows.len() >= 19, "{} rows", rows.len());
     let held = |r: &Value| r["held"].as_u64() >= Some(4) && r["disagreement"].is_null();
     assert!(rows.iter().all(held), "{json}");
-    says(&run.stdout, "a wrong tree is refused");
+    says(&run.stdout, "trees of other scenes are refused");
     assert!(!run.stdout.contains("DISAGREES"), "{}", run.stdout);
     let lines = || run.stderr.lines();
     let held = lines().filter(|line| line.contains(": held in "));
     assert_eq!([lines().count(), held.count()], [rows.len(); 2]);
-    let property = "--property closest_hits_equal_the_reference --case 7";
+    let property = "--property hits_equal_the_reference --case 7";
     let (_, json) = sandbox.tells(&format!("conform --backend cpu {property}"), "--json");
     let rows = list(&json["rows"]);
     assert!(rows.len() == 1 && rows[0]["held"] == 1, "{json}");

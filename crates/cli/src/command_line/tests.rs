@@ -206,7 +206,7 @@ fn accepts_valid_command_lines() {
         "bench --compare a b --fail-above 3 --quiet",
         "bench --update async --builder-threads 1,2 --csv c",
         "conform --cases 0 --leak-rays 9 --intersector exact",
-        "conform --seed 2 --property closest_hits_equal_the_reference --case 3",
+        "conform --seed 2 --property hits_equal_the_reference --case 3",
     ] {
         let taken = parse_line(line);
         assert!(taken.is_ok(), "{line}: {taken:?}");
