@@ -9,7 +9,7 @@ use geom::{Aabb, Animation, Point};
 pub struct View<'a> {
     /// Whether the tree was built on the device.
     pub made_on_device: bool,
-    /// The buffer `nodes`, of length [`Shape::node_rows`].
+    /// The buffer `nodes`, of length [`crate::Shape::node_rows`].
     pub rows: &'a [[u32; 4]],
     /// The triangles of the leaves: from the buffer `sorted` if the tree was built on the device, else from the topology.
     pub triangles: &'a [u32],
