@@ -8,9 +8,9 @@
 //! 4. A tree that costs more is rejected. But if time still approaches its target, it is evaluated again each time the
 //!    distance has halved.
 
-use super::next_tree::{Candidate, Event};
+use super::next_tree::{Candidate, Evaluation, Event, Verdict};
 use crate::latency::LatencyPredictor;
-use backend::{FrameReport, Policy, Ticket};
+use backend::{FrameReport, Policy};
 use geom::Pose;
 
 /// How a policy adopts trees.
@@ -63,32 +63,6 @@ impl AdoptionRule {
     }
 }
 
-/// Evaluation of a tree in one frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Evaluation {
-    /// `None` until the frame is submitted.
-    pub(super) ticket: Option<Ticket>,
-    /// Number of frames begun before the one that evaluates it.
-    pub(super) frame: u64,
-    pub(super) pose: Pose,
-    /// Distance in key frames to the tree's target time; `None` if time does not approach it.
-    pub(super) approach: Option<f64>,
-}
-
-/// Result of an evaluation.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Verdict {
-    /// The tree costs less, or a cost is unknown.
-    Accept {
-        /// Its cost divided by the current tree's, if known.
-        cost_ratio: Option<f64>,
-    },
-    /// It costs more, but time still approaches its target.
-    Wait,
-    /// It costs more.
-    Reject,
-}
-
 impl Verdict {
     /// Compares the costs that the evaluation's frame reports.
     pub(super) fn of(report: &FrameReport, evaluation: &Evaluation) -> Self {
@@ -110,7 +84,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_a_lower_cost_is_accepted_and_a_target_ahead_is_waited_for() {
+    fn accepts_lower_costs_and_waits_for_targets() {
         let verdict = |candidate_cost, sah_cost, approach| {
             let report = FrameReport {
                 candidate_cost,
@@ -136,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn a_rule_that_does_not_build_ahead_approaches_no_target() {
+    fn rules_without_prediction_approach_no_target() {
         for (policy, predict, builds_ahead) in [
             (Policy::Async, true, true),
             (Policy::Async, false, false),

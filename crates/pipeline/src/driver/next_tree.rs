@@ -1,6 +1,5 @@
 //! The next tree: its states from the request to the adoption or rejection, and the transitions between them.
 
-use super::adoption::{Evaluation, Verdict};
 use crate::tree_builder::Built;
 use backend::{Generation, Snapshot, Ticket};
 use geom::Pose;
@@ -70,6 +69,32 @@ impl Candidate {
             cost_ratio: None,
         }
     }
+}
+
+/// Evaluation of a tree in one frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Evaluation {
+    /// `None` until the frame is submitted.
+    pub(super) ticket: Option<Ticket>,
+    /// Number of frames begun before the one that evaluates it.
+    pub(super) frame: u64,
+    pub(super) pose: Pose,
+    /// Distance in key frames to the tree's target time; `None` if time does not approach it.
+    pub(super) approach: Option<f64>,
+}
+
+/// Result of an evaluation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Verdict {
+    /// The tree costs less, or a cost is unknown.
+    Accept {
+        /// Its cost divided by the current tree's, if known.
+        cost_ratio: Option<f64>,
+    },
+    /// It costs more, but time still approaches its target.
+    Wait,
+    /// It costs more.
+    Reject,
 }
 
 /// State of the next tree. [`NextTree::after`] is the table of transitions.

@@ -1,8 +1,7 @@
 //! Requests trees, passes vertices to the builder thread, and evaluates and adopts the trees that it builds.
 
 use super::Driver;
-use super::adoption::Verdict;
-use super::next_tree::{Candidate, Decided, Event, NextTree, Request, VerticesArrived};
+use super::next_tree::{Candidate, Decided, Event, NextTree, Request, Verdict, VerticesArrived};
 use super::pause::RequestPause;
 use crate::builder_thread::BuildResult;
 use crate::error::PipelineError;
