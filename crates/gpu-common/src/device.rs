@@ -298,13 +298,29 @@ pub(crate) fn read_all<D: GpuDevice, T: Pod>(
     Ok(all)
 }
 
+/// A part of a buffer that [`GpuDevice::read`] copies at a time.
+pub struct ReadPart {
+    /// Index of the first element.
+    pub first: usize,
+    /// Number of elements.
+    pub count: usize,
+    /// Bytes of the elements.
+    pub bytes: Range<u64>,
+}
+
 /// Returns the parts in which [`GpuDevice::read`] copies `count` elements.
-pub fn read_parts<T>(count: usize) -> impl Iterator<Item = Range<usize>> {
+pub fn read_parts<T>(count: usize) -> impl Iterator<Item = ReadPart> {
     const BYTES: usize = 8 << 20;
-    let most = BYTES / size_of::<T>();
-    (0..count)
-        .step_by(most)
-        .map(move |start| start..count.min(start + most))
+    let size = size_of::<T>();
+    let most = BYTES / size;
+    (0..count).step_by(most).map(move |first| {
+        let end = count.min(first + most);
+        ReadPart {
+            first,
+            count: end - first,
+            bytes: (first * size) as u64..(end * size) as u64,
+        }
+    })
 }
 
 /// Checks that all `wanted` kernels can run on a device.

@@ -36,8 +36,8 @@ pub use clock::{Clock, Stage};
 pub use compute::ComputeBackend;
 pub use device::{
     BufferSize, DeviceInfo, GpuDevice, KernelLimit, LentBuffers, LentRays, MemoryReport, Options,
-    Outcome, PendingWork, PointsCopy, RecordingOf, Staging, SubmissionOutput, Upload, Validation,
-    check_kernels, read_parts,
+    Outcome, PendingWork, PointsCopy, ReadPart, RecordingOf, Staging, SubmissionOutput, Upload,
+    Validation, check_kernels, read_parts,
 };
 pub use engine::{Engine, Stale};
 pub use frames::Frames;

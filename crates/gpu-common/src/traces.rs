@@ -211,10 +211,8 @@ fn write_rays<D: GpuDevice>(gpu: &mut D, rays: Rays<'_>, to: &mut D::Buffer) -> 
         Rays::List(list) => gpu.write(to, list),
         Rays::Camera(camera) => {
             let mut list = vec![Ray::VOID; camera.pixels()];
-            let pixel = |i: usize| [i as u32 % camera.width, i as u32 / camera.width];
             set_each(&mut list, |i| {
-                let [x, y] = pixel(i);
-                camera.ray(x, y)
+                camera.ray(i as u32 % camera.width, i as u32 / camera.width)
             });
             gpu.write(to, &list)
         }

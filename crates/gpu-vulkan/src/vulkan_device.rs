@@ -307,11 +307,8 @@ impl GpuDevice for VulkanDevice {
         count: usize,
         mut each: impl FnMut(usize, &[T]),
     ) -> Result<()> {
-        let begun = read_parts::<T>(count).map(|part| {
-            let bytes = [part.start, part.end].map(|n| (n * size_of::<T>()) as u64);
-            let copy = self.begin_read(from, bytes[0]..bytes[1])?;
-            Ok((copy, part))
-        });
+        let begun = read_parts::<T>(count)
+            .map(|part| Ok((self.begin_read(from, part.bytes.clone())?, part)));
         let begun: Result<Vec<_>> = begun.collect();
         if begun.is_err() {
             // Copies that are under way are dropped with the failed read.
@@ -319,7 +316,7 @@ impl GpuDevice for VulkanDevice {
         }
         for (copy, part) in begun? {
             self.readback.done.wait(copy.done_at)?;
-            each(part.start, copy.buffer.read(part.len()));
+            each(part.first, copy.buffer.read(part.count));
             self.views.push(copy.buffer);
         }
         Ok(())

@@ -240,15 +240,12 @@ impl GpuDevice for WgpuDevice {
         count: usize,
         mut each: impl FnMut(usize, &[T]),
     ) -> Result<()> {
-        let begun = read_parts::<T>(count).map(|part| {
-            let bytes = [part.start, part.end].map(|n| (n * size_of::<T>()) as u64);
-            let copy = self.begin_read(from, bytes[0]..bytes[1])?;
-            Ok((copy, part))
-        });
+        let begun = read_parts::<T>(count)
+            .map(|part| Ok((self.begin_read(from, part.bytes.clone())?, part)));
         for (copy, part) in begun.collect::<Result<Vec<_>>>()? {
-            let bytes = part.len() * size_of::<T>();
+            let bytes = part.count * size_of::<T>();
             self.end_read(copy, bytes, |bytes| {
-                each(part.start, bytemuck::cast_slice(bytes));
+                each(part.first, bytemuck::cast_slice(bytes));
             })?;
         }
         Ok(())
