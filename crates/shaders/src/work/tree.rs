@@ -123,31 +123,36 @@ fn climbs(tree: &Shape) -> bool {
 }
 
 /// Returns the dispatch that computes records from positions or key frames, and boxes of all nodes in treelets of triangles,
-/// or in all treelets. If records already exist (`stand`), it only covers moving treelets. Also returns the number of
+/// or in all treelets. If records already exist (`has_records`), it only covers moving treelets. Also returns the number of
 /// zero-area triangles that it skips.
-fn preprocess(intersector: Intersector, params: Params, tree: &Shape, stand: bool) -> (Work, u32) {
+fn preprocess(
+    intersector: Intersector,
+    params: Params,
+    tree: &Shape,
+    has_records: bool,
+) -> (Work, u32) {
     let entry = match reads_keys(tree) {
         true => "preprocess_treelets_of_keys",
         false => "preprocess_treelets",
     };
     let preprocess = kernel(entry, intersector);
-    let (mut params, levels) = levels(params, tree, stand);
+    let (mut params, levels) = levels(params, tree, has_records);
     if climbs(tree) {
         params.first_group = tree.treelet_count();
     }
     let lowest = levels.first().cloned().unwrap_or_default();
-    let uncounted = listed(tree, stand).map_or(0, |moving| moving.degenerate_elsewhere);
+    let uncounted = listed(tree, has_records).map_or(0, |moving| moving.degenerate_elsewhere);
     (over(preprocess, params, lowest), uncounted)
 }
 
 /// Returns the dispatches that compute the boxes of all nodes above the roots of the lowest treelets. If boxes already exist
-/// (`stand`), they only cover moving treelets.
+/// (`has_records`), they only cover moving treelets.
 ///
 /// Each treelet has its own sum of areas. The workgroup that computes the root box adds all sums and stores the total in
 /// word [`Params::destination`] of the counts. Treelets that are skipped keep their sums.
-fn refit(params: Params, tree: &Shape, stand: bool) -> Vec<Work> {
+fn refit(params: Params, tree: &Shape, has_records: bool) -> Vec<Work> {
     let refit = common("refit_treelets");
-    let (of_levels, levels) = levels(params, tree, stand);
+    let (of_levels, levels) = levels(params, tree, has_records);
     let above = levels.iter().skip(1);
     let above = above.map(|level| over(refit, of_levels, level.clone()));
     let mut work: Vec<_> = above.collect();
@@ -160,14 +165,14 @@ fn refit(params: Params, tree: &Shape, stand: bool) -> Vec<Work> {
     work
 }
 
-/// Returns the lists of moving treelets if the tree has any and its records and boxes already exist (`stand`).
-fn listed(tree: &Shape, stand: bool) -> Option<&MovingShape> {
-    tree.moving.as_ref().filter(|_| stand)
+/// Returns the lists of moving treelets if the tree has any and its records and boxes already exist (`has_records`).
+fn listed(tree: &Shape, has_records: bool) -> Option<&MovingShape> {
+    tree.moving.as_ref().filter(|_| has_records)
 }
 
 /// Returns the treelets of each level, by index or as ranges of the lists.
-fn levels(mut params: Params, tree: &Shape, stand: bool) -> (Params, &[Range<u32>]) {
-    let listed = listed(tree, stand);
+fn levels(mut params: Params, tree: &Shape, has_records: bool) -> (Params, &[Range<u32>]) {
+    let listed = listed(tree, has_records);
     params.listed = listed.is_some().into();
     (
         params,
