@@ -74,6 +74,7 @@ fn boxes<'a>(mesh: &'a Mesh, vertices: &'a [Point]) -> AnimationBoxes<'a> {
 /// The `cpu` backend with a loaded mesh at one pose.
 pub struct Tracer {
     backend: CpuBackend,
+    hits: Hits,
     generation: Generation,
 }
 
@@ -84,6 +85,7 @@ impl Tracer {
         done(backend.load(mesh.animation.clone(), intersector));
         let mut tracer = Self {
             backend,
+            hits: Hits::default(),
             generation: Generation::default(),
         };
         tracer.pose(mesh.start());
@@ -120,16 +122,17 @@ impl Tracer {
 
     /// Traces rays and returns the number of hits.
     pub fn trace(&mut self, query: Query<'_>) -> u64 {
-        done(self.backend.trace(query));
+        done(self.backend.trace(&[query]));
         self.finish()
     }
 
     /// Traces a list of rays and returns their hits.
     pub fn list(&mut self, rays: &[Ray], kind: QueryKind) -> &Hits {
         let rays = Rays::List(rays);
-        done(self.backend.trace(Query { rays, kind }));
+        done(self.backend.trace(&[Query { rays, kind }]));
         let ticket = done(self.backend.submit());
-        &*done(self.backend.hits(ticket))
+        done(self.backend.take_hits(ticket, 0, &mut self.hits));
+        &self.hits
     }
 
     fn finish(&mut self) -> u64 {

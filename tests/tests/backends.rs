@@ -6,7 +6,7 @@
 //! `ABVH_VALIDATION=if-installed`. `ABVH_CASES` and `ABVH_SEED` choose the number of cases and the cases of a property.
 //! A case that fails is stored in `tests/proptest-regressions`. Stored cases are tested before others.
 
-use backend::Backend;
+use backend::Inspect;
 use conformance::{Cases, Disagreement, Minimal, PROPERTIES, Property, Reference, hold};
 use cpu_ref::CpuBackend;
 use gpu_common::{Options, Validation};
@@ -15,7 +15,7 @@ use integration::{is_required, number};
 use libtest_mimic::Trial;
 use std::sync::{Arc, Mutex, PoisonError};
 
-type Open = fn() -> backend::Result<Box<dyn Backend>>;
+type Open = fn() -> backend::Result<Box<dyn Inspect>>;
 
 /// All backends: test name, name in `ABVH_REQUIRE_BACKENDS`, constructor.
 const BACKENDS: &[(&str, &str, Open)] = &[
@@ -43,7 +43,7 @@ fn vulkan() -> Options {
     }
 }
 
-fn wgpu(checks_kernels: bool) -> backend::Result<Box<dyn Backend>> {
+fn wgpu(checks_kernels: bool) -> backend::Result<Box<dyn Inspect>> {
     let options = Options {
         validation: Validation::IfInstalled,
         checks_kernels,
@@ -132,7 +132,7 @@ fn trials_of((name, requirement, open): (&'static str, &str, Open)) -> Vec<Trial
             if let Err(found) = &held {
                 regressions.add(found);
             }
-            let complaints = subject.inspect().complaints();
+            let complaints = subject.complaints();
             let new = complaints[*heard..].first();
             *heard = complaints.len();
             held.map_err(|found| {

@@ -10,8 +10,8 @@ pub use scene::{EmbreeScene, Made, Packet16};
 
 use crate::{Rival, Upkeep};
 use backend::{
-    AdapterInfo, Arithmetic, BackendError, Device, DeviceKind, FrameReport, Hits, Query, QueryKind,
-    Rays, Result, StageTimes,
+    AdapterInfo, Arithmetic, BackendError, Capabilities, Device, DeviceKind, FrameReport, Hits,
+    Query, QueryKind, Rays, Result, StageTimes, TreeFormat,
 };
 use cpu_ref::shadow::Light;
 use geom::{Animation, Hit, Moment, Point, Pose, Ray};
@@ -89,6 +89,7 @@ impl Embree {
             kind: DeviceKind::Cpu,
             threads,
             arithmetic: Arithmetic::IEEE,
+            capabilities: Capabilities::minimal(NAME, TreeFormat::default()),
         };
         Ok(Self {
             device,

@@ -13,7 +13,7 @@ mod tree;
 
 pub use support::ray_adapters;
 
-use backend::{Result, Ticket};
+use backend::{Hits, Result, Ticket};
 use geom::Pose;
 use gpu_common::{Engine, GpuDevice, Options};
 use gpu_vulkan::VulkanDevice;
@@ -53,6 +53,8 @@ pub struct VulkanRt {
     pose: Option<Pose>,
     /// The last frame.
     traced: Option<Ticket>,
+    /// Memory for the hits of a frame.
+    hits: Hits,
     rays: RayPipeline,
 }
 
@@ -77,6 +79,7 @@ impl VulkanRt {
             scene: None,
             pose: None,
             traced: None,
+            hits: Hits::default(),
             rays,
         })
     }

@@ -68,6 +68,11 @@ impl Hits {
         }))
     }
 
+    /// Returns the hits as the backend returned them.
+    pub(crate) fn of_backend(&self) -> &backend::Hits {
+        &self.0.hits
+    }
+
     /// Returns the number of rays.
     #[must_use]
     pub fn len(&self) -> usize {

@@ -6,7 +6,12 @@ use crate::motion::Joined;
 use crate::{Error, Hits, Mesh, Point, QueryId, Ray, Result, Statistics, StepId, Update};
 use backend::{Backend, Query, QueryKind, Rays, Ticket};
 use geom::{Camera, KeyFrame, lock};
+#[cfg(feature = "vulkan")]
+use gpu_vulkan::VulkanBackend;
+#[cfg(feature = "wgpu")]
+use gpu_wgpu::WgpuBackend;
 use pipeline::{Answers, BuilderThreads, Driver, DriverOptions, Frame, FrameRecord, Wanted};
+use std::any::Any;
 use std::collections::VecDeque;
 use std::mem::discriminant;
 use std::sync::Arc;
@@ -25,6 +30,9 @@ impl QueryForm {
         form(self) == form(other)
     }
 }
+
+/// Function that creates a backend, on any thread.
+type OpenBackend = Box<dyn FnOnce() -> backend::Result<Box<dyn Backend>> + Send>;
 
 pub(crate) struct Loaded {
     pub(crate) driver: Driver,
@@ -105,6 +113,24 @@ impl Loaded {
         self.driver.generation().0 > 0
     }
 
+    /// Returns a function that creates a backend for another scene on the same device, on any thread. Returns `None` if the
+    /// device has to be opened again.
+    pub(crate) fn share_device(&mut self) -> Option<OpenBackend> {
+        let backend: &mut dyn Any = self.driver.backend();
+        #[cfg(feature = "vulkan")]
+        if let Some(vulkan) = backend.downcast_ref::<VulkanBackend>() {
+            let open = vulkan.share_device();
+            return Some(Box::new(move || Ok(Box::new(open()?))));
+        }
+        #[cfg(feature = "wgpu")]
+        if let Some(wgpu) = backend.downcast_ref::<WgpuBackend>() {
+            let open = wgpu.share_device();
+            return Some(Box::new(move || Ok(Box::new(open()?))));
+        }
+        let _ = backend;
+        None
+    }
+
     /// Builds the first tree for `time`, and prepares everything that such queries need, by tracing one ray of each
     /// kind.
     pub(crate) fn warm_up(&mut self, time: f64, forms: &[QueryForm]) -> Result<()> {
@@ -156,7 +182,7 @@ impl Loaded {
         last: &mut Option<Statistics>,
     ) -> Result<()> {
         let Batch { ids, queries } = batch;
-        if queries.len() > 1 && !self.driver.backend().traces_together(queries) {
+        if queries.len() > 1 && !self.driver.can_batch(queries) {
             let mut each = ids.chunks(1).zip(queries.chunks(1));
             return each
                 .try_for_each(|(ids, queries)| self.begin(time, Batch { ids, queries }, last));
@@ -181,6 +207,7 @@ impl Loaded {
             pixels: None,
         });
         self.results.extend(answers);
+        self.retain_traces();
         Ok(())
     }
 
@@ -200,7 +227,6 @@ impl Loaded {
             self.joined.on_device.check(&self.joined.meshes)?;
             self.release_points();
         }
-        self.keep_results();
         let backend = self.driver.backend();
         let time = self.joined.push_changes(backend, time)?;
         let begun = self.driver.begin(Frame { index: 0, time }, queries);
@@ -302,11 +328,11 @@ impl Loaded {
         }
     }
 
-    /// Makes the backend keep all available results and those of one more submission.
-    fn keep_results(&mut self) {
-        let submissions = self.results.iter().filter(|answer| answer.place == 0);
-        let traces = submissions.count() + 1;
-        self.driver.backend().keep(traces);
+    /// Makes the backend retain the traces of all available results.
+    fn retain_traces(&mut self) {
+        let mut tickets: Vec<_> = self.results.iter().map(|answer| answer.ticket).collect();
+        tickets.dedup();
+        self.driver.backend().retain_traces(&tickets);
     }
 
     /// Waits for a result and returns a handle to its hits.
@@ -353,26 +379,15 @@ impl Loaded {
         let before = self.results.len();
         self.retain(|of| of != step.0);
         if self.results.len() < before {
-            self.keep_results();
-            lock(&self.spares).keep(self.results.len());
+            lock(&self.spares).set_capacity(self.results.len());
         }
     }
 
     fn retain(&mut self, is_kept: impl Fn(u64) -> bool) {
         // The next steps are likely to have as many queries.
-        lock(&self.spares).keep(self.results.len());
-        let mut released = Vec::new();
-        self.results.retain(|answer| {
-            let is_kept = is_kept(answer.query.step.0);
-            if !is_kept && answer.place == 0 {
-                released.push(answer.ticket);
-            }
-            is_kept
-        });
-        let backend = self.driver.backend();
-        released
-            .into_iter()
-            .for_each(|ticket| backend.release(ticket));
+        lock(&self.spares).set_capacity(self.results.len());
+        self.results.retain(|answer| is_kept(answer.query.step.0));
+        self.retain_traces();
     }
 }
 

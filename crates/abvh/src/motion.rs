@@ -8,6 +8,10 @@ use crate::vertices::set;
 use crate::{Error, Mesh, MeshId, Point, Result};
 use backend::Backend;
 use geom::{Animation, KeyFrame, PointBuffer, Pose, copy_in_parallel};
+#[cfg(feature = "vulkan")]
+use gpu_vulkan::VulkanBackend;
+#[cfg(feature = "vulkan")]
+use std::any::Any;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -303,11 +307,21 @@ impl Joined {
     }
 }
 
+/// Returns a copy of points, in memory that the device reads directly if it can.
 fn copy_of(points: &[Point], backend: &mut dyn Backend) -> Result<PointBuffer> {
-    let made = backend.point_buffer(points.len());
-    let mut made = made.map_err(Error::of_backend)?;
-    copy_in_parallel(&mut made, points);
-    Ok(made)
+    #[cfg(feature = "vulkan")]
+    {
+        let backend: &mut dyn Any = backend;
+        if let Some(vulkan) = backend.downcast_mut::<VulkanBackend>() {
+            let allocated = vulkan.gpu_mut().point_buffer(points.len());
+            let mut copy = allocated.map_err(Error::of_backend)?;
+            copy_in_parallel(&mut copy, points);
+            return Ok(copy);
+        }
+    }
+    #[cfg(not(feature = "vulkan"))]
+    let _ = backend;
+    Ok(points.to_vec().into())
 }
 
 /// Returns whether vertices arrive while the scene is traced: from steps, or from an animation among several meshes.

@@ -119,7 +119,7 @@ impl Loaded {
     fn check_encode(&mut self, queries: &[(QueryId, Deferred, Query)]) -> Result<()> {
         let all = queries.iter().map(|(_, rays, query)| rays.query(*query));
         let all: Vec<_> = all.collect();
-        let is_one = all.len() < 2 || self.driver.backend().traces_together(&all);
+        let is_one = self.driver.can_batch(&all);
         self.wgpu().ok_or_else(no_wgpu)?;
         if !self.has_tree() {
             let why = "the first tree is built before a step is encoded";

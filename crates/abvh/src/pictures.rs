@@ -1,7 +1,7 @@
 //! Pictures of a step.
 
 use crate::frames::LitView;
-use crate::loaded::{Answer, Batch, Loaded, find};
+use crate::loaded::{Batch, Loaded, find};
 use crate::mesh::Colour;
 use crate::motion::Joined;
 use crate::shading::{Surfaces, palette};
@@ -51,15 +51,12 @@ impl Step<'_> {
             queries: &[view.query()],
         };
         current.begin(self.time, batch, last)?;
-        let answer = current.results.back();
-        let (Some(colours), Some(&Answer { ticket, place, .. })) = (colours, answer) else {
+        let (Some(colours), Some(at)) = (colours, current.results.len().checked_sub(1)) else {
             return Ok(());
         };
-        current.wait(ticket, last)?;
-        let hits = current.driver.backend().hits_of(ticket, place);
-        let (hits, mut rgba) = (hits.map_err(Error::of_backend)?, Vec::new());
+        let (hits, mut rgba) = (current.hits(at, last)?, Vec::new());
         let surfaces = current.joined.surfaces(self.time, &colours)?;
-        surfaces.shade(view, hits, &mut rgba);
+        surfaces.shade(view, hits.of_backend(), &mut rgba);
         if let Some(answer) = current.results.back_mut() {
             answer.pixels = Some(rgba);
         }

@@ -100,7 +100,7 @@ impl Tracer {
     /// # Errors
     /// [`Error::ForeignMesh`]; [`Error::Unsupported`] if no thread can be started.
     pub fn replace(&self, mesh: MeshId, with: Mesh) -> Result<Replacement> {
-        let state = self.shared_state();
+        let mut state = self.shared_state();
         let index = mesh.within(&state.current.joined.meshes)?;
         let prepare = state.preparation(index, with.clone())?;
         let is_given_up = Arc::<AtomicBool>::default();
@@ -158,14 +158,14 @@ impl State {
     /// Returns a closure that loads the scene with another mesh and builds its first tree. It runs on the threads that
     /// build trees, since steps need the others.
     fn preparation(
-        &self,
+        &mut self,
         mesh: usize,
         with: Mesh,
     ) -> Result<impl FnOnce(&AtomicBool) -> Result<Loaded> + Send + use<>> {
-        let current = &self.current;
+        let current = &mut self.current;
         let (builder, expected) = (self.builder.clone(), self.device.clone());
         // If this is `None`, the device is opened again.
-        let another = current.driver.another_backend();
+        let share_device = current.share_device();
         let parts = current.joined.parts();
         let (newest, time) = (current.joined.newest()?, current.joined.time);
         let forms = current.traced_forms.clone();
@@ -182,7 +182,7 @@ impl State {
             let number = meshes[mesh].number;
             meshes[mesh] = Mesh { number, ..with };
             let update = builder.policy(&meshes);
-            let backend = match another {
+            let backend = match share_device {
                 Some(open) => open().map_err(Error::of_backend)?,
                 None => builder.open(update)?,
             };

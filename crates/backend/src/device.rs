@@ -1,6 +1,6 @@
 //! Description of devices and adapters, and the choice of one.
 
-use crate::{BackendError, Result};
+use crate::{BackendError, Intersector, Query, Result, TreeFormat};
 use std::fmt;
 
 crate::named! {
@@ -58,6 +58,49 @@ pub struct Device {
     pub threads: usize,
     /// Floating-point behaviour without a rounding decoration.
     pub arithmetic: Arithmetic,
+    /// Optional operations that the backend supports.
+    pub capabilities: Capabilities,
+}
+
+/// Optional operations that a backend supports on its device.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Capabilities {
+    /// Tree format that [`Backend::adopt`](crate::Backend::adopt) reads. Builders produce it ahead of time. `adopt` also
+    /// accepts a tree without it, but takes longer.
+    pub tree_format: TreeFormat,
+    /// Whether one submission can trace several queries.
+    pub batches: bool,
+    /// Whether [`Backend::rebuild`](crate::Backend::rebuild) can build trees, or the reason why not:
+    /// [`BackendError::Unsupported`], or [`BackendError::Limit`] if a limit of the device is too low.
+    pub device_rebuild: Result<()>,
+}
+
+impl Capabilities {
+    /// Returns the capabilities of a backend that has no optional operations.
+    pub fn minimal(backend: &'static str, tree_format: TreeFormat) -> Self {
+        Self {
+            tree_format,
+            batches: false,
+            device_rebuild: Err(BackendError::no_device_trees(backend)),
+        }
+    }
+
+    /// Returns whether one submission can trace these queries. Batches contain no shadow rays. `exact` does not support
+    /// batches, because the queries would share one list of undecided rays.
+    pub fn can_batch(&self, intersector: Intersector, queries: &[Query<'_>]) -> bool {
+        let has_shadows = |query: &Query<'_>| query.kind.light().is_some();
+        let is_simple = !intersector.is_exact() && !queries.iter().any(has_shadows);
+        queries.len() < 2 || (self.batches && is_simple)
+    }
+}
+
+/// Device memory of a backend.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct MemoryUse {
+    /// Bytes that the backend holds, or `None` if unknown.
+    pub held: Option<DeviceBytes>,
+    /// Bytes that are still available, or `None` if the driver does not report them.
+    pub available: Option<u64>,
 }
 
 /// Bytes of device memory by purpose.
@@ -122,6 +165,29 @@ impl AdapterInfo {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::QueryKind;
+
+    #[test]
+    fn batches_have_no_shadows_and_are_not_exact() {
+        let mut capabilities = Capabilities::minimal("cpu", TreeFormat::Binary);
+        let light = [0.0; 3];
+        let query = |kind| Query {
+            rays: crate::Rays::OnDevice(1),
+            kind,
+        };
+        let [closest, shadow] =
+            [QueryKind::Closest, QueryKind::ClosestAndShadow { light }].map(query);
+        let mut can = |batches, intersector, queries: &[_]| {
+            capabilities.batches = batches;
+            capabilities.can_batch(intersector, queries)
+        };
+        let watertight = Intersector::Watertight;
+        assert!(can(false, Intersector::Exact, &[shadow]));
+        assert!(can(true, watertight, &[closest; 2]));
+        assert!(!can(false, watertight, &[closest; 2]));
+        assert!(!can(true, watertight, &[closest, shadow]));
+        assert!(!can(true, Intersector::Exact, &[closest; 2]));
+    }
 
     #[test]
     fn chooses_adapter_by_index_or_kind() {

@@ -61,6 +61,11 @@ impl BackendError {
         Self::unsupported(backend, "rays that lie on the device")
     }
 
+    /// Returns the error of a backend that builds no trees on the device.
+    pub fn no_device_trees(backend: &'static str) -> Self {
+        Self::unsupported(backend, "trees made on the device")
+    }
+
     /// Returns [`BackendError::Unsupported`] for this backend.
     pub fn unsupported(backend: &'static str, what: impl Into<String>) -> Self {
         let what = what.into();

@@ -16,11 +16,9 @@
 //! [`FRAMES_IN_FLIGHT`] submissions are unfinished at any time; a further `submit` blocks until the oldest has
 //! finished.
 //!
-//! Only `submit`, [`Backend::wait`] and the methods that return results block. The report and the hits of a submission
-//! stay available for [`FRAMES_IN_FLIGHT`] further submissions that contain a trace. [`Backend::keep`] can raise this
-//! number. Until then they can be read any number of times. [`Backend::release`] drops the traces of one submission
-//! earlier. It then no longer counts as a submission that contains a trace. Its report stays available for
-//! `FRAMES_IN_FLIGHT` further submissions of any kind.
+//! Only `submit`, [`Backend::wait`] and the methods that return results block. The report and the traces of a submission
+//! stay available for [`FRAMES_IN_FLIGHT`] further submissions that contain a trace, or for as long as
+//! [`Backend::retain_traces`] names the submission. A report can be read any number of times, hits can be taken once.
 //!
 //! # Stage order
 //!
@@ -42,7 +40,7 @@
 //! new tree, and submitted work keeps the old one.
 //!
 //! Large trees take time to reach a device. The builder thread therefore writes the tree through a [`TreeWriter`], and
-//! the driver adopts it once [`Backend::bring`] returns `true`. No frame waits for the copy.
+//! the driver adopts it once [`Backend::upload_tree`] returns `true`. No frame waits for the copy.
 //!
 //! # Candidates
 //!
@@ -52,14 +50,14 @@
 //!
 //! # Trees built on the device
 //!
-//! If [`Backend::check_rebuild`] succeeds, [`Backend::rebuild`] can replace `adopt`. It records, like a stage, the
+//! If [`Capabilities::device_rebuild`] is `Ok`, [`Backend::rebuild`] can replace `adopt`. It records, like a stage, the
 //! build of a tree from the current positions. The generation must increase as it does for `adopt`. A following
 //! `preprocess` or `refit` does nothing. After the positions change, the owner must rebuild or adopt another tree:
 //! preprocessing a tree that was built on the device panics.
 //!
 //! # Pictures
 //!
-//! If [`Backend::load_palette`] returns `true`, [`Backend::shade`] records the shading of hits after `trace`, and
+//! Once [`Backend::load_palette`] has returned `true`, `trace` also shades the hits of a picture, and
 //! [`Backend::pixels`] returns the pixels. They equal, byte for byte, those of the host's shading in crate `abvh`.
 //!
 //! # Positions
@@ -119,13 +117,17 @@ mod frame;
 mod query;
 
 pub use axes::{BackendName, Intersector, Policy};
-pub use device::{AdapterInfo, Arithmetic, Device, DeviceBytes, DeviceKind};
+pub use device::{
+    AdapterInfo, Arithmetic, Capabilities, Device, DeviceBytes, DeviceKind, MemoryUse,
+};
 pub use error::{BackendError, Result};
 pub use frame::{FrameReport, Generation, Snapshot, Spares, StageTimes, Ticket, rounded, sah_cost};
 pub use query::{Hits, HitsPool, Palette, Query, QueryKind, Rays};
 
 use bvh_layout::Topology;
-use geom::{Aabb, Animation, Point, PointBuffer, Pose};
+#[cfg(feature = "inspect")]
+use geom::{Aabb, Point};
+use geom::{Animation, Pose};
 use std::any::Any;
 use std::sync::Arc;
 
@@ -144,22 +146,17 @@ pub enum TreeFormat {
 /// Function that writes a tree into memory for upload, on any thread. See [`Backend::tree_writer`].
 pub type TreeWriter = Box<dyn FnOnce(&Topology) + Send>;
 
-/// Function that creates a backend, on any thread.
-pub type Opener = Box<dyn FnOnce() -> Result<Box<dyn Backend>> + Send>;
-
 /// A device that deforms, refits and traces one scene.
 ///
 /// The crate documentation states the contract. `# Errors` sections list only errors specific to a method;
 /// [`BackendError`] lists all.
 pub trait Backend: Send + Any {
-    /// Returns the device's name, kind and driver, as shown in logs, test names and result rows.
+    /// Returns the device's name, kind, driver and capabilities.
     fn device(&self) -> &Device;
 
-    /// Returns a function that creates a backend for another scene on the same device. Both scenes can be loaded and
-    /// traced at the same time. Returns `None` if the device would have to be opened again, which may block other
-    /// scenes.
-    fn another(&self) -> Option<Opener> {
-        None
+    /// Returns the device memory that is in use, and the amount still available.
+    fn memory(&self) -> MemoryUse {
+        MemoryUse::default()
     }
 
     /// Makes `animation` current, to be traced with `intersector`.
@@ -168,16 +165,9 @@ pub trait Backend: Send + Any {
     /// The scene exceeds a limit or the memory of the device.
     fn load(&mut self, animation: Arc<Animation>, intersector: Intersector) -> Result<()>;
 
-    /// Starts to compile, on other threads, the kernels that queries like this one need. `makes_trees` states whether
+    /// Starts to compile, on other threads, the kernels that queries like this one need. `builds_trees` states whether
     /// trees are built on the device. Without this call, kernels are compiled on first use.
-    fn prepare(&mut self, _query: Query<'_>, _makes_trees: bool) {}
-
-    /// Makes `tree` current for all work recorded from now on.
-    ///
-    /// # Errors
-    /// The tree does not contain exactly the animation's live triangles, or does not fit the device. The previous tree
-    /// stays current.
-    fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()>;
+    fn prepare(&mut self, _query: Query<'_>, _builds_trees: bool) {}
 
     /// Returns a function with which a builder thread writes the tree of `generation` in the device's format. Returns
     /// `None` if that saves no work on the owner's thread.
@@ -187,12 +177,19 @@ pub trait Backend: Send + Any {
 
     /// Starts the upload of a tree concurrently with frames, unless it was started before. Returns whether the tree has
     /// arrived. Never blocks.
-    fn bring(&mut self, _tree: &Topology, _generation: Generation) -> Result<bool> {
+    fn upload_tree(&mut self, _tree: &Topology, _generation: Generation) -> Result<bool> {
         Ok(true)
     }
 
+    /// Makes `tree` current for all work recorded from now on.
+    ///
+    /// # Errors
+    /// The tree does not contain exactly the animation's live triangles, or does not fit the device. The previous tree
+    /// stays current.
+    fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()>;
+
     /// Records the refit of a tree that is not current, in addition to the current one. Call it after `interpolate` and
-    /// before `preprocess`, with a tree whose [upload](Backend::bring) has finished. The submission's report then
+    /// before `preprocess`, with a tree whose [upload](Backend::upload_tree) has finished. The submission's report then
     /// contains the tree's cost ([`FrameReport::candidate_cost`]). Returns `false`, and records nothing, if the backend
     /// measures no costs or lacks memory for a second tree.
     ///
@@ -202,37 +199,18 @@ pub trait Backend: Send + Any {
         Ok(false)
     }
 
-    /// Returns the tree format that [`Backend::adopt`] reads. Builders produce it ahead of time; `adopt` accepts a tree
-    /// without it, but takes longer.
-    fn tree_format(&self) -> TreeFormat;
-
-    /// Allocates memory for a key frame that will be [pushed](Animation::push) to the loaded scene. The device reads
-    /// the memory directly if it can.
-    fn point_buffer(&mut self, points: usize) -> Result<PointBuffer> {
-        Ok(vec![[0.0; 3]; points].into())
-    }
-
-    /// Records: writes the positions at `pose`, blended from key frames.
-    fn interpolate(&mut self, pose: Pose) -> Result<()>;
-
-    /// Checks that trees can be built on the device.
-    ///
-    /// # Errors
-    /// [`BackendError::Unsupported`] if only the host builds trees, or [`BackendError::Limit`] if a limit of the device
-    /// is too low.
-    fn check_rebuild(&self) -> Result<()> {
-        Err(no_trees(self.device().backend))
-    }
-
     /// Records: builds a tree from the current positions on the device and makes it current. `preprocess` and `refit`
     /// may follow as after [`Backend::adopt`]. The first tree allocates scratch memory, which is kept until another
     /// scene is loaded.
     ///
     /// # Errors
-    /// Also those of [`Backend::check_rebuild`].
+    /// Also that of [`Capabilities::device_rebuild`].
     fn rebuild(&mut self, _generation: Generation) -> Result<()> {
-        Err(no_trees(self.device().backend))
+        self.device().capabilities.device_rebuild.clone()
     }
+
+    /// Records: writes the positions at `pose`, blended from key frames.
+    fn interpolate(&mut self, pose: Pose) -> Result<()>;
 
     /// Records: writes triangle records and boxes of leaves from positions.
     fn preprocess(&mut self) -> Result<()>;
@@ -240,37 +218,14 @@ pub trait Backend: Send + Any {
     /// Records: writes the boxes of inner nodes from the boxes of leaves.
     fn refit(&mut self) -> Result<()>;
 
-    /// Records: traces one query and writes its hits. At most one call per submission.
-    fn trace(&mut self, query: Query<'_>) -> Result<()>;
+    /// Records: traces queries and writes their hits. At most one call per submission. Small queries of one call finish
+    /// sooner than one after another, because they run at the same time. Only backends that
+    /// [support batches](Capabilities::can_batch) accept more than one query.
+    fn trace(&mut self, queries: &[Query<'_>]) -> Result<()>;
 
-    /// Returns whether [`Backend::trace_together`] accepts these queries.
-    fn traces_together(&self, _queries: &[Query<'_>]) -> bool {
-        false
-    }
-
-    /// Records: traces a batch of queries, in place of the submission's single [`Backend::trace`]. Small queries finish
-    /// sooner than one after another, because they run at the same time. Call it only if [`Backend::traces_together`]
-    /// returns `true`.
-    fn trace_together(&mut self, _queries: &[Query<'_>]) -> Result<()> {
-        let (backend, what) = (self.device().backend, "several traces of one submission");
-        Err(BackendError::unsupported(backend, what))
-    }
-
-    /// Stores the colours for [`Backend::shade`], until the next [`Backend::load`]. Returns `false` if the backend does
-    /// not shade.
+    /// Stores the colours for pictures, until the next [`Backend::load`]. From now on, the trace of a single camera query
+    /// with shadows also shades its hits into pixels. Returns `false` if the backend does not shade.
     fn load_palette(&mut self, _palette: &Palette) -> Result<bool> {
-        Ok(false)
-    }
-
-    /// Records: shades the hits of the recorded trace of `query`, a camera query with shadows, into pixels. Does
-    /// nothing without a palette.
-    fn shade(&mut self, _query: Query<'_>) -> Result<()> {
-        Ok(())
-    }
-
-    /// Blocks until `ticket` has finished and copies its pixels into `out`: four bytes each (red, green, blue, 255),
-    /// row by row. Returns `false` if the submission shaded no pixels; the host then shades its hits.
-    fn pixels(&mut self, _ticket: Ticket, _out: &mut Vec<u8>) -> Result<bool> {
         Ok(false)
     }
 
@@ -283,61 +238,38 @@ pub trait Backend: Send + Any {
     /// Blocks until `ticket` has finished and returns its report.
     fn wait(&mut self, ticket: Ticket) -> Result<FrameReport>;
 
-    /// Blocks until `ticket` has finished and returns the hits of its trace. Repeated calls return the same hits.
-    ///
-    /// To keep the hits without a copy, swap them with other memory, which a later trace then uses:
-    /// `std::mem::swap(backend.hits(ticket)?, &mut mine)`.
-    fn hits(&mut self, ticket: Ticket) -> Result<&mut Hits>;
-
-    /// Returns the hits of query `place` of a batch. Blocks until `ticket` has finished.
-    fn hits_of(&mut self, ticket: Ticket, place: usize) -> Result<&mut Hits> {
-        assert!(place == 0, "there was one query");
-        self.hits(ticket)
-    }
-
-    /// Moves the hits of query `place` into `into`, without a copy on the host. Later traces may use the previous
-    /// memory of `into`. Blocks until `ticket` has finished. The hits of a query can be taken once.
-    fn take_hits(&mut self, ticket: Ticket, place: usize, into: &mut Hits) -> Result<()> {
-        std::mem::swap(self.hits_of(ticket, place)?, into);
-        Ok(())
-    }
-
     /// Returns whether `ticket` has finished, so that its report and hits can be read without blocking. Never blocks.
     fn is_done(&mut self, _ticket: Ticket) -> Result<bool> {
         Ok(true)
     }
 
-    /// Drops the traces of a submission before they expire. Their memory is reused by later traces or freed. It is kept
-    /// for at most the number of traces that [`Backend::keep`] sets.
-    fn release(&mut self, _ticket: Ticket) {}
+    /// Blocks until `ticket` has finished and moves the hits of query `index` to `hits`, without a copy on the host. Later
+    /// traces may use the previous memory of `hits`. The hits of a query can be taken once.
+    fn take_hits(&mut self, ticket: Ticket, index: usize, hits: &mut Hits) -> Result<()>;
 
-    /// Keeps each trace for `traces` further submissions that contain a trace, or for [`FRAMES_IN_FLIGHT`] if that is
-    /// more. Frees released traces beyond that number. Applies until another scene is loaded.
-    fn keep(&mut self, traces: usize);
+    /// Blocks until `ticket` has finished and copies its pixels into `out`: four bytes each (red, green, blue, 255),
+    /// row by row. Returns `false` if the submission shaded no pixels; the host then shades its hits.
+    fn pixels(&mut self, _ticket: Ticket, _out: &mut Vec<u8>) -> Result<bool> {
+        Ok(false)
+    }
+
+    /// Retains the reports and traces of these submissions until the next call or until another scene is loaded.
+    /// `tickets` is in ascending order. Traces that the previous call named and this one does not are released: later
+    /// traces reuse their memory. Frees released memory beyond that of one trace more than there are `tickets`, but not of
+    /// the last [`FRAMES_IN_FLIGHT`].
+    fn retain_traces(&mut self, tickets: &[Ticket]);
 
     /// Returns the oldest requested positions that were not taken yet, with the ticket of their submission. Returns
     /// `None` if they have not arrived. Never blocks.
     fn take_positions(&mut self) -> Result<Option<(Ticket, Snapshot)>>;
-
-    /// Returns the bytes of device memory that the backend holds, or `None` if unknown.
-    fn device_bytes(&self) -> Option<DeviceBytes> {
-        None
-    }
-
-    /// Returns the bytes of device memory that are still available, or `None` if the driver does not report them.
-    fn free_device_bytes(&self) -> Option<u64> {
-        None
-    }
-
-    /// Returns access to intermediate results, for tests and dumps.
-    fn inspect(&mut self) -> &mut dyn Inspect;
 }
 
 /// Maximum number of unfinished submissions.
 pub const FRAMES_IN_FLIGHT: usize = 2;
 
-/// Reads the output of a stage, outside a frame's time-critical path. Each method waits for all submissions.
-pub trait Inspect {
+/// Reads the output of a stage, for tests. Each method waits for all submissions.
+#[cfg(feature = "inspect")]
+pub trait Inspect: Backend {
     /// Returns one position per vertex, after `interpolate`.
     fn positions(&mut self) -> Result<Vec<Point>>;
 
@@ -352,7 +284,7 @@ pub trait Inspect {
     /// [`BackendError::WrongTree`] if the device's output is no tree over the live triangles;
     /// [`BackendError::Unsupported`] if the device builds no trees.
     fn rebuilt(&mut self) -> Result<Topology> {
-        Err(no_trees("the backend"))
+        Err(BackendError::no_device_trees(self.device().backend))
     }
 
     /// Returns all calls that the device's interface has rejected so far, and all messages of its validation layer in
@@ -360,10 +292,6 @@ pub trait Inspect {
     fn complaints(&mut self) -> Vec<String> {
         Vec::new()
     }
-}
-
-fn no_trees(backend: &'static str) -> BackendError {
-    BackendError::unsupported(backend, "trees made on the device")
 }
 
 /// Rejects a tree that does not contain exactly the animation's live triangles.

@@ -92,7 +92,7 @@ impl<'a> Query<'a> {
     }
 }
 
-/// Colour tables of [`Backend::shade`](crate::Backend::shade).
+/// Colour tables for pictures, see [`Backend::load_palette`](crate::Backend::load_palette).
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Palette {
     /// sRGB of each triangle: red in the lowest byte, then green and blue.
@@ -116,14 +116,14 @@ pub struct Hits {
 #[derive(Debug, Default)]
 pub struct HitsPool {
     spares: Vec<Hits>,
-    most: usize,
+    capacity: usize,
 }
 
 impl HitsPool {
     /// Sets the maximum number of buffers in the pool. Frees those in excess.
-    pub fn keep(&mut self, most: usize) {
-        self.most = most;
-        self.spares.truncate(most);
+    pub fn set_capacity(&mut self, buffers: usize) {
+        self.capacity = buffers;
+        self.spares.truncate(buffers);
     }
 
     /// Frees all buffers.
@@ -134,7 +134,7 @@ impl HitsPool {
     /// Adds a buffer to the pool, or frees it if the pool is full.
     pub fn put(&mut self, hits: Hits) {
         let has_memory = hits.closest.capacity() + hits.blocked.capacity() > 0;
-        if has_memory && self.spares.len() < self.most {
+        if has_memory && self.spares.len() < self.capacity {
             self.spares.push(hits);
         }
     }
@@ -167,14 +167,14 @@ mod tests {
             blocked: Vec::new(),
         };
         let mut pool = HitsPool::default();
-        pool.keep(3);
+        pool.set_capacity(3);
         for room in [50, 0, 10, 100, 70] {
             pool.put(hits(room));
         }
         let mut take = |rays| pool.take(rays, QueryKind::Closest).closest.capacity();
         assert_eq!([20, 60, 60, 60].map(&mut take), [50, 100, 10, 0]);
         [1, 2, 3].into_iter().for_each(|room| pool.put(hits(room)));
-        pool.keep(1);
+        pool.set_capacity(1);
         let left = [(); 2].map(|()| pool.take(1, QueryKind::Closest).closest.capacity());
         assert_eq!(left, [1, 0]);
     }

@@ -9,6 +9,8 @@ pub use adapters::find_adapter;
 pub use auto::{Vain, open_best};
 
 use backend::{AdapterInfo, Backend, BackendName, DeviceKind};
+#[cfg(feature = "inspect")]
+use std::any::Any;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Opens the adapter of the given index, or the backend's default, with the given number of host threads if it uses
@@ -110,6 +112,33 @@ impl Known<'_> {
         };
         (self.open)(index, threads).map_err(absent)
     }
+}
+
+/// Opens the reference backend on one thread.
+///
+/// # Errors
+/// A thread cannot be started.
+#[cfg(feature = "inspect")]
+pub fn open_reference() -> backend::Result<Box<dyn backend::Inspect>> {
+    Ok(Box::new(cpu_ref::CpuBackend::new(Some(1))?))
+}
+
+/// Returns access to the output of single stages of an open backend, or `None` for a backend that is not [`KNOWN`].
+#[cfg(feature = "inspect")]
+pub fn inspect(backend: &mut dyn Backend) -> Option<&mut dyn backend::Inspect> {
+    fn cast<T: backend::Inspect>(backend: &mut dyn Any) -> Option<&mut dyn backend::Inspect> {
+        backend.downcast_mut::<T>().map(|backend| backend as _)
+    }
+    let backend: &mut dyn Any = backend;
+    #[cfg(feature = "vulkan")]
+    if backend.is::<gpu_vulkan::VulkanBackend>() {
+        return cast::<gpu_vulkan::VulkanBackend>(backend);
+    }
+    #[cfg(feature = "wgpu")]
+    if backend.is::<gpu_wgpu::WgpuBackend>() {
+        return cast::<gpu_wgpu::WgpuBackend>(backend);
+    }
+    cast::<cpu_ref::CpuBackend>(backend)
 }
 
 /// Whether compiled kernels are cached in the user's cache folder.

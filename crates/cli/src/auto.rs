@@ -28,7 +28,7 @@ impl Capabilities {
     pub(crate) fn of(backend: &dyn Backend) -> Self {
         Self {
             device: backend.device().kind,
-            builds_trees: backend.check_rebuild().is_ok(),
+            builds_trees: backend.device().capabilities.device_rebuild.is_ok(),
         }
     }
 }

@@ -4,13 +4,12 @@ mod oracle;
 
 use crate::command::{Requirement, RunCommand};
 use crate::console::{self, Progress};
-use crate::devices::DeviceRequest;
 use crate::file_checks::CommandFiles;
 use crate::parsers;
 use crate::stop::Stop;
 use crate::table::{Cells, counted, grouped, table};
 use crate::tested_backends::{OpenedBackends, TestSettings, TestedBackends};
-use backend::{Backend, BackendName, Intersector};
+use backend::{Backend, Intersector};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 use conformance::leaks::{self, LeakPlan, OFFSETS};
@@ -132,18 +131,17 @@ impl ConformSettings {
             (None, cases) => 0..=cases - 1,
         };
         let cases = Cases::new(self.seed, numbers);
-        let reference = DeviceRequest {
-            threads: 1,
-            ..DeviceRequest::of(Some(BackendName::CpuRef))
-        };
-        let mut reference = Reference::new(reference.open()?);
+        let reference = backends::open_reference();
+        let mut reference = Reference::new(reference.map_err(|e| Stop::bad(e.to_string()))?);
         let mut progress = Progress::new(total as u64, self.test.quiet);
         let mut rows = Vec::new();
         for backend in &mut *backends {
             let name = backend.device().backend;
+            let subject = backends::inspect(backend.as_mut());
+            let subject = subject.expect("the program opens only known backends");
             for property in properties() {
                 let begun = Instant::now();
-                let held = hold(property, backend.as_mut(), &mut reference, &cases);
+                let held = hold(property, subject, &mut reference, &cases);
                 let seconds = begun.elapsed().as_secs_f64();
                 let row = PropertyRow {
                     property: property.name,

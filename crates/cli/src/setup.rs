@@ -230,7 +230,8 @@ fn check_device(
         return Ok(());
     };
     let by = "memory of the device";
-    let free = backend.free_device_bytes().map(|bytes| Free { bytes, by });
+    let free = backend.memory().available;
+    let free = free.map(|bytes| Free { bytes, by });
     let on_host = match backend.device().kind {
         DeviceKind::Software => host::free(),
         _ => None,

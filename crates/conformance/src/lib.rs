@@ -23,7 +23,7 @@ pub use properties::{PROPERTIES, Property};
 pub use reference::Reference;
 
 use anyhow::{Context, anyhow};
-use backend::{Backend, Intersector};
+use backend::{Inspect, Intersector};
 use generate::cases::cases;
 use generate::strategies::{runner, tree};
 use properties::Check;
@@ -122,7 +122,7 @@ impl Cases {
 /// The first disagreement, in the smallest case that it shrinks to.
 pub fn hold(
     property: &Property,
-    subject: &mut dyn Backend,
+    subject: &mut dyn Inspect,
     reference: &mut Reference,
     tested: &Cases,
 ) -> Result<u32, Disagreement> {
@@ -163,7 +163,7 @@ pub fn hold(
 fn by_each_intersector(
     property: &Property,
     case: &Case,
-    subject: &mut dyn Backend,
+    subject: &mut dyn Inspect,
     reference: &mut Reference,
 ) -> anyhow::Result<()> {
     let mut check = Check {

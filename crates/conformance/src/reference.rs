@@ -2,7 +2,7 @@
 
 use crate::Case;
 use crate::stage::{Traced, ask, open, stand};
-use backend::{Backend, Generation, Intersector, Query, QueryKind, Rays, Result};
+use backend::{Generation, Inspect, Intersector, Query, QueryKind, Rays, Result};
 use bvh_layout::Topology;
 use geom::Aabb;
 use std::sync::Arc;
@@ -16,24 +16,24 @@ pub(crate) struct FrameResults {
 
 impl FrameResults {
     /// Returns the closest hits of the case's rays, and the boxes, after all recorded commands.
-    pub(crate) fn of(backend: &mut dyn Backend, case: &Case) -> Result<Self> {
+    pub(crate) fn of(backend: &mut dyn Inspect, case: &Case) -> Result<Self> {
         Ok(Self {
             traced: ask(backend, Rays::List(&case.rays), QueryKind::Closest)?,
-            boxes: backend.inspect().boxes()?,
+            boxes: backend.boxes()?,
         })
     }
 }
 
 /// The backend with which others are compared.
 pub struct Reference {
-    backend: Box<dyn Backend>,
+    backend: Box<dyn Inspect>,
     /// Intersector with which the current case is loaded, or `None` if it is not loaded.
     loaded: Option<Intersector>,
 }
 
 impl Reference {
     /// Creates a reference with no case loaded.
-    pub fn new(backend: Box<dyn Backend>) -> Self {
+    pub fn new(backend: Box<dyn Inspect>) -> Self {
         Self {
             backend,
             loaded: None,
@@ -74,7 +74,7 @@ impl Reference {
     }
 
     /// Returns the backend, for other cases, scenes and trees.
-    pub(crate) fn backend(&mut self) -> &mut dyn Backend {
+    pub(crate) fn backend(&mut self) -> &mut dyn Inspect {
         self.loaded = None;
         self.backend.as_mut()
     }

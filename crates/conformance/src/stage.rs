@@ -87,7 +87,7 @@ pub(crate) fn boxes_anew(backend: &mut dyn Backend) -> Result<()> {
 /// # Errors
 /// The backend failed.
 pub fn start(backend: &mut dyn Backend, rays: Rays<'_>, kind: QueryKind) -> Result<Ticket> {
-    backend.trace(Query { rays, kind })?;
+    backend.trace(&[Query { rays, kind }])?;
     backend.submit()
 }
 
@@ -102,10 +102,10 @@ pub struct Traced {
 
 /// Waits for a trace.
 pub(crate) fn fetch(backend: &mut dyn Backend, ticket: Ticket) -> Result<Traced> {
-    Ok(Traced {
-        report: backend.wait(ticket)?,
-        hits: backend.hits(ticket)?.clone(),
-    })
+    let report = backend.wait(ticket)?;
+    let mut hits = Hits::default();
+    backend.take_hits(ticket, 0, &mut hits)?;
+    Ok(Traced { hits, report })
 }
 
 /// Traces rays, and waits for the results.

@@ -2,7 +2,7 @@
 //!
 //! `tests/tests/hits` compares hits with exact answers.
 
-use backend::{Backend, Generation, Hits, Intersector, Query, QueryKind, Rays, Ticket};
+use backend::{Backend, Generation, Hits, Inspect, Intersector, Query, QueryKind, Rays, Ticket};
 use bvh_layout::Topology;
 use conformance::record;
 use conformance::stage::{ask, stand, tree_at, triangles};
@@ -121,7 +121,7 @@ fn boxes_and_cost(backend: &mut CpuBackend, animation: &Animation, time: f64) ->
     stand(backend, animation, time).unwrap();
     let ticket = backend.submit().unwrap();
     let cost = backend.wait(ticket).unwrap().sah_cost.unwrap();
-    (backend.inspect().boxes().unwrap(), cost)
+    (backend.boxes().unwrap(), cost)
 }
 
 #[test]
@@ -186,11 +186,13 @@ fn commands_run_in_recorded_order() {
         rays: Rays::List(&rays),
         kind: QueryKind::Closest,
     };
-    backend.trace(query).unwrap();
+    backend.trace(&[query]).unwrap();
     backend.interpolate(animation.pose(late)).unwrap();
     let ticket = backend.submit().unwrap();
     let report = backend.wait(ticket).unwrap();
-    assert_eq!(*backend.hits(ticket).unwrap(), expected);
+    let mut hits = Hits::default();
+    backend.take_hits(ticket, 0, &mut hits).unwrap();
+    assert_eq!(hits, expected);
     assert!(report.settled > 0, "rays through vertices are open");
     let times = report.times;
     let stages = [times.interpolate_ms, times.preprocess_ms, times.refit_ms];
@@ -198,7 +200,7 @@ fn commands_run_in_recorded_order() {
     let sum: f64 = stages.map(|ms| ms.expect("each was timed")).sum();
     assert!(sum <= times.device_ms);
     let [found, expected] = [backend, fresh(late)].map(|mut backend| {
-        let positions = backend.inspect().positions().unwrap().into_iter();
+        let positions = backend.positions().unwrap().into_iter();
         positions.map(|p| p.map(f32::to_bits)).collect::<Vec<_>>()
     });
     assert!(found == expected);

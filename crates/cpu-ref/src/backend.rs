@@ -7,12 +7,12 @@ use crate::reserve;
 use crate::scene::SceneState;
 use crate::submission::{Command, Copies, Submission, ms_since};
 use backend::{
-    Arithmetic, Backend, BackendError, BackendName, Device, DeviceKind, FRAMES_IN_FLIGHT,
-    FrameReport, Generation, Hits, HitsPool, Inspect, Intersector, Query, QueryKind, Rays, Result,
-    Snapshot, Ticket, TreeFormat,
+    Arithmetic, Backend, BackendError, BackendName, Capabilities, Device, DeviceKind,
+    FRAMES_IN_FLIGHT, FrameReport, Generation, Hits, HitsPool, Intersector, Query, QueryKind, Rays,
+    Result, Snapshot, Ticket,
 };
 use bvh_layout::Topology;
-use geom::{Aabb, Animation, Point, Pose, Ray, own_pool, run_in};
+use geom::{Animation, Pose, Ray, own_pool, run_in};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -41,8 +41,6 @@ pub struct CpuBackend {
     /// Memory of earlier traces, for reuse.
     spares: HitsPool,
     submitted: u64,
-    /// Number of traces to retain, see [`Backend::keep`].
-    kept: usize,
     copies: Copies,
     /// Start of the device's clock.
     epoch: Instant,
@@ -90,6 +88,7 @@ impl CpuBackend {
             kind: DeviceKind::Cpu,
             threads: pool.current_num_threads(),
             arithmetic: Arithmetic::IEEE,
+            capabilities: Capabilities::minimal(name.name(), new_tree().format()),
         };
         Ok(Self {
             device,
@@ -104,7 +103,6 @@ impl CpuBackend {
             next: Submission::default(),
             spares: HitsPool::default(),
             submitted: 0,
-            kept: FRAMES_IN_FLIGHT,
             copies: Copies::default(),
             epoch: Instant::now(),
         })
@@ -142,37 +140,32 @@ impl CpuBackend {
         Ok(())
     }
 
-    /// Drops submissions that later ones have displaced.
-    fn forget_the_old(&mut self) {
-        let mut further = self.submissions.len();
-        let mut traced = self.submissions.iter().filter(|s| s.is_traced).count();
-        let mut spares = Vec::new();
+    /// Drops submissions that have expired.
+    fn drop_expired(&mut self) {
+        let mut later = self.submissions.len();
+        let mut later_traced = self.submissions.iter().filter(|s| s.is_traced).count();
+        let mut expired = Vec::new();
         self.submissions.retain_mut(|submission| {
-            further -= 1;
-            traced -= usize::from(submission.is_traced);
-            let is_kept = if submission.is_released {
-                further <= FRAMES_IN_FLIGHT
+            later -= 1;
+            later_traced -= usize::from(submission.is_traced);
+            let further = if submission.is_released {
+                later
             } else {
-                traced < self.kept
+                later_traced
             };
-            if !is_kept {
-                spares.push(std::mem::take(&mut submission.hits));
+            let is_available = submission.is_retained || further < FRAMES_IN_FLIGHT;
+            if !is_available {
+                expired.push(std::mem::take(&mut submission.hits));
             }
-            is_kept
+            is_available
         });
-        spares.into_iter().for_each(|hits| self.spares.put(hits));
+        expired.into_iter().for_each(|hits| self.spares.put(hits));
     }
 
     fn finished(&mut self, ticket: Ticket) -> &mut Submission {
-        let kept = self.kept;
         let mut submissions = self.submissions.iter_mut();
         let found = submissions.find(|s| s.ticket == Some(ticket));
-        found.unwrap_or_else(|| {
-            panic!(
-                "ticket {} was never given, or too long ago: the last {kept} with a trace are kept",
-                ticket.0
-            )
-        })
+        found.unwrap_or_else(|| panic!("ticket {} was never given, or has expired", ticket.0))
     }
 }
 
@@ -194,7 +187,7 @@ impl Backend for CpuBackend {
         self.commands.clear();
         self.submissions.clear();
         self.spares.clear();
-        self.keep(FRAMES_IN_FLIGHT);
+        self.retain_traces(&[]);
         self.next = Submission::default();
         self.copies = Copies::default();
         let tree = (self.new_tree)();
@@ -232,11 +225,6 @@ impl Backend for CpuBackend {
         Ok(is_loaded)
     }
 
-    fn tree_format(&self) -> TreeFormat {
-        let scene = self.scene.as_ref();
-        scene.expect("load comes first").tree.format()
-    }
-
     fn interpolate(&mut self, pose: Pose) -> Result<()> {
         loaded(&mut self.scene);
         self.commands.push(Command::Interpolate(pose));
@@ -262,7 +250,11 @@ impl Backend for CpuBackend {
         Ok(())
     }
 
-    fn trace(&mut self, query: Query<'_>) -> Result<()> {
+    fn trace(&mut self, queries: &[Query<'_>]) -> Result<()> {
+        let &[query] = queries else {
+            let backend = self.device.backend;
+            return Err(BackendError::unsupported(backend, "batches of queries"));
+        };
         let (camera, rays) = match query.rays {
             Rays::Camera(camera) => (Some(*camera), None),
             Rays::List(rays) => (None, Some(rays)),
@@ -315,7 +307,7 @@ impl Backend for CpuBackend {
         }
         self.submissions.push_back(done);
         self.submitted += 1;
-        self.forget_the_old();
+        self.drop_expired();
         Ok(ticket)
     }
 
@@ -323,47 +315,40 @@ impl Backend for CpuBackend {
         Ok(self.finished(ticket).report.clone())
     }
 
-    fn hits(&mut self, ticket: Ticket) -> Result<&mut Hits> {
-        Ok(&mut self.finished(ticket).hits)
-    }
-
-    fn take_hits(&mut self, ticket: Ticket, place: usize, into: &mut Hits) -> Result<()> {
-        std::mem::swap(self.hits_of(ticket, place)?, into);
-        let former = std::mem::take(self.hits(ticket)?);
-        self.spares.put(former);
+    fn take_hits(&mut self, ticket: Ticket, index: usize, hits: &mut Hits) -> Result<()> {
+        assert!(index == 0, "a submission has one query");
+        let found = std::mem::take(&mut self.finished(ticket).hits);
+        self.spares.put(std::mem::replace(hits, found));
         Ok(())
     }
 
-    fn release(&mut self, ticket: Ticket) {
-        let mut all = self.submissions.iter_mut();
-        if let Some(submission) = all.find(|s| s.ticket == Some(ticket)) {
-            (submission.is_traced, submission.is_released) = (false, true);
-            let hits = std::mem::take(&mut submission.hits);
-            self.spares.put(hits);
-            self.forget_the_old();
+    fn retain_traces(&mut self, tickets: &[Ticket]) {
+        self.spares
+            .set_capacity(FRAMES_IN_FLIGHT.max(tickets.len() + 1));
+        for submission in &mut self.submissions {
+            let was_retained = submission.is_retained;
+            let ticket = submission.ticket;
+            submission.is_retained = ticket.is_some_and(|t| tickets.binary_search(&t).is_ok());
+            if was_retained && !submission.is_retained {
+                (submission.is_traced, submission.is_released) = (false, true);
+                self.spares.put(std::mem::take(&mut submission.hits));
+            }
         }
-    }
-
-    fn keep(&mut self, traces: usize) {
-        self.kept = traces.max(FRAMES_IN_FLIGHT);
-        self.spares.keep(self.kept);
+        self.drop_expired();
     }
 
     fn take_positions(&mut self) -> Result<Option<(Ticket, Snapshot)>> {
         Ok(self.copies.ready.pop_front())
     }
-
-    fn inspect(&mut self) -> &mut dyn Inspect {
-        self
-    }
 }
 
-impl Inspect for CpuBackend {
-    fn positions(&mut self) -> Result<Vec<Point>> {
+#[cfg(feature = "inspect")]
+impl backend::Inspect for CpuBackend {
+    fn positions(&mut self) -> Result<Vec<geom::Point>> {
         Ok(loaded(&mut self.scene).positions.clone())
     }
 
-    fn boxes(&mut self) -> Result<Vec<Aabb>> {
+    fn boxes(&mut self) -> Result<Vec<geom::Aabb>> {
         loaded(&mut self.scene).boxes()
     }
 }

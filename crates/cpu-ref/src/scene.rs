@@ -8,7 +8,7 @@ use crate::{Accelerator, Geometry, Unhittable, reserve};
 use backend::{BackendError, Generation, Intersector, Query, Result, check_tree, sah_cost};
 use bvh_build::MAX_DEPTH;
 use bvh_layout::Topology;
-use geom::{Aabb, Animation, Point, Pose, StaticParts};
+use geom::{Animation, Point, Pose, StaticParts};
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
@@ -175,7 +175,8 @@ impl SceneState {
     }
 
     /// Returns the boxes in node order, in the scene's units.
-    pub(crate) fn boxes(&self) -> Result<Vec<Aabb>> {
+    #[cfg(feature = "inspect")]
+    pub(crate) fn boxes(&self) -> Result<Vec<geom::Aabb>> {
         let geometry = self.geometry();
         let (boxes, scale) = (self.tree.boxes(&geometry)?, geometry.scale);
         Ok(boxes.into_iter().map(|b| scale.undo(b)).collect())

@@ -36,7 +36,9 @@ pub(crate) struct Submission {
     pub(crate) ticket: Option<Ticket>,
     /// Set if it has a trace that is not released.
     pub(crate) is_traced: bool,
-    /// Set if its traces were released, see [`backend::Backend::release`].
+    /// Set while [`backend::Backend::retain_traces`] names it.
+    pub(crate) is_retained: bool,
+    /// Set if its traces were released, see [`backend::Backend::retain_traces`].
     pub(crate) is_released: bool,
     pub(crate) report: FrameReport,
     pub(crate) hits: Hits,

@@ -1,7 +1,7 @@
 //! Compares every instruction set of the machine with the reference: all properties, and hits of rays that are traced
 //! or prepared together.
 
-use backend::{Backend, Generation, Intersector, QueryKind, Rays};
+use backend::{Backend, Generation, Inspect, Intersector, QueryKind, Rays};
 use bvh_layout::{First, Topology};
 use conformance::stage::{ask, stand, tree_at};
 use conformance::{Cases, PROPERTIES, Reference, hold, nth_case, record};
@@ -283,7 +283,7 @@ fn prebuilt_blocks_do_not_change_hits() {
             let backend = cpu_simd::open(Some(1)).unwrap();
             let mut backend = ready(backend, &animation, intersector, old);
             refit(&mut backend, &animation, (new, 2));
-            let boxes = backend.inspect().boxes().unwrap();
+            let boxes = backend.boxes().unwrap();
             (boxes, answers(&mut backend, Rays::List(&rays), [3.0; 3]))
         });
         assert!(found == expected);

@@ -6,11 +6,11 @@ use crate::traces::as_given;
 use crate::tree::TreeBuffers;
 use crate::{Engine, GpuDevice, LastUse, PendingWork, Stage, Stale, check_kernels};
 use backend::{
-    Backend, Device, DeviceBytes, FrameReport, Generation, Hits, Inspect, Intersector, Opener,
-    Palette, Query, Result, Snapshot, Ticket, TreeFormat, TreeWriter,
+    Backend, Capabilities, Device, FrameReport, Generation, Hits, Intersector, MemoryUse, Palette,
+    Query, Result, Snapshot, Ticket, TreeFormat, TreeWriter,
 };
 use bvh_layout::Topology;
-use geom::{Animation, PointBuffer, Pose, Range};
+use geom::{Animation, Pose, Range};
 use shaders::rebuild;
 use shaders::work;
 use shaders::{KERNELS, Kernel, Params, Shape, common};
@@ -32,7 +32,20 @@ impl<D: GpuDevice> ComputeBackend<D> {
     /// # Errors
     /// [`backend::BackendError::NoDevice`] if the device's arithmetic is wrong.
     pub fn over(gpu: D) -> Result<Self> {
-        Engine::new(gpu, [common("arithmetic")]).map(Self::with)
+        let mut engine = Engine::new(gpu, [common("arithmetic")])?;
+        engine.info.device.capabilities = Capabilities {
+            tree_format: TreeFormat::Treelets,
+            batches: true,
+            device_rebuild: check_kernels(&engine.info.kernel_limits, Kernel::makes_trees),
+        };
+        Ok(Self::with(engine))
+    }
+
+    /// Returns a function that creates a backend for another scene on the same device, on any thread. Both scenes can be
+    /// loaded and traced at the same time.
+    pub fn share_device(&self) -> impl FnOnce() -> Result<Self> + Send + use<D> {
+        let open = self.engine.another();
+        move || open().map(Self::with)
     }
 
     fn with(engine: Engine<D>) -> Self {
@@ -160,9 +173,12 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         &self.engine.info.device
     }
 
-    fn another(&self) -> Option<Opener> {
-        let open = self.engine.another();
-        Some(Box::new(move || Ok(Box::new(Self::with(open()?)))))
+    fn memory(&self) -> MemoryUse {
+        let tree = self.tree.as_ref().map_or([0; 3], TreeBuffers::held);
+        MemoryUse {
+            held: Some(self.engine.bytes(tree)),
+            available: self.engine.gpu.info().free_bytes,
+        }
     }
 
     fn load(&mut self, animation: Arc<Animation>, intersector: Intersector) -> Result<()> {
@@ -219,19 +235,11 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         tree.writer(&mut self.engine.gpu, generation)
     }
 
-    fn bring(&mut self, tree: &Topology, generation: Generation) -> Result<bool> {
+    fn upload_tree(&mut self, tree: &Topology, generation: Generation) -> Result<bool> {
         let (gpu, current) = (&mut self.engine.gpu, self.tree.as_mut());
         let current = current.expect("a scene was loaded");
         let arrival = current.send(gpu, tree, generation)?;
         gpu.has_finished(PendingWork::Use(LastUse { arrival, ticket: 0 }))
-    }
-
-    fn tree_format(&self) -> TreeFormat {
-        TreeFormat::Treelets
-    }
-
-    fn point_buffer(&mut self, points: usize) -> Result<PointBuffer> {
-        self.engine.gpu.point_buffer(points)
     }
 
     fn interpolate(&mut self, pose: Pose) -> Result<()> {
@@ -278,47 +286,43 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         Ok(())
     }
 
-    fn check_rebuild(&self) -> Result<()> {
-        check_kernels(&self.engine.info.kernel_limits, Kernel::makes_trees)
-    }
-
     fn rebuild(&mut self, generation: Generation) -> Result<()> {
         assert!(self.engine.stale >= Stale::Records, "positions come first");
         assert!(
             generation > self.tree().current.generation,
             "generations rise"
         );
-        self.check_rebuild()?;
+        self.engine
+            .info
+            .device
+            .capabilities
+            .device_rebuild
+            .clone()?;
         self.engine.stale = self.engine.stale.min(Stale::Records);
         self.make_tree(generation)?;
         self.engine.stale = Stale::Fresh;
         Ok(())
     }
 
-    fn trace(&mut self, query: Query<'_>) -> Result<()> {
-        self.trace_one_of(&query, [0, 1])
-    }
-
-    /// `exact` does not support batches, because the queries would share one list of undecided rays.
-    fn traces_together(&self, queries: &[Query<'_>]) -> bool {
-        let is_simple = |query: &Query<'_>| query.kind.light().is_none();
-        self.intersector != Intersector::Exact && queries.iter().all(is_simple)
-    }
-
-    fn trace_together(&mut self, queries: &[Query<'_>]) -> Result<()> {
+    fn trace(&mut self, queries: &[Query<'_>]) -> Result<()> {
         let mut all = queries.iter().enumerate();
         let traced =
             all.try_for_each(|(place, query)| self.trace_one_of(query, [place, queries.len()]));
         if traced.is_err() {
             self.engine.frames.refuse_pending();
         }
-        traced
+        traced?;
+        if let [query] = queries {
+            let params = self.params();
+            self.engine.shade(query, params)?;
+        }
+        Ok(())
     }
 
-    fn prepare(&mut self, query: Query<'_>, makes_trees: bool) {
+    fn prepare(&mut self, query: Query<'_>, builds_trees: bool) {
         let rays = as_given(&query);
         let leaves = self.engine.scene().animation.live_count() as u32;
-        let shape = match makes_trees {
+        let shape = match builds_trees {
             true => Shape::made_on_device(leaves),
             false => Shape::expected(leaves),
         };
@@ -333,7 +337,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         );
         let shadow = tracing.shadow.iter().flatten();
         let trace = tracing.primary.iter().chain(shadow).map(|w| w.kernel);
-        let trees = builders(self.intersector).filter(|_| makes_trees);
+        let trees = builders(self.intersector).filter(|_| builds_trees);
         let shade = engine.scene().has_palette().then(|| common("shade"));
         let all: Vec<_> = trace.chain(trees).chain(shade).collect();
         engine.pipelines.begin(&engine.gpu, all);
@@ -342,11 +346,6 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     fn load_palette(&mut self, palette: &Palette) -> Result<bool> {
         self.engine.load_palette(palette)?;
         Ok(true)
-    }
-
-    fn shade(&mut self, query: Query<'_>) -> Result<()> {
-        let params = self.params();
-        self.engine.shade(&query, params)
     }
 
     fn pixels(&mut self, ticket: Ticket, out: &mut Vec<u8>) -> Result<bool> {
@@ -370,44 +369,19 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         self.engine.wait(ticket)
     }
 
-    fn hits(&mut self, ticket: Ticket) -> Result<&mut Hits> {
-        self.engine.hits(ticket, 0)
-    }
-
-    fn hits_of(&mut self, ticket: Ticket, place: usize) -> Result<&mut Hits> {
-        self.engine.hits(ticket, place)
-    }
-
-    fn take_hits(&mut self, ticket: Ticket, place: usize, into: &mut Hits) -> Result<()> {
-        self.engine.take_hits(ticket, place, into)
+    fn take_hits(&mut self, ticket: Ticket, index: usize, hits: &mut Hits) -> Result<()> {
+        self.engine.take_hits(ticket, index, hits)
     }
 
     fn is_done(&mut self, ticket: Ticket) -> Result<bool> {
         self.engine.is_done(ticket)
     }
 
-    fn release(&mut self, ticket: Ticket) {
-        self.engine.release(ticket);
-    }
-
-    fn keep(&mut self, traces: usize) {
-        self.engine.keep(traces);
+    fn retain_traces(&mut self, tickets: &[Ticket]) {
+        self.engine.frames.retain(tickets);
     }
 
     fn take_positions(&mut self) -> Result<Option<(Ticket, Snapshot)>> {
         self.engine.take_positions()
-    }
-
-    fn device_bytes(&self) -> Option<DeviceBytes> {
-        let tree = self.tree.as_ref().map_or([0; 3], TreeBuffers::held);
-        Some(self.engine.bytes(tree))
-    }
-
-    fn free_device_bytes(&self) -> Option<u64> {
-        self.engine.gpu.info().free_bytes
-    }
-
-    fn inspect(&mut self) -> &mut dyn Inspect {
-        self
     }
 }

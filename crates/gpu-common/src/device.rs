@@ -3,7 +3,7 @@
 use crate::{Clock, KernelCode, LastUse, Recording, Stage};
 use backend::{Device, Result, Snapshot, Ticket};
 use bytemuck::Pod;
-use geom::{KeyFrame, PointBuffer};
+use geom::KeyFrame;
 use shaders::{BufferName, Counts, Kernel, Packets};
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -250,9 +250,6 @@ pub trait GpuDevice: Send + Sized + 'static {
 
     /// Returns host memory for the upload of a tree of `bytes`.
     fn staging(&mut self, bytes: u64) -> Result<Self::Staging>;
-
-    /// Allocates memory for a key frame, from which [`GpuDevice::send`] can copy.
-    fn point_buffer(&mut self, points: usize) -> Result<PointBuffer>;
 
     /// Starts an upload to the beginning of a buffer, concurrently with frames. Returns its number, for
     /// [`Recording::after_upload`]. Never copies a tree on the calling thread.

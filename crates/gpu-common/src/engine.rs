@@ -7,7 +7,7 @@ use backend::{
     Arithmetic, BackendError, DeviceBytes, FrameReport, Hits, Palette, Query, Rays, Result,
     Snapshot, Ticket,
 };
-use geom::{Animation, Point, Pose};
+use geom::{Animation, Pose};
 use shaders::arithmetic;
 use shaders::work::{self, Work};
 use shaders::{BufferName, Kernel, Params, Traits};
@@ -264,32 +264,16 @@ impl<D: GpuDevice> Engine<D> {
         self.frames.retire(&mut self.gpu, ticket)
     }
 
-    /// Blocks until a submission has finished and returns the hits of query `place`.
-    pub fn hits(&mut self, ticket: Ticket, place: usize) -> Result<&mut Hits> {
-        self.wait(ticket)?;
-        self.frames.trace(ticket, place).fetch(&mut self.gpu)
-    }
-
     /// See [`backend::Backend::take_hits`].
-    pub fn take_hits(&mut self, ticket: Ticket, place: usize, into: &mut Hits) -> Result<()> {
+    pub fn take_hits(&mut self, ticket: Ticket, index: usize, hits: &mut Hits) -> Result<()> {
         self.wait(ticket)?;
-        let trace = self.frames.trace(ticket, place);
-        trace.take(&mut self.gpu, into)
+        let trace = self.frames.trace(ticket, index);
+        trace.read_hits(&mut self.gpu, hits)
     }
 
     /// See [`backend::Backend::is_done`].
     pub fn is_done(&self, ticket: Ticket) -> Result<bool> {
         self.frames.is_done(&self.gpu, ticket)
-    }
-
-    /// See [`backend::Backend::release`].
-    pub fn release(&mut self, ticket: Ticket) {
-        self.frames.release(ticket);
-    }
-
-    /// See [`backend::Backend::keep`].
-    pub fn keep(&mut self, traces: usize) {
-        self.frames.keep(traces);
     }
 
     /// Returns the oldest requested positions if they have arrived.
@@ -317,7 +301,8 @@ impl<D: GpuDevice> Engine<D> {
     }
 
     /// Waits for all submissions and reads the current positions.
-    pub fn positions(&mut self) -> Result<Vec<Point>> {
+    #[cfg(feature = "inspect")]
+    pub fn positions(&mut self) -> Result<Vec<geom::Point>> {
         self.gpu.wait(None)?;
         let scene = self.scene.as_ref().expect("a scene was loaded");
         let count = scene.animation.vertex_count();

@@ -21,8 +21,8 @@ pub struct Frames<D: GpuDevice> {
     refused: Vec<Trace<D>>,
     /// Buffers that were replaced, each with the last ticket that may use it.
     replaced: Vec<(Ticket, D::Buffer)>,
-    /// Number of further submissions that contain a trace for which a submission is remembered.
-    kept: usize,
+    /// Maximum number of released traces whose buffers are kept for later traces.
+    spare_traces: usize,
     /// Remembered submissions, oldest first.
     ledger: VecDeque<SubmissionRecord<D>>,
     /// Latest results of `preprocess` and `refit`.
@@ -39,7 +39,9 @@ struct SubmissionRecord<D: GpuDevice> {
     traces: Vec<Trace<D>>,
     /// Whether it has traces that were not released.
     is_traced: bool,
-    /// See [`backend::Backend::release`]. A released trace only keeps its buffers for later traces.
+    /// Whether [`backend::Backend::retain_traces`] names it.
+    is_retained: bool,
+    /// See [`backend::Backend::retain_traces`]. A released trace only keeps its buffers for later traces.
     is_released: bool,
     never_active: u64,
     at: Instant,
@@ -63,7 +65,7 @@ impl<D: GpuDevice> Frames<D> {
             pending: Vec::new(),
             refused: Vec::new(),
             replaced: Vec::new(),
-            kept: FRAMES_IN_FLIGHT,
+            spare_traces: FRAMES_IN_FLIGHT,
             ledger: VecDeque::new(),
             tree_stats: TreeStats::default(),
             raster_backoff: RasterBackoff::default(),
@@ -116,42 +118,43 @@ impl<D: GpuDevice> Frames<D> {
     /// Returns a trace that the device has finished and whose results are no longer available: a released one, or one
     /// that expires with the next submission.
     pub fn expired(&mut self) -> Option<Trace<D>> {
-        let mut traced = self.ledger.iter().filter(|s| s.is_traced).count();
-        let kept = self.kept;
+        let mut later_traced = self.ledger.iter().filter(|s| s.is_traced).count();
         let found = self.ledger.iter_mut().find(|submission| {
-            traced -= usize::from(submission.is_traced);
-            let is_old = submission.is_released || traced >= kept;
-            is_old && submission.report.is_some() && !submission.traces.is_empty()
+            later_traced -= usize::from(submission.is_traced);
+            let is_old = submission.is_released || later_traced >= FRAMES_IN_FLIGHT;
+            is_old
+                && !submission.is_retained
+                && submission.report.is_some()
+                && !submission.traces.is_empty()
         });
         found.map(|submission| submission.traces.remove(0))
     }
 
-    /// See [`backend::Backend::keep`].
-    pub(crate) fn keep(&mut self, traces: usize) {
-        self.kept = traces.max(FRAMES_IN_FLIGHT);
-        self.forget_the_old();
-    }
-
-    /// See [`backend::Backend::release`].
-    pub(crate) fn release(&mut self, ticket: Ticket) {
-        if let Some(submission) = self.ledger.iter_mut().find(|s| s.ticket == ticket) {
-            (submission.is_traced, submission.is_released) = (false, true);
-            self.forget_the_old();
+    /// See [`backend::Backend::retain_traces`].
+    pub(crate) fn retain(&mut self, tickets: &[Ticket]) {
+        self.spare_traces = FRAMES_IN_FLIGHT.max(tickets.len() + 1);
+        for submission in &mut self.ledger {
+            let was_retained = submission.is_retained;
+            submission.is_retained = tickets.binary_search(&submission.ticket).is_ok();
+            if was_retained && !submission.is_retained {
+                (submission.is_traced, submission.is_released) = (false, true);
+            }
         }
+        self.drop_expired();
     }
 
-    /// Returns the trace of query `place` of a submission.
+    /// Returns the trace of query `index` of a submission.
     ///
     /// # Panics
     /// If the submission had no such trace or has expired.
-    pub(crate) fn trace(&mut self, ticket: Ticket, place: usize) -> &mut Trace<D> {
+    pub(crate) fn trace(&mut self, ticket: Ticket, index: usize) -> &mut Trace<D> {
         let submission = self.ledger.iter_mut().find(|s| s.ticket == ticket);
-        let found = submission.and_then(|s| s.traces.get_mut(place));
+        let found = submission.and_then(|s| s.traces.get_mut(index));
         found.expect("this submission had no trace, or was too long ago")
     }
 
     /// Submits the recording. Copies `positions`, a buffer and its bytes, to the host. Waits for the oldest submission if
-    /// too many are unfinished. The submission is remembered for `kept` further submissions that contain a trace.
+    /// too many are unfinished. See [`backend::Backend::retain_traces`] for how long it is remembered.
     pub(crate) fn submit(
         &mut self,
         gpu: &mut D,
@@ -170,11 +173,13 @@ impl<D: GpuDevice> Frames<D> {
         self.awaited_upload = 0;
         self.submitted = ticket;
         let mut traces = std::mem::take(&mut self.pending);
+        let is_traced = !traces.is_empty();
         traces.append(&mut self.refused);
         self.ledger.push_back(SubmissionRecord {
             ticket,
-            is_traced: !traces.is_empty(),
-            is_released: false,
+            is_traced,
+            is_retained: false,
+            is_released: !is_traced && !traces.is_empty(),
             traces,
             never_active,
             at,
@@ -184,7 +189,7 @@ impl<D: GpuDevice> Frames<D> {
             report: None,
         });
         self.recorder.abandon();
-        self.forget_the_old();
+        self.drop_expired();
         Ok(ticket)
     }
 
@@ -216,26 +221,26 @@ impl<D: GpuDevice> Frames<D> {
         found.expect("unfinished submissions are remembered")
     }
 
-    /// Forgets finished submissions that have expired, and released traces beyond the number that is kept.
-    fn forget_the_old(&mut self) {
-        let mut further = self.ledger.len();
-        let mut traced = self.ledger.iter().filter(|s| s.is_traced).count();
+    /// Drops finished submissions that have expired, and released traces beyond `spare_traces`.
+    fn drop_expired(&mut self) {
+        let mut later = self.ledger.len();
+        let mut later_traced = self.ledger.iter().filter(|s| s.is_traced).count();
         let mut spares = 0;
         for submission in self.ledger.iter_mut().rev() {
             if submission.is_released && submission.report.is_some() {
-                submission.traces.truncate(self.kept - spares);
+                submission.traces.truncate(self.spare_traces - spares);
                 spares += submission.traces.len();
             }
         }
         self.ledger.retain(|submission| {
-            further -= 1;
-            traced -= usize::from(submission.is_traced);
-            let is_kept = if submission.is_released {
-                further <= FRAMES_IN_FLIGHT || !submission.traces.is_empty()
+            later -= 1;
+            later_traced -= usize::from(submission.is_traced);
+            let is_available = if submission.is_released {
+                later <= FRAMES_IN_FLIGHT || !submission.traces.is_empty()
             } else {
-                traced <= self.kept
+                submission.is_retained || later_traced <= FRAMES_IN_FLIGHT
             };
-            is_kept || submission.report.is_none()
+            is_available || submission.report.is_none()
         });
     }
 
@@ -321,7 +326,7 @@ impl<D: GpuDevice> Frames<D> {
             self.finish(gpu, last)?;
         }
         self.ledger.clear();
-        self.kept = FRAMES_IN_FLIGHT;
+        self.spare_traces = FRAMES_IN_FLIGHT;
         self.tree_stats = TreeStats::default();
         self.raster_backoff = RasterBackoff::default();
         self.spread = false;

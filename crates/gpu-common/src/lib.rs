@@ -19,6 +19,7 @@ mod compute;
 mod device;
 mod engine;
 mod frames;
+#[cfg(feature = "inspect")]
 mod inspect;
 mod key_slots;
 mod pipelines;

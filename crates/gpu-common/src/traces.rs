@@ -20,9 +20,6 @@ pub struct Trace<D: GpuDevice> {
     buffers: BufferTable<D>,
     /// Buffers lent by the device's owner, which replace the trace's own.
     lent: Option<LentRays<D::Buffer>>,
-    /// Hits on the host, valid if `fetched`.
-    found: Hits,
-    fetched: bool,
 }
 
 impl<D: GpuDevice> Trace<D> {
@@ -34,9 +31,9 @@ impl<D: GpuDevice> Trace<D> {
         (intersector, has_tree): (Intersector, bool),
         old: Option<Self>,
     ) -> Result<Self> {
-        let (mut buffers, found) = match old {
-            Some(old) => (old.buffers, old.found),
-            None => (BufferTable::new(gpu, [])?, Hits::default()),
+        let mut buffers = match old {
+            Some(old) => old.buffers,
+            None => BufferTable::new(gpu, [])?,
         };
         let (count, kind) = (query.rays.count(), query.kind);
         refuse_above(
@@ -78,8 +75,6 @@ impl<D: GpuDevice> Trace<D> {
             shaded: false,
             buffers,
             lent,
-            found,
-            fetched: false,
         })
     }
 
@@ -128,55 +123,35 @@ impl<D: GpuDevice> Trace<D> {
         Ok(true)
     }
 
-    /// Returns the hits. The first call copies them from the device. The submission must have finished.
-    pub(crate) fn fetch(&mut self, gpu: &mut D) -> Result<&mut Hits> {
-        if self.fetched {
-            return Ok(&mut self.found);
+    /// Copies the hits from the device into `hits`. The submission must have finished.
+    pub(crate) fn read_hits(&self, gpu: &mut D, hits: &mut Hits) -> Result<()> {
+        let Hits { closest, blocked } = hits;
+        let wants = |is_wanted: bool| if is_wanted { self.count } else { 0 };
+        closest.resize(wants(self.kind != QueryKind::Any), Hit::MISS);
+        blocked.resize(wants(self.kind != QueryKind::Closest), 0);
+        if !self.has_tree {
+            closest.fill(Hit::MISS);
+            blocked.fill(0);
+            return Ok(());
         }
-        let found = std::mem::take(&mut self.found);
-        let (mut closest, mut blocked) = (found.closest, found.blocked);
-        if self.kind == QueryKind::Any {
-            closest.clear();
-        } else {
-            let miss = (BufferName::Hits, Hit::MISS);
-            self.fetch_each(gpu, miss, |hit: Hit| hit, &mut closest)?;
-        }
-        if self.kind == QueryKind::Closest {
-            blocked.clear();
-        } else {
-            let miss = (BufferName::Occluded, 0);
-            self.fetch_each(gpu, miss, |word: u32| word as u8, &mut blocked)?;
-        }
-        (self.found, self.fetched) = (Hits { closest, blocked }, true);
-        Ok(&mut self.found)
+        self.read_each(gpu, BufferName::Hits, closest, |hit: Hit| hit)?;
+        self.read_each(gpu, BufferName::Occluded, blocked, |word: u32| word as u8)
     }
 
-    /// Moves the hits to `into`. Unless they were fetched before, copies them from the device directly into its memory.
-    /// The submission must have finished.
-    pub(crate) fn take(&mut self, gpu: &mut D, into: &mut Hits) -> Result<()> {
-        if !self.fetched {
-            std::mem::swap(&mut self.found, into);
-        }
-        std::mem::swap(self.fetch(gpu)?, into);
-        Ok(())
-    }
-
-    /// Copies one element per ray. Uses several threads, because a single thread would take as long as the trace
-    /// itself. Without a tree every ray misses.
-    fn fetch_each<T: Pod + Sync, U: Copy + Send>(
+    /// Copies one element per ray, unless `to` is empty. Uses several threads, because a single thread would take as long
+    /// as the trace itself.
+    fn read_each<T: Pod + Sync, U: Copy + Send>(
         &self,
         gpu: &mut D,
-        (name, miss): (BufferName, U),
+        name: BufferName,
+        to: &mut [U],
         of: impl Fn(T) -> U + Sync,
-        to: &mut Vec<U>,
     ) -> Result<()> {
-        let Some(found) = self.get(name).filter(|_| self.has_tree) else {
-            to.clear();
-            to.resize(self.count, miss);
+        if to.is_empty() {
             return Ok(());
-        };
-        to.resize(self.count, miss);
-        gpu.read(found, self.count, |before, part: &[T]| {
+        }
+        let found = self.get(name).expect("a trace has buffers for its hits");
+        gpu.read(found, to.len(), |before, part: &[T]| {
             convert_in_parallel(&mut to[before..][..part.len()], part, &of);
         })
     }

@@ -3,15 +3,23 @@
 use crate::external::ExternalMemory;
 use crate::lent::{POINT, Signal};
 use crate::memory::{Buffer, BufferUse};
+use crate::staging::HostPoints;
 use crate::timeline::{QueueBatch, Timeline, submit};
 use crate::vulkan_device::VulkanDevice;
 use backend::{BackendError, Result};
-use geom::Point;
+use geom::{Point, PointBuffer};
 use gpu_common::{GpuDevice, LentRays};
 use std::ops::Range;
 use std::sync::Arc;
 
 impl VulkanDevice {
+    /// Allocates host memory for a key frame that will be [pushed](geom::Animation::push) to the loaded scene. The device
+    /// reads the memory directly.
+    pub fn point_buffer(&mut self, points: usize) -> Result<PointBuffer> {
+        let points = HostPoints::new(&self.gpu, points)?;
+        Ok(PointBuffer::Shared(Box::new(points)))
+    }
+
     /// Makes a run of the scene's `all` positions come from external memory, starting at byte `offset`, in all later
     /// key frames. The next submission copies them first.
     ///

@@ -15,10 +15,11 @@ use crate::transfer::{Transfer, load};
 use crate::validation::messages;
 use ash::vk;
 use backend::{
-    Arithmetic, BackendName, Device, FRAMES_IN_FLIGHT, Result, Snapshot, Spares, Ticket,
+    Arithmetic, BackendName, Capabilities, Device, FRAMES_IN_FLIGHT, Result, Snapshot, Spares,
+    Ticket, TreeFormat,
 };
 use bytemuck::Pod;
-use geom::{KeyFrame, PointBuffer};
+use geom::KeyFrame;
 use gpu_common::{
     BufferSize, Clock, ComputeBackend, DeviceInfo, GpuDevice, KernelCode, LastUse, LentBuffers,
     MemoryReport, Options, Outcome, PendingWork, Pool, Staging, Upload, read_parts,
@@ -245,6 +246,7 @@ impl GpuDevice for VulkanDevice {
                 kind: adapter.kind,
                 threads: 0,
                 arithmetic: Arithmetic::IEEE,
+                capabilities: Capabilities::minimal(self.backend, TreeFormat::default()),
             },
             packets: Packets::for_device(subgroups, self.gpu.is_software()),
             rasterizes: extras.has_least_of_64_bits,
@@ -325,11 +327,6 @@ impl GpuDevice for VulkanDevice {
     fn staging(&mut self, bytes: u64) -> Result<StagingBuffer> {
         let done = (&self.upload, &self.done);
         self.tree_staging.take(&self.gpu, done, bytes)
-    }
-
-    fn point_buffer(&mut self, points: usize) -> Result<PointBuffer> {
-        let points = HostPoints::new(&self.gpu, points)?;
-        Ok(PointBuffer::Shared(Box::new(points)))
     }
 
     fn send(&mut self, upload: Upload<'_, StagingBuffer>, to: &Buffer) -> Result<u64> {

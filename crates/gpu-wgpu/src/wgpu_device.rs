@@ -12,10 +12,11 @@ use crate::pipelines::Pipeline;
 use crate::staging::{MappedPool, MappedStaging};
 use crate::submission::SubmissionEncoder;
 use backend::{
-    Arithmetic, BackendName, Device, FRAMES_IN_FLIGHT, Result, Snapshot, Spares, Ticket,
+    Arithmetic, BackendName, Capabilities, Device, FRAMES_IN_FLIGHT, Result, Snapshot, Spares,
+    Ticket, TreeFormat,
 };
 use bytemuck::Pod;
-use geom::{Point, PointBuffer};
+use geom::Point;
 use gpu_common::{
     BufferSize, Clock, ComputeBackend, DeviceInfo, GpuDevice, KernelCode, LastUse, LentBuffers,
     LentRays, MemoryReport, Options, Outcome, PendingWork, Upload, read_parts,
@@ -176,14 +177,16 @@ impl GpuDevice for WgpuDevice {
 
     fn info(&self) -> DeviceInfo {
         let (info, limits) = (&self.gpu.info, &self.gpu.limits);
+        let name = BackendName::Wgpu.name();
         DeviceInfo {
             device: Device {
-                backend: BackendName::Wgpu.name(),
+                backend: name,
                 adapter: info.name.clone(),
                 driver: driver(info),
                 kind: kind(info),
                 threads: 0,
                 arithmetic: Arithmetic::IEEE,
+                capabilities: Capabilities::minimal(name, TreeFormat::default()),
             },
             packets: self.gpu.packets(),
             rasterizes: self.gpu.features.contains(LEAST_OF_64_BITS),
@@ -254,10 +257,6 @@ impl GpuDevice for WgpuDevice {
     fn staging(&mut self, bytes: u64) -> Result<MappedStaging> {
         let buffer = self.scene.staging.take(&self.gpu, bytes)?;
         Ok(MappedStaging { buffer, filled: 0 })
-    }
-
-    fn point_buffer(&mut self, points: usize) -> Result<PointBuffer> {
-        Ok(vec![[0.0; 3]; points].into())
     }
 
     fn send(&mut self, upload: Upload<'_, MappedStaging>, to: &Buffer) -> Result<u64> {

@@ -15,8 +15,8 @@ use crate::host_builder::HostBuilder;
 use crate::latency::LatencyPredictor;
 use adoption::AdoptionRule;
 use backend::{
-    Backend, BackendError, FRAMES_IN_FLIGHT, Generation, Intersector, Opener, Palette, Policy,
-    Query, Ticket,
+    Backend, BackendError, FRAMES_IN_FLIGHT, Generation, Intersector, Palette, Policy, Query,
+    Ticket,
 };
 use geom::{Animation, Point, Pose};
 use next_tree::Event;
@@ -70,8 +70,6 @@ pub struct Driver {
     options: DriverOptions,
     /// Whether the animation contains the key frames that the backend interpolates.
     knows_key_frames: bool,
-    /// Whether the backend shades frames.
-    shades: bool,
     predictor: LatencyPredictor,
     builder: HostBuilder,
     trees: Trees,
@@ -91,17 +89,17 @@ impl Driver {
         threads: BuilderThreads,
     ) -> Result<Self, PipelineError> {
         backend.load(Arc::clone(&animation), options.intersector)?;
+        let capabilities = &backend.device().capabilities;
         if options.update.builds_on_device() {
-            backend.check_rebuild()?;
+            capabilities.device_rebuild.clone()?;
         }
         Ok(Self {
-            builder: HostBuilder::new(&animation, threads, backend.tree_format()),
+            builder: HostBuilder::new(&animation, threads, capabilities.tree_format),
             predictor: LatencyPredictor::new(options.time_range, options.update.lockstep()),
             backend,
             animation,
             options,
             knows_key_frames: true,
-            shades: false,
             trees: Trees::default(),
             recording: Recording {
                 number: 0,
@@ -119,9 +117,10 @@ impl Driver {
         self.backend.as_mut()
     }
 
-    /// Returns a function that creates another backend on the same device. See [`Backend::another`].
-    pub fn another_backend(&self) -> Option<Opener> {
-        self.backend.another()
+    /// Returns whether one frame can trace these queries. See [`backend::Capabilities::can_batch`].
+    pub fn can_batch(&self, queries: &[Query<'_>]) -> bool {
+        let capabilities = &self.backend.device().capabilities;
+        capabilities.can_batch(self.options.intersector, queries)
     }
 
     /// Starts to compile, on other threads, the kernels that frames with this query need.
@@ -134,8 +133,7 @@ impl Driver {
     /// # Errors
     /// Those of [`Backend::load_palette`].
     pub fn shade(&mut self, palette: &Palette) -> Result<bool, PipelineError> {
-        self.shades = self.backend.load_palette(palette)?;
-        Ok(self.shades)
+        Ok(self.backend.load_palette(palette)?)
     }
 
     /// Switches to positions that only the backend receives. Trees are then built from positions read back from it.
@@ -170,8 +168,8 @@ impl Driver {
         !self.trees.next.is_idle()
     }
 
-    /// Submits one frame and returns the ticket of its results. Accepts one query, or several that the backend
-    /// [traces together](Backend::traces_together). If each frame builds its own tree (`rebuild`, lockstep 0), finish
+    /// Submits one frame and returns the ticket of its results. Accepts one query, or several that
+    /// [one frame can trace](Self::can_batch). If each frame builds its own tree (`rebuild`, lockstep 0), finish
     /// the previous frame first: such a frame takes two submissions.
     ///
     /// # Errors
@@ -211,9 +209,9 @@ impl Driver {
             self.backend.preprocess()?;
             self.backend.refit()?;
         }
-        let recorded = self.record_traces(queries);
+        let recorded = self.backend.trace(queries);
         // If a key frame cannot be read, nothing of the frame is recorded.
-        if let Err(PipelineError::Backend(e)) = &recorded
+        if let Err(e) = &recorded
             && !matches!(e, BackendError::KeyFrame(_))
         {
             self.recording.is_refused = true;
@@ -250,20 +248,7 @@ impl Driver {
     /// recording, and no tree could be adopted.
     fn submit_refused(&mut self) -> Result<(), PipelineError> {
         if std::mem::take(&mut self.recording.is_refused) {
-            let ticket = self.backend.submit()?;
-            self.backend.release(ticket);
-        }
-        Ok(())
-    }
-
-    /// Records the traces of a frame, after its positions and boxes.
-    fn record_traces(&mut self, queries: &[Query<'_>]) -> Result<(), PipelineError> {
-        let &[query] = queries else {
-            return Ok(self.backend.trace_together(queries)?);
-        };
-        self.backend.trace(query)?;
-        if self.shades {
-            self.backend.shade(query)?;
+            self.backend.submit()?;
         }
         Ok(())
     }

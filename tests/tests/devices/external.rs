@@ -9,7 +9,7 @@ use crate::other_device::{Exported, Importer, OtherDevice};
 use crate::scenes::{go, hits, open, rays, stand};
 use abvh::external_memory::{ExternalBuffer, ExternalRays};
 use abvh::{Device, Error, MeshId, Point, Query, Ray, Scene, Source, Step, Tracer, Update};
-use backend::{Backend, Hits, QueryKind, Rays, Ticket};
+use backend::{Backend, Hits, Inspect, QueryKind, Rays, Ticket};
 use geom::{Animation, PointBuffer};
 use gpu_vulkan::VulkanBackend;
 use gpu_vulkan::external::ExternalMemory;
@@ -317,5 +317,5 @@ pub(crate) fn timeline_bounds_external_memory_access() {
     write(0.25);
     let kept = backend.gpu_mut().read_points(&(0..400)).unwrap();
     assert!(kept == Some(sheet(0.75)));
-    assert_eq!(backend.inspect().complaints(), [""; 0]);
+    assert_eq!(backend.complaints(), [""; 0]);
 }

@@ -47,9 +47,9 @@ pub(crate) fn device_memory_is_counted_and_freed(backend: &mut dyn Subject) {
         stand(backend, animation, 0.5);
         backend.request_positions().unwrap();
         backend.submit().unwrap();
-        let bytes = backend.device_bytes().unwrap();
+        let bytes = backend.memory().held.unwrap();
         // Inspection allocates memory in proportion to the scene, which must be freed, too.
-        backend.inspect().boxes().unwrap();
+        backend.boxes().unwrap();
         bytes
     };
     let [before, with, after] = [&small, &large, &small].map(&mut bytes);
@@ -69,9 +69,9 @@ pub(crate) fn device_memory_is_counted_and_freed(backend: &mut dyn Subject) {
     assert!(before.total() < 1 << 20, "{before:?}");
     assert_eq!((after.scene, after.tree), (before.scene, before.tree));
     assert!(after.frames < before.frames + (1 << 18), "{after:?}");
-    let frames = backend.device_bytes().unwrap().frames;
+    let frames = backend.memory().held.unwrap().frames;
     go(backend, Rays::Camera(&camera()), SHADOWED);
-    let grown = backend.device_bytes().unwrap().frames - frames;
+    let grown = backend.memory().held.unwrap().frames - frames;
     let least = 20 * camera().pixels() as u64;
     // Drivers round up the size of both buffers, NVIDIA's to 64 bytes.
     assert!((least..least + 2 * 64).contains(&grown), "{grown}");
@@ -111,7 +111,7 @@ pub(crate) fn too_large_query_is_refused(backend: &mut dyn Subject) {
     let kind = QueryKind::Closest;
     let mut limit_met = |camera: &Camera| {
         let rays = Rays::Camera(camera);
-        match backend.trace(Query { rays, kind }) {
+        match backend.trace(&[Query { rays, kind }]) {
             Err(BackendError::Limit { need, limit, .. }) if need > limit => limit,
             other => panic!("{other:?}"),
         }
@@ -126,7 +126,7 @@ pub(crate) fn too_large_query_is_refused(backend: &mut dyn Subject) {
     // Queries that were recorded together with it are discarded, too.
     let few = rays(5);
     let queries = [Rays::List(&few), rays_of].map(|rays| Query { rays, kind });
-    let refused = backend.trace_together(&queries);
+    let refused = backend.trace(&queries);
     assert!(matches!(refused, Err(BackendError::Limit { .. })));
     let again = see(backend, Rays::List(&rays(8)), kind);
     assert_eq!(again, found);
@@ -151,10 +151,10 @@ pub(crate) fn range_is_measured_after_refused_query(backend: &mut dyn Subject) {
         // More workgroups in one dimension than most devices support.
         let wide = look([0.3, 0.2, 3.0], [0.0; 3], (50.0, [1_100_000, 1]));
         let (rays_of, kind) = (Rays::Camera(&wide), QueryKind::Closest);
-        let asked = backend.trace(Query {
+        let asked = backend.trace(&[Query {
             rays: rays_of,
             kind,
-        });
+        }]);
         if asked.is_ok() {
             report(backend);
         }
@@ -182,24 +182,19 @@ fn play(backend: &mut dyn Backend, animation: &Arc<Animation>) -> Vec<(Hits, Vec
     frames.collect()
 }
 
-fn another(beside: &dyn Backend) -> Box<dyn Backend> {
-    let open = beside.another().expect("a device has room");
-    open().unwrap()
-}
-
 /// Checks that other scenes on the device change nothing while they are loaded, traced and dropped.
 pub(crate) fn scenes_share_a_device_concurrently(backend: &mut dyn Subject) {
     let scenes = [2000, 3000].map(swarm);
     let alone = scenes.each_ref().map(|scene| play(backend, scene));
-    let mut others = [0, 1].map(|_| another(backend));
+    let mut others = [0, 1].map(|_| backend.share_device());
     let [first, second] = &mut others;
     thread::scope(|scope| {
         for (other, which) in [(first, 0), (second, 1)] {
             let (scene, alone) = (&scenes[which], &alone[which]);
             scope.spawn(move || {
                 for _ in 0..2 {
-                    assert!(play(other.as_mut(), scene) == *alone, "beside, {which}");
-                    *other = another(other.as_ref());
+                    assert!(play(&mut **other, scene) == *alone, "beside, {which}");
+                    *other = other.share_device();
                 }
             });
         }
@@ -218,7 +213,7 @@ pub(crate) fn snapshot_outlives_the_backend(mut backend: Box<dyn Subject>) {
     backend.request_positions().unwrap();
     assert_eq!(report(&mut *backend).readback_bytes, 100 * 36);
     let (_, snapshot) = arrive(&mut *backend);
-    let expected = bits(&backend.inspect().positions().unwrap());
+    let expected = bits(&backend.positions().unwrap());
     drop(backend);
     // The last user of the device closes it on a thread that ends then.
     let elsewhere = std::thread::spawn(move || bits(&snapshot));
@@ -255,7 +250,7 @@ pub(crate) fn paged_key_frames_take_memory_for_few(backend: &mut dyn Subject) {
         backend.interpolate(paged.pose(time)).unwrap();
         backend.submit().unwrap();
     }
-    let scene = backend.device_bytes().unwrap().scene;
+    let scene = backend.memory().held.unwrap().scene;
     let keys = scene / (12 * paged.vertex_count() as u64);
     assert!(keys < 8 + 2 + 3, "memory for {keys} times all vertices");
 }
@@ -268,8 +263,7 @@ pub(crate) fn shading_requires_a_palette(backend: &mut dyn Subject) {
         rays: Rays::Camera(&camera),
         kind: SHADOWED,
     };
-    backend.trace(query).unwrap();
-    backend.shade(query).unwrap();
+    backend.trace(&[query]).unwrap();
     let ticket = backend.submit().unwrap();
     assert!(!backend.pixels(ticket, &mut vec![1]).unwrap());
 }

@@ -2,7 +2,7 @@
 
 use crate::Subject;
 use crate::scenes::{SHADOWED, apart, camera, go, hits, open, report, stand, swarm, tree_at};
-use backend::{Backend, FrameReport, Generation, Intersector, QueryKind, Rays};
+use backend::{FrameReport, Generation, Inspect, Intersector, QueryKind, Rays};
 use bvh_layout::Topology;
 use conformance::record;
 use cpu_ref::CpuBackend;
@@ -105,7 +105,7 @@ pub(crate) fn skipping_static_treelets_preserves_bits(backend: &mut dyn Subject)
             let cost = report.sah_cost.unwrap().to_bits();
             // Only the submission that preprocessed has counts.
             let counts = (!apart).then_some([report.inactive, report.degenerate]);
-            let boxes = backend.inspect().boxes().unwrap();
+            let boxes = backend.boxes().unwrap();
             seen.push((counts, cost, hits(backend, ticket), boxes));
         }
     }
@@ -128,14 +128,14 @@ pub(crate) fn trees_of_any_shape_have_the_references_hits_and_boxes(backend: &mu
     let trees = [0.0, 2.0].map(|time| tree_at(&animation, time));
     let mut reference = CpuBackend::new(Some(2)).unwrap();
     let mut seen = Vec::new();
-    for backend in [&mut reference as &mut dyn Backend, backend] {
+    for backend in [&mut reference as &mut dyn Inspect, backend] {
         open(backend, &animation);
         // The second time is a key frame, after which some triangles become inactive.
         for (tree, (generation, time)) in trees.iter().zip([(2, 0.3), (3, 0.0)]) {
             backend.adopt(tree, Generation(generation)).unwrap();
             stand(backend, &animation, time);
             let ticket = go(backend, Rays::Camera(&camera), QueryKind::Closest);
-            let boxes = backend.inspect().boxes().unwrap();
+            let boxes = backend.boxes().unwrap();
             let report = backend.wait(ticket).unwrap();
             seen.push((hits(backend, ticket), boxes, report));
         }
@@ -148,14 +148,14 @@ pub(crate) fn trees_of_any_shape_have_the_references_hits_and_boxes(backend: &mu
 
 /// Returns the report and the boxes of a refitted tree.
 fn refitted(
-    backend: &mut dyn Backend,
+    backend: &mut dyn Inspect,
     (animation, tree): &(Arc<Animation>, Topology),
 ) -> (FrameReport, Vec<Aabb>) {
     let intersector = Intersector::Watertight;
     backend.load(Arc::clone(animation), intersector).unwrap();
     backend.adopt(tree, Generation(1)).unwrap();
     stand(backend, animation, 0.7);
-    (report(backend), backend.inspect().boxes().unwrap())
+    (report(backend), backend.boxes().unwrap())
 }
 
 /// Tests a scene so large that `preprocess` waits for positions.

@@ -23,7 +23,7 @@ mod wgpu_module;
 mod wgpu_points;
 mod wgpu_rays;
 
-use backend::Backend;
+use backend::Inspect;
 use geom::lock;
 use gpu_common::{ComputeBackend, GpuDevice, Options, Validation};
 use gpu_vulkan::VulkanBackend;
@@ -34,11 +34,13 @@ use std::process::ExitCode;
 use std::sync::{Arc, Mutex};
 
 /// A backend on a device, with operations only for tests.
-trait Subject: Backend {
+trait Subject: Inspect {
     /// Returns the number of buffers created since it was opened.
     fn buffers_made(&self) -> u64;
     /// Returns the first `count` words of a buffer of the current tree.
     fn words(&mut self, name: BufferName, count: usize) -> Vec<u32>;
+    /// Returns a backend for another scene on the same device.
+    fn share_device(&self) -> Box<dyn Subject>;
 }
 
 impl<D: GpuDevice> Subject for ComputeBackend<D> {
@@ -48,6 +50,10 @@ impl<D: GpuDevice> Subject for ComputeBackend<D> {
 
     fn words(&mut self, name: BufferName, count: usize) -> Vec<u32> {
         self.read_tree(name, count).unwrap()
+    }
+
+    fn share_device(&self) -> Box<dyn Subject> {
+        Box::new(self.share_device()().unwrap())
     }
 }
 
@@ -116,6 +122,7 @@ const OF_VULKAN: &[(&str, fn())] = named![
     queues::every_adapter_lists_its_limits,
     queues::large_host_buffers_import_process_pages,
     queues::submissions_in_flight_are_bounded,
+    queues::shared_key_frames_equal_copied_ones,
 ];
 const OF_THREE_QUEUES: &[(&str, fn())] = named![
     queues::pending_readbacks_are_not_overwritten,
@@ -223,7 +230,7 @@ fn watch(device: &Mutex<backend::Result<Box<dyn Subject>>>, body: impl FnOnce(&m
     let mut device = lock(device);
     let subject = &mut **device.as_mut().unwrap();
     body(subject);
-    assert_eq!(subject.inspect().complaints(), [""; 0]);
+    assert_eq!(subject.complaints(), [""; 0]);
 }
 
 fn trial(name: String, lacks: Option<&str>, body: Box<dyn FnOnce() + Send>) -> Trial {

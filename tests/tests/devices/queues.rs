@@ -2,9 +2,10 @@
 
 use crate::open_vulkan;
 use crate::scenes::{
-    SHADOWED, arrive, bits, camera, go, hits, open, positions, stand, swarm, tree_at,
+    SHADOWED, arrive, bits, camera, go, hits, open, positions, rays, see, stand, swarm, tree_at,
 };
-use backend::{Backend, BackendError, FRAMES_IN_FLIGHT, Generation, Rays, Ticket};
+use backend::{Backend, BackendError, FRAMES_IN_FLIGHT, Generation, QueryKind, Rays, Ticket};
+use geom::Animation;
 use gpu_common::{Options, Validation};
 use gpu_vulkan::VulkanBackend;
 use gpu_vulkan::memory::{Buffer, BufferUse};
@@ -98,6 +99,38 @@ pub(crate) fn submissions_in_flight_are_bounded() {
         let older = Ticket(number - FRAMES_IN_FLIGHT as u64);
         assert!(is_done(&backend, older), "{number}");
     }
+}
+
+/// Checks key frames in memory that the device reads directly. It is reused once no submission reads it.
+pub(crate) fn shared_key_frames_equal_copied_ones() {
+    let mut backend = open_vulkan().unwrap();
+    let scene = swarm(300);
+    let list = rays(200);
+    let found = [false, true].map(|is_shared| {
+        let first = scene.first().to_vec();
+        let marks = vec![false; first.len()];
+        let triangles = scene.triangles().to_vec();
+        let streamed = Arc::new(Animation::streamed(first, &marks, triangles).unwrap());
+        open(&mut backend, &streamed);
+        let frames = (1..12).map(|frame| {
+            let spare = streamed.spare_frame();
+            let mut memory = spare.unwrap_or_else(|| {
+                let count = streamed.vertex_count();
+                if is_shared {
+                    backend.gpu_mut().point_buffer(count).unwrap()
+                } else {
+                    vec![[0.0; 3]; count].into()
+                }
+            });
+            let moved = positions(&scene, 0.15 * f64::from(frame));
+            memory.copy_from_slice(&moved);
+            let time = streamed.push(memory).unwrap();
+            stand(&mut backend, &streamed, time);
+            see(&mut backend, Rays::List(&list), QueryKind::Closest)
+        });
+        frames.collect::<Vec<_>>()
+    });
+    assert!(found[0] == found[1] && found[0][0] != found[0][10]);
 }
 
 pub(crate) fn pending_readbacks_are_not_overwritten() {

@@ -2,7 +2,7 @@
 
 use crate::Subject;
 use crate::scenes::{apart, numbers, report, stand, swarm, tree_at};
-use backend::{Backend, Generation, Intersector, check_tree};
+use backend::{Backend, Generation, Inspect, Intersector, check_tree};
 use bvh_layout::Topology;
 use cpu_ref::CpuBackend;
 use geom::{Animation, Point};
@@ -22,7 +22,7 @@ fn made(backend: &mut dyn Subject, animation: &Arc<Animation>, time: f64) -> (To
     backend.interpolate(animation.pose(time)).unwrap();
     backend.rebuild(Generation(1)).unwrap();
     let cost = report(backend).sah_cost;
-    let tree = backend.inspect().rebuilt().unwrap();
+    let tree = backend.rebuilt().unwrap();
     check_tree(&tree, animation).unwrap();
     (tree, cost.unwrap_or(0.0))
 }
@@ -34,7 +34,7 @@ pub(crate) fn trees_of_any_size_are_valid(backend: &mut dyn Subject) {
     for (triangles, time) in sizes.into_iter().zip([1.3, 0.0].into_iter().cycle()) {
         let animation = swarm(triangles);
         let (tree, cost) = made(backend, &animation, time);
-        let boxes = backend.inspect().boxes().unwrap();
+        let boxes = backend.boxes().unwrap();
         let scene = Arc::clone(&animation);
         reference.load(scene, Intersector::Watertight).unwrap();
         reference.adopt(&tree, Generation(1)).unwrap();
@@ -42,7 +42,7 @@ pub(crate) fn trees_of_any_size_are_valid(backend: &mut dyn Subject) {
         let expected = report(&mut reference).sah_cost.unwrap_or(0.0);
         let error = (cost - expected).abs();
         assert!(error <= 1e-4 * expected, "{cost} {expected}");
-        assert!(boxes == reference.inspect().boxes().unwrap());
+        assert!(boxes == reference.boxes().unwrap());
     }
 }
 

@@ -90,7 +90,9 @@ pub(crate) fn go(backend: &mut dyn Backend, rays: Rays<'_>, kind: QueryKind) -> 
 }
 
 pub(crate) fn hits(backend: &mut dyn Backend, ticket: Ticket) -> Hits {
-    backend.hits(ticket).unwrap().clone()
+    let mut hits = Hits::default();
+    backend.take_hits(ticket, 0, &mut hits).unwrap();
+    hits
 }
 
 /// Records a trace, submits, and returns the hits.

@@ -58,12 +58,12 @@ fn check_packets(backend: &mut dyn Subject, intersector: Intersector) {
                 _ => tree_at(&animation, time),
             };
             backend.adopt(&tree, Generation(generation)).unwrap();
-            let before = backend.device_bytes().unwrap().tree;
+            let before = backend.memory().held.unwrap().tree;
             for camera in cameras() {
                 check_picture(backend, (&animation, time), &camera);
             }
             // The memory of packets is allocated on first use, so packets were used.
-            let grown = backend.device_bytes().unwrap().tree - before;
+            let grown = backend.memory().held.unwrap().tree - before;
             assert!(generation > 1 || grown >= 32 * animation.live_count() as u64);
         }
     }
@@ -157,7 +157,7 @@ pub(crate) fn rasterization_matches_single_rays(backend: &mut dyn Subject) {
 fn check_rasterization(backend: &mut dyn Subject, intersector: Intersector) {
     let dust = dust_for(intersector);
     open_by(backend, &dust, intersector);
-    let before = backend.device_bytes().unwrap().tree;
+    let before = backend.memory().held.unwrap().tree;
     for camera in cameras() {
         check_picture(backend, (&dust, 0.0), &camera);
         assert!(
@@ -168,7 +168,7 @@ fn check_rasterization(backend: &mut dyn Subject, intersector: Intersector) {
     // Tiles add no more memory to the tree than packets would, except for their list. The visibility buffer is
     // memory of frames.
     let (grown, live) = (
-        backend.device_bytes().unwrap().tree - before,
+        backend.memory().held.unwrap().tree - before,
         dust.live_count(),
     );
     let tiles = live + PIXELS / 4;

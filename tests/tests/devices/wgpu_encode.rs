@@ -331,7 +331,7 @@ pub(crate) fn tree_outlives_commands_that_read_it() {
     let leaves: Vec<u32> = all.rev().filter(|&t| animation.is_live(t)).collect();
     let uneven = |depth, leaves| if depth < 8 { 1 } else { leaves / 2 };
     let third = conformance::record(animation.triangle_count(), &leaves, uneven);
-    backend.bring(&third, Generation(3)).unwrap();
+    backend.upload_tree(&third, Generation(3)).unwrap();
     own.queue.submit([commands.finish()]);
     assert!(hits(&mut backend, ticket) == expected);
 }

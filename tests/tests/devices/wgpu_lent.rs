@@ -3,7 +3,9 @@
 use crate::scenes::{SHADOWED, arrive, camera, go, open, rays, report, see, stand, swarm, tree_at};
 use abvh::own_device::OwnDevice;
 use abvh::{Device, Scene, Tracer};
-use backend::{Backend, BackendError, Generation, Hits, Intersector, Query, QueryKind, Rays};
+use backend::{
+    Backend, BackendError, Generation, Hits, Inspect, Intersector, Query, QueryKind, Rays,
+};
 use geom::{Aabb, Animation, Camera, Ray};
 use gpu_common::Options;
 use gpu_wgpu::{WgpuBackend, from_device, required_features, required_limits, useful_features};
@@ -111,7 +113,7 @@ pub(crate) fn too_large_scene_names_its_limit() {
     stand(&mut backend, &animation, 0.0);
     let many = rays(40_000);
     let (rays, kind) = (Rays::List(&many), QueryKind::Closest);
-    let refused = backend.trace(Query { rays, kind }).unwrap_err();
+    let refused = backend.trace(&[Query { rays, kind }]).unwrap_err();
     let need = match refused {
         BackendError::Limit { need, .. } => need,
         other => panic!("{other}"),
@@ -211,7 +213,7 @@ fn answers(
     ];
     let hits = queries.map(|(rays, kind)| see(backend, rays, kind));
     assert!(hits[0].closest.iter().any(|h| h.is_hit()));
-    (backend.inspect().boxes().unwrap(), hits)
+    (backend.boxes().unwrap(), hits)
 }
 
 /// Runs a frame, and returns the error of the first operation that fails.
@@ -221,9 +223,9 @@ fn frame(b: &mut WgpuBackend, animation: &Animation, rays: Option<&[Ray]>) -> ba
     b.refit()?;
     if let Some(rays) = rays.map(Rays::List) {
         let kind = QueryKind::Any;
-        b.trace(Query { rays, kind })?;
+        b.trace(&[Query { rays, kind }])?;
         let ticket = b.submit()?;
-        return b.hits(ticket).map(drop);
+        return b.take_hits(ticket, 0, &mut Hits::default());
     }
     let ticket = b.submit()?;
     b.wait(ticket).map(drop)
@@ -252,8 +254,8 @@ pub(crate) fn calls_after_device_loss_return_errors() {
         ("nothing", |b, _, _| {
             b.submit().and_then(|t| b.wait(t)).map(drop)
         }),
-        ("boxes", |b, _, _| b.inspect().boxes().map(drop)),
-        ("vertices", |b, _, _| b.inspect().positions().map(drop)),
+        ("boxes", |b, _, _| b.boxes().map(drop)),
+        ("vertices", |b, _, _| b.positions().map(drop)),
     ];
     for (name, verb) in verbs {
         let limits = required_limits(&animation, 100);

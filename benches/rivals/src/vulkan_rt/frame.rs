@@ -46,7 +46,8 @@ impl Rival for VulkanRt {
 
     fn hits(&mut self) -> Result<&Hits> {
         let ticket = self.traced.expect("a frame was traced");
-        Ok(self.engine.hits(ticket, 0)?)
+        self.engine.take_hits(ticket, 0, &mut self.hits)?;
+        Ok(&self.hits)
     }
 
     fn device_bytes(&self) -> Option<DeviceBytes> {

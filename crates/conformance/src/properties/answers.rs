@@ -110,17 +110,19 @@ pub(super) fn together(c: &mut Check<'_>) -> Result<()> {
     ];
     let queries = queries.map(|(rays, kind)| Query { rays, kind });
     c.open(case.times[0])?;
-    if !c.subject.traces_together(&queries) {
+    let capabilities = &c.subject.device().capabilities;
+    if !capabilities.can_batch(c.intersector, &queries) {
         return Ok(());
     }
     for &time in &case.times {
         c.stand(time)?;
-        c.subject.trace_together(&queries)?;
+        c.subject.trace(&queries)?;
         let ticket = c.subject.submit()?;
         let (met, mut sum) = (c.subject.wait(ticket)?.hits, 0);
-        let places = 0..queries.len();
-        let found = places.map(|place| Ok(c.subject.hits_of(ticket, place)?.clone()));
-        let found = found.collect::<Result<Vec<Hits>>>()?;
+        let mut found = vec![Hits::default(); queries.len()];
+        for (index, hits) in found.iter_mut().enumerate() {
+            c.subject.take_hits(ticket, index, hits)?;
+        }
         for (place, (query, found)) in queries.into_iter().zip(&found).enumerate() {
             let alone = ask(c.subject, query.rays, query.kind)?;
             let answered = answers(case, time, query.rays, found, &alone.hits);

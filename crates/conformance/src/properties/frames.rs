@@ -124,14 +124,14 @@ impl State {
         let ticket = start(c.subject, rays, QueryKind::Closest)?;
         self.submitted(ticket);
         let found = fetch(c.subject, ticket)?;
-        let positions = c.subject.inspect().positions()?;
+        let positions = c.subject.positions()?;
         let formula = vertices(&case.animation, self.time);
         lists("position of vertex", &positions, &formula, same_point)?;
         let plain = without_lists(&self.tree);
         let expected = c
             .reference
             .by_tree(case, c.intersector, &plain, self.time)?;
-        let boxes = c.subject.inspect().boxes()?;
+        let boxes = c.subject.boxes()?;
         lists("box of node", &boxes, &expected.boxes, PartialEq::eq)?;
         same_counts(&found.report, &expected.traced.report)?;
         // Areas may overflow or underflow in single precision if the scene is scaled.

@@ -12,7 +12,7 @@ mod walk;
 use crate::stage::{self, open};
 use crate::{Case, Reference};
 use anyhow::Result;
-use backend::{Backend, Hits, Intersector, QueryKind, Rays};
+use backend::{Hits, Inspect, Intersector, QueryKind, Rays};
 
 /// Selects the intersectors with which a property is tested, one after the other.
 pub(crate) type Intersectors = fn(&Check<'_>) -> Vec<Intersector>;
@@ -44,7 +44,7 @@ impl Property {
 /// Inputs of a test.
 pub(crate) struct Check<'a> {
     pub(crate) case: &'a Case,
-    pub(crate) subject: &'a mut dyn Backend,
+    pub(crate) subject: &'a mut dyn Inspect,
     pub(crate) reference: &'a mut Reference,
     /// Intersector with which the subject traces.
     pub(crate) intersector: Intersector,

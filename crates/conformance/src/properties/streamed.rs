@@ -8,7 +8,7 @@ use crate::generate::rays::{Aims, turn};
 use crate::generate::strategies::sample;
 use crate::stage::{Traced, ask, boxes_anew, fetch, open, stand, start, tree_over};
 use anyhow::{Context, Result, ensure};
-use backend::{Backend, Generation, Query, QueryKind, Rays, Ticket};
+use backend::{Generation, Query, QueryKind, Rays, Ticket};
 use fastrand::Rng;
 use geom::{Animation, Point, PointBuffer, Pose, Ray};
 use std::sync::Arc;
@@ -99,12 +99,11 @@ fn push_all(c: &mut Check<'_>, streamed: &Arc<Animation>, rng: &mut Rng) -> Resu
     let frames = c.case.animation.all_keys()?;
     let (rays, light) = (c.rays(), c.case.light);
     open(c.subject, streamed, 0.0, c.intersector)?;
-    c.subject.keep(frames.len());
     stand(c.subject, streamed, 0.0)?;
     c.subject.submit()?;
     let mut started = Vec::new();
     for (frame, generation) in frames[1..].iter().zip(2..) {
-        let mut memory = memory(c.subject, streamed, rng)?;
+        let mut memory = memory(streamed, rng);
         memory.copy_from_slice(frame);
         let time = streamed.push(memory)?;
         if rng.bool() {
@@ -119,18 +118,16 @@ fn push_all(c: &mut Check<'_>, streamed: &Arc<Animation>, rng: &mut Rng) -> Resu
             time,
             kind,
         });
+        let tickets: Vec<_> = started.iter().map(|query| query.ticket).collect();
+        c.subject.retain_traces(&tickets);
     }
     Ok(started)
 }
 
-/// Returns memory for a key frame: allocated on the host, borrowed from the subject, or of a dropped key frame.
-fn memory(subject: &mut dyn Backend, streamed: &Animation, rng: &mut Rng) -> Result<PointBuffer> {
-    let count = streamed.vertex_count();
-    Ok(match streamed.spare_frame().filter(|_| rng.bool()) {
-        Some(spare) => spare,
-        None if rng.bool() => vec![[0.0; 3]; count].into(),
-        None => subject.point_buffer(count)?,
-    })
+/// Returns memory for a key frame: newly allocated, or of a dropped key frame.
+fn memory(streamed: &Animation, rng: &mut Rng) -> PointBuffer {
+    let spare = streamed.spare_frame().filter(|_| rng.bool());
+    spare.unwrap_or_else(|| vec![[0.0; 3]; streamed.vertex_count()].into())
 }
 
 /// A key frame on one side of a bound.

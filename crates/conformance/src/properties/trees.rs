@@ -80,16 +80,16 @@ pub(super) fn brought(c: &mut Check<'_>) -> Result<()> {
     c.stand(now)?;
     let fresh = c.closest()?;
     write(c, &left, 2)?;
-    c.subject.bring(&left, Generation(2))?;
+    c.subject.upload_tree(&left, Generation(2))?;
     for (tree, generation) in [(&next, 3), (&last, 4), (&left, 5)] {
         write(c, tree, generation)?;
-        while !c.subject.bring(tree, Generation(generation))? {
+        while !c.subject.upload_tree(tree, Generation(generation))? {
             std::thread::yield_now();
         }
         c.subject.adopt(tree, Generation(generation))?;
         boxes_anew(c.subject)?;
         answers(case, now, rays, &c.closest()?, &fresh)?;
-        let boxes = c.subject.inspect().boxes()?;
+        let boxes = c.subject.boxes()?;
         let right = c.reference.by_tree(case, c.intersector, tree, now)?.boxes;
         lists("box of node", &boxes, &right, PartialEq::eq)?;
     }
@@ -115,7 +115,7 @@ pub(super) fn evaluated(c: &mut Check<'_>) -> Result<()> {
     for (&time, generation) in case.times.iter().zip(2..) {
         let tree = tree_at(&case.animation, time);
         write(c, &tree, generation)?;
-        while !c.subject.bring(&tree, Generation(generation))? {
+        while !c.subject.upload_tree(&tree, Generation(generation))? {
             std::thread::yield_now();
         }
         for at in [then, now] {
@@ -200,7 +200,7 @@ pub(super) fn whole(c: &mut Check<'_>) -> Result<()> {
             return Ok(());
         }
         let seen = FrameResults::of(c.subject, case)?;
-        let tree = c.subject.inspect().rebuilt()?;
+        let tree = c.subject.rebuilt()?;
         check_tree(&tree, &case.animation)?;
         let expected = c.reference.by_tree(case, c.intersector, &tree, time)?;
         same_counts(&seen.traced.report, &expected.traced.report)

@@ -2,7 +2,7 @@
 
 use backend::{
     Backend, Device, FrameReport, Generation, Hits, Inspect, Intersector, Query, QueryKind, Rays,
-    Result, Snapshot, Ticket, TreeFormat,
+    Result, Snapshot, Ticket,
 };
 use bvh_layout::Topology;
 use conformance::stage::tree_over;
@@ -15,6 +15,7 @@ pub(crate) struct Faulty {
     inner: CpuBackend,
     /// Name of the fault. An unknown name has no effect.
     fault: &'static str,
+    device: Device,
     seen: Seen,
 }
 
@@ -25,8 +26,6 @@ struct Seen {
     first_leaf: Option<u32>,
     /// Hits by ticket, as they were when submitted.
     kept: Vec<(Ticket, Hits)>,
-    /// Hits returned last.
-    lent: Hits,
     rays: Vec<Ray>,
     kind: Option<QueryKind>,
     traces_since_refit: u32,
@@ -50,15 +49,39 @@ struct Seen {
 
 impl Faulty {
     pub(crate) fn new(fault: &'static str) -> Self {
+        let inner = CpuBackend::new(Some(1)).unwrap();
+        let mut device = inner.device().clone();
+        device.capabilities.batches = true;
+        device.capabilities.device_rebuild = Ok(());
         Self {
-            inner: CpuBackend::new(Some(1)).unwrap(),
+            inner,
             fault,
+            device,
             seen: Seen::default(),
         }
     }
 
     fn is(&self, fault: &str) -> bool {
         self.fault == fault
+    }
+
+    fn trace_one(&mut self, query: Query<'_>) -> Result<()> {
+        self.seen.together = (Vec::new(), 0);
+        self.seen.traces_since_refit += 1;
+        self.seen.kind = Some(query.kind);
+        self.seen.rays = match query.rays {
+            Rays::List(rays) => rays.to_vec(),
+            Rays::Camera(_) | Rays::OnDevice(_) => Vec::new(),
+        };
+        match query.rays {
+            Rays::Camera(camera) if self.is("pixels sampled at corners") => {
+                let half = |i: usize| 0.5 * (camera.across[i] + camera.down[i]);
+                let corner = std::array::from_fn(|i| camera.corner[i] - half(i));
+                let rays = Rays::Camera(&Camera { corner, ..*camera });
+                self.inner.trace(&[Query { rays, ..query }])
+            }
+            _ => self.inner.trace(&[query]),
+        }
     }
 
     /// Applies the fault to hits.
@@ -147,7 +170,7 @@ fn mislisted(tree: &Topology, animation: &Animation) -> Topology {
 
 impl Backend for Faulty {
     fn device(&self) -> &Device {
-        self.inner.device()
+        &self.device
     }
 
     fn load(&mut self, animation: Arc<Animation>, intersector: Intersector) -> Result<()> {
@@ -160,11 +183,7 @@ impl Backend for Faulty {
         self.inner.load(animation, intersector)
     }
 
-    fn tree_format(&self) -> TreeFormat {
-        self.inner.tree_format()
-    }
-
-    fn bring(&mut self, tree: &Topology, _: Generation) -> Result<bool> {
+    fn upload_tree(&mut self, tree: &Topology, _: Generation) -> Result<bool> {
         self.seen.brought.get_or_insert_with(|| tree.clone());
         Ok(true)
     }
@@ -240,47 +259,25 @@ impl Backend for Faulty {
         self.refit()
     }
 
-    fn trace(&mut self, query: Query<'_>) -> Result<()> {
-        self.seen.traces_since_refit += 1;
-        self.seen.kind = Some(query.kind);
-        self.seen.rays = match query.rays {
-            Rays::List(rays) => rays.to_vec(),
-            Rays::Camera(_) | Rays::OnDevice(_) => Vec::new(),
-        };
-        match query.rays {
-            Rays::Camera(camera) if self.is("pixels sampled at corners") => {
-                let half = |i: usize| 0.5 * (camera.across[i] + camera.down[i]);
-                let corner = std::array::from_fn(|i| camera.corner[i] - half(i));
-                let rays = Rays::Camera(&Camera { corner, ..*camera });
-                self.inner.trace(Query { rays, ..query })
-            }
-            _ => self.inner.trace(query),
+    /// Traces a batch one after the other.
+    fn trace(&mut self, queries: &[Query<'_>]) -> Result<()> {
+        if let &[query] = queries {
+            return self.trace_one(query);
         }
-    }
-
-    fn traces_together(&self, _: &[Query<'_>]) -> bool {
-        true
-    }
-
-    /// Traces the queries one after the other.
-    fn trace_together(&mut self, queries: &[Query<'_>]) -> Result<()> {
         self.seen.together = (Vec::new(), 0);
-        for (place, &query) in queries.iter().enumerate() {
-            self.inner.trace(query)?;
+        for (index, &query) in queries.iter().enumerate() {
+            self.inner.trace(&[query])?;
             let ticket = self.inner.submit()?;
             self.seen.together.1 += self.inner.wait(ticket)?.hits;
-            let mut hits = self.inner.hits(ticket)?.clone();
-            if place > 0 && self.is("the second of several queries misses") {
+            let mut hits = Hits::default();
+            self.inner.take_hits(ticket, 0, &mut hits)?;
+            if index > 0 && self.is("the second of several queries misses") {
                 hits.closest.fill(Hit::MISS);
                 hits.blocked.fill(0);
             }
             self.seen.together.0.push(hits);
         }
         Ok(())
-    }
-
-    fn hits_of(&mut self, _: Ticket, place: usize) -> Result<&mut Hits> {
-        Ok(&mut self.seen.together.0[place])
     }
 
     fn request_positions(&mut self) -> Result<()> {
@@ -293,7 +290,8 @@ impl Backend for Faulty {
     fn submit(&mut self) -> Result<Ticket> {
         let ticket = self.inner.submit()?;
         if self.seen.kind.is_some() {
-            let mut hits = self.inner.hits(ticket)?.clone();
+            let mut hits = Hits::default();
+            self.inner.take_hits(ticket, 0, &mut hits)?;
             if !self.is("new tree answers for old frames") {
                 self.spoil(&mut hits);
             }
@@ -334,24 +332,23 @@ impl Backend for Faulty {
         self.inner.is_done(ticket)
     }
 
-    fn release(&mut self, ticket: Ticket) {
-        self.inner.release(ticket);
+    fn retain_traces(&mut self, tickets: &[Ticket]) {
+        self.inner.retain_traces(tickets);
     }
 
-    fn keep(&mut self, traces: usize) {
-        self.inner.keep(traces);
-    }
-
-    fn hits(&mut self, ticket: Ticket) -> Result<&mut Hits> {
+    fn take_hits(&mut self, ticket: Ticket, index: usize, hits: &mut Hits) -> Result<()> {
+        if let Some(of_batch) = self.seen.together.0.get(index) {
+            hits.clone_from(of_batch);
+            return Ok(());
+        }
         let newest = self.is("answers of the newest frame") || self.is("tickets repeat");
         let mut newest_first = self.seen.kept.iter().rev();
         let found = newest_first.find(|k| newest || k.0 == ticket);
-        let mut hits = found.map(|k| k.1.clone()).unwrap_or_default();
+        *hits = found.map(|k| k.1.clone()).unwrap_or_default();
         if self.is("new tree answers for old frames") {
-            self.spoil(&mut hits);
+            self.spoil(hits);
         }
-        self.seen.lent = hits;
-        Ok(&mut self.seen.lent)
+        Ok(())
     }
 
     fn take_positions(&mut self) -> Result<Option<(Ticket, Snapshot)>> {
@@ -368,14 +365,10 @@ impl Backend for Faulty {
         self.seen.taken = Some(snapshot.to_vec());
         self.seen.old_copy = None;
         if self.is("copies are of the newest frame") {
-            let newest = self.inner.inspect().positions()?;
+            let newest = self.inner.positions()?;
             return Ok(Some((ticket, Box::new(newest))));
         }
         Ok(Some((ticket, snapshot)))
-    }
-
-    fn inspect(&mut self) -> &mut dyn Inspect {
-        self
     }
 }
 
@@ -385,7 +378,7 @@ impl Inspect for Faulty {
     }
 
     fn positions(&mut self) -> Result<Vec<Point>> {
-        let mut all = self.inner.inspect().positions()?;
+        let mut all = self.inner.positions()?;
         if self.is("positions one ulp off")
             && let Some(last) = all.last_mut()
         {
@@ -395,7 +388,7 @@ impl Inspect for Faulty {
     }
 
     fn boxes(&mut self) -> Result<Vec<Aabb>> {
-        let mut all = self.inner.inspect().boxes()?;
+        let mut all = self.inner.boxes()?;
         if self.is("last box too large")
             && let Some(last) = all.last_mut()
         {

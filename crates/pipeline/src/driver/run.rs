@@ -97,7 +97,7 @@ impl Driver {
         let read = Instant::now();
         self.poll_builder()?;
         let mut record = pending.record;
-        record.device_bytes = self.backend.device_bytes();
+        record.device_bytes = self.backend.memory().held;
         record.tree.sah_ratio = report.sah_cost.map(|now| {
             let before = pending.cost_before.filter(|&c| c > 0.0);
             before.map_or(1.0, |before| now / before)
@@ -127,7 +127,7 @@ impl Driver {
             answers.pixels.clear();
         }
         if wanted.hits || (wanted.pixels && !shaded) {
-            std::mem::swap(self.backend.hits(ticket)?, &mut answers.hits);
+            self.backend.take_hits(ticket, 0, &mut answers.hits)?;
         }
         Ok(())
     }

@@ -72,7 +72,7 @@ impl Driver {
         match &self.trees.next {
             NextTree::Waiting(tree) => {
                 let (topology, generation) = (&tree.built.topology, tree.request.generation);
-                Ok(self.backend.bring(topology, generation)?)
+                Ok(self.backend.upload_tree(topology, generation)?)
             }
             _ => Ok(true),
         }

@@ -166,7 +166,7 @@ impl Driver {
         let mut wanted = true;
         loop {
             while wanted && under_way.len() < FRAMES_IN_FLIGHT {
-                self.backend.trace(query)?;
+                self.backend.trace(&[query])?;
                 under_way.push_back(self.backend.submit()?);
             }
             let Some(ticket) = under_way.pop_front() else {

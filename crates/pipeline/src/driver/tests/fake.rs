@@ -1,8 +1,8 @@
 //! A backend that only checks the contract, and vertices that block a builder.
 
 use backend::{
-    Arithmetic, Backend, Device, DeviceKind, FrameReport, Generation, Hits, Inspect, Intersector,
-    Query, Result, Snapshot, Ticket, TreeFormat,
+    Arithmetic, Backend, Capabilities, Device, DeviceKind, FrameReport, Generation, Hits,
+    Intersector, Query, Result, Snapshot, Ticket, TreeFormat,
 };
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Point, Pose};
@@ -77,7 +77,6 @@ pub(in crate::driver) struct Fake {
     traced: bool,
     polls: Option<u32>,
     pub(in crate::driver) gate: Option<Arc<Gate>>,
-    hits: Hits,
     /// Whether it measures costs.
     pub(in crate::driver) measures: bool,
     /// The current tree, if costs are measured.
@@ -132,15 +131,17 @@ impl Backend for Fake {
             kind: DeviceKind::Cpu,
             threads: 1,
             arithmetic: Arithmetic::IEEE,
+            capabilities: Capabilities {
+                tree_format: TreeFormat::Binary,
+                batches: false,
+                device_rebuild: Ok(()),
+            },
         };
         &DEVICE
     }
     fn load(&mut self, animation: Arc<Animation>, _: Intersector) -> Result<()> {
         self.animation = Some(animation);
         Ok(())
-    }
-    fn tree_format(&self) -> TreeFormat {
-        TreeFormat::Binary
     }
     fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()> {
         assert!(generation > self.generation, "generations rise");
@@ -184,9 +185,6 @@ impl Backend for Fake {
         self.note(|log| log.refitted += 1);
         Ok(())
     }
-    fn check_rebuild(&self) -> Result<()> {
-        Ok(())
-    }
     fn rebuild(&mut self, generation: Generation) -> Result<()> {
         assert!(generation > self.generation, "generations rise");
         assert!(self.pose.is_some(), "positions come first");
@@ -195,7 +193,7 @@ impl Backend for Fake {
         self.note(|log| log.made.push(generation));
         Ok(())
     }
-    fn trace(&mut self, _: Query<'_>) -> Result<()> {
+    fn trace(&mut self, _: &[Query<'_>]) -> Result<()> {
         assert_eq!(self.fresh, (true, true), "a stale tree was traced");
         let traced = (self.generation, self.pose.unwrap());
         self.note(|log| log.traced.push(traced));
@@ -230,10 +228,10 @@ impl Backend for Fake {
             ..FrameReport::default()
         })
     }
-    fn hits(&mut self, _: Ticket) -> Result<&mut Hits> {
-        Ok(&mut self.hits)
+    fn take_hits(&mut self, _: Ticket, _: usize, _: &mut Hits) -> Result<()> {
+        Ok(())
     }
-    fn keep(&mut self, _: usize) {}
+    fn retain_traces(&mut self, _: &[Ticket]) {}
     fn take_positions(&mut self) -> Result<Option<(Ticket, Snapshot)>> {
         match self.requested.front_mut() {
             Some((0, ticket, pose)) => {
@@ -256,8 +254,5 @@ impl Backend for Fake {
             }
             None => Ok(None),
         }
-    }
-    fn inspect(&mut self) -> &mut dyn Inspect {
-        unreachable!("a driver looks at nothing")
     }
 }
