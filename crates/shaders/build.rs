@@ -100,9 +100,15 @@ fn compile_variant(out: &Path, entry: &EntryPoint, variant: &Variant) -> Result<
         "bindings of {name} are not numbered from 0 on without gaps"
     );
     let bindings: String = bindings.into_values().collect();
-    let entry = &entry.name;
+    let EntryPoint {
+        name: entry,
+        parameters,
+        precedes_traces,
+        ..
+    } = entry;
     Ok(format!(
-        "Kernel {{ name: {name:?}, entry: {entry:?}, intersectors: &{intersectors:?}, code: {code}, \
+        "Kernel {{ name: {name:?}, entry: {entry:?}, parameters: {parameters:?}, \
+         precedes_traces: {precedes_traces}, intersectors: &{intersectors:?}, code: {code}, \
          fused: {fused}, workgroup: {workgroup:?}, \
          shared_bytes: {shared}, bindings: &[{bindings}] }},\n"
     ))
@@ -112,7 +118,7 @@ fn compile_variant(out: &Path, entry: &EntryPoint, variant: &Variant) -> Result<
 fn code(out: &Path, name: &str, text: &Text) -> Result<(String, naga::Module)> {
     parse(&text.opaque, CAPABILITIES)?;
     let (module, info) = parse(&text.plain, CAPABILITIES)?;
-    let words = spv::write_vec(&module, &info, &options((1, 3)), None)?;
+    let words = spv::write_vec(&module, &info, &options(3), None)?;
     let spirv = include_words(out, name, &harden::harden(&words)?)?;
     std::fs::write(out.join(format!("{name}.wgsl")), &text.opaque)?;
     let wgsl = format!("include_str!(concat!(env!(\"OUT_DIR\"), \"/{name}.wgsl\"))");
@@ -144,10 +150,10 @@ fn parse(source: &str, capabilities: Capabilities) -> Result<(naga::Module, Modu
     Ok((module, info))
 }
 
-/// Returns options without naga's defaults that bound loops and clear memory. Memory accesses stay unchecked.
-fn options(lang_version: (u8, u8)) -> spv::Options<'static> {
+/// Returns options for SPIR-V 1.`minor_version`, without naga's defaults that bound loops and clear memory. Memory accesses stay unchecked.
+fn options(minor_version: u8) -> spv::Options<'static> {
     spv::Options {
-        lang_version,
+        lang_version: (1, minor_version),
         // `harden` finds loose functions by their names, then drops all names.
         flags: spv::WriterFlags::DEBUG,
         zero_initialize_workgroup_memory: spv::ZeroInitializeWorkgroupMemoryMode::None,

@@ -12,7 +12,7 @@ use backend::{
 use bvh_layout::Topology;
 use geom::{Animation, Pose, Range};
 use shaders::rebuild;
-use shaders::work;
+use shaders::work::{self, TraceInput};
 use shaders::{KERNELS, Kernel, Params, Shape, common};
 use std::sync::Arc;
 
@@ -127,15 +127,15 @@ impl<D: GpuDevice> ComputeBackend<D> {
 
     /// Returns whether the current tree was built on the device from the current positions. Such a tree has its records
     /// and boxes.
-    fn is_made_whole(&self) -> bool {
-        let made_here = self.tree().made_here;
-        let anew = made_here && self.engine.stale < Stale::Fresh;
+    fn is_built_at_pose(&self) -> bool {
+        let is_built_here = self.tree().is_built_here;
+        let anew = is_built_here && self.engine.stale < Stale::Fresh;
         assert!(!anew, "a tree made on the device is made anew");
-        made_here
+        is_built_here
     }
 
     /// Records the build of a tree. See [`shaders::rebuild`].
-    fn make_tree(&mut self, generation: Generation) -> Result<()> {
+    fn build_tree(&mut self, generation: Generation) -> Result<()> {
         let animation = Arc::clone(&self.engine.scene().animation);
         let shape = Shape::made_on_device(animation.live_count() as u32);
         let tree = self.tree.as_mut().expect("a scene was loaded");
@@ -143,7 +143,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
         if tree.build.is_none() {
             let kernels = builders(self.intersector);
             engine.pipelines.prepare(&engine.gpu, kernels)?;
-            tree.make_build(&mut engine.gpu)?;
+            tree.allocate_build(&mut engine.gpu)?;
         }
         tree.current.grow(&engine.gpu, &mut engine.frames, &shape)?;
         let params = Params::of(animation.scale_exponent(), &shape);
@@ -157,7 +157,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
         let cluster = rebuild::cluster(params, &shape);
         engine.run(Some(Stage::Rebuild), &cluster, |name| tree.get(name))?;
         (tree.current.generation, tree.current.shape) = (generation, shape);
-        tree.made_here = true;
+        tree.is_built_here = true;
         Ok(())
     }
 }
@@ -183,9 +183,8 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
 
     fn load(&mut self, animation: Arc<Animation>, intersector: Intersector) -> Result<()> {
         let engine = &mut self.engine;
-        let traits = engine.pipelines.traits;
-        let usual = KERNELS.iter().filter(|k| k.precedes_traces());
-        let usual = usual.filter(|k| k.serves(intersector) && k.suits(traits));
+        let usual = KERNELS.iter().filter(|k| k.precedes_traces);
+        let usual = usual.filter(|k| k.serves(intersector));
         engine.pipelines.begin(&engine.gpu, usual);
         if animation.is_streamed() {
             let later = work::kernels_of_arriving_keys(intersector);
@@ -255,7 +254,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         assert!(self.engine.stale >= Stale::Records, "positions come first");
         let generation = self.tree().current.generation;
         assert!(generation > Generation(0), "a tree comes first");
-        if self.is_made_whole() {
+        if self.is_built_at_pose() {
             return Ok(());
         }
         let (params, tree) = (self.params(), &self.tree().current);
@@ -274,7 +273,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
             self.engine.stale >= Stale::Boxes,
             "boxes of leaves come first"
         );
-        if self.is_made_whole() {
+        if self.is_built_at_pose() {
             return Ok(());
         }
         let (params, tree) = (self.params(), &self.tree().current);
@@ -299,7 +298,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
             .device_rebuild
             .clone()?;
         self.engine.stale = self.engine.stale.min(Stale::Records);
-        self.make_tree(generation)?;
+        self.build_tree(generation)?;
         self.engine.stale = Stale::Fresh;
         Ok(())
     }
@@ -307,7 +306,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     fn trace(&mut self, queries: &[Query<'_>]) -> Result<()> {
         let mut all = queries.iter().enumerate();
         let traced =
-            all.try_for_each(|(place, query)| self.trace_one_of(query, [place, queries.len()]));
+            all.try_for_each(|(index, query)| self.trace_one_of(query, index, queries.len()));
         if traced.is_err() {
             self.engine.frames.refuse_pending();
         }
@@ -322,19 +321,19 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     fn prepare(&mut self, query: Query<'_>, builds_trees: bool) {
         let rays = as_given(&query);
         let leaves = self.engine.scene().animation.live_count() as u32;
-        let shape = match builds_trees {
-            true => Shape::made_on_device(leaves),
-            false => Shape::expected(leaves),
+        let shape = if builds_trees {
+            Shape::made_on_device(leaves)
+        } else {
+            Shape::expected(leaves)
         };
-        let params = Params::of(self.engine.scene().scale_exponent, &shape);
-        let engine = &mut self.engine;
-        let tracing = work::trace(
-            self.intersector,
-            params,
+        let input = TraceInput {
+            intersector: self.intersector,
+            params: Params::of(self.engine.scene().scale_exponent, &shape),
             rays,
-            query.kind,
-            engine.pipelines.traits,
-        );
+            kind: query.kind,
+        };
+        let engine = &mut self.engine;
+        let tracing = work::trace(input, engine.pipelines.traits);
         let shadow = tracing.shadow.iter().flatten();
         let trace = tracing.primary.iter().chain(shadow).map(|w| w.kernel);
         let trees = builders(self.intersector).filter(|_| builds_trees);

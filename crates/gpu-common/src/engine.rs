@@ -2,7 +2,7 @@
 
 use crate::device::read_all;
 use crate::snapshots::Snapshots;
-use crate::{BufferTable, DeviceInfo, Frames, GpuDevice, Pipelines, SceneBuffers, Stage};
+use crate::{AnimationBuffers, BufferTable, DeviceInfo, Frames, GpuDevice, Pipelines, Stage};
 use backend::{
     Arithmetic, BackendError, DeviceBytes, FrameReport, Hits, Palette, Query, Rays, Result,
     Snapshot, Ticket,
@@ -37,7 +37,7 @@ pub struct Engine<D: GpuDevice> {
     pub frames: Frames<D>,
     snapshots: Snapshots,
     /// The loaded scene.
-    pub scene: Option<SceneBuffers<D>>,
+    pub scene: Option<AnimationBuffers<D>>,
     /// Index of the current position buffer.
     pub position: usize,
     /// Pose of the current positions.
@@ -99,7 +99,7 @@ impl<D: GpuDevice> Engine<D> {
     ///
     /// # Panics
     /// If no scene is loaded. The same applies to all following methods except [`Engine::unload`].
-    pub fn scene(&self) -> &SceneBuffers<D> {
+    pub fn scene(&self) -> &AnimationBuffers<D> {
         self.scene.as_ref().expect("a scene was loaded")
     }
 
@@ -115,7 +115,7 @@ impl<D: GpuDevice> Engine<D> {
 
     /// Makes an animation current. The previous one must have been unloaded.
     pub fn load(&mut self, animation: Arc<Animation>) -> Result<()> {
-        self.scene = Some(SceneBuffers::new(&mut self.gpu, animation)?);
+        self.scene = Some(AnimationBuffers::new(&mut self.gpu, animation)?);
         Ok(())
     }
 
@@ -128,7 +128,7 @@ impl<D: GpuDevice> Engine<D> {
         (self.position, self.pose) = (position, pose);
         let scene = self.scene.as_mut().expect("a scene was loaded");
         let last = self.frames.submitted;
-        let arrival = scene.keys.bring(gpu, (&scene.animation, pose), last)?;
+        let arrival = scene.keys.upload_pose(gpu, &scene.animation, pose, last)?;
         self.frames.await_upload(arrival);
         self.copy_points()?;
         let scene = self.scene();
@@ -286,7 +286,7 @@ impl<D: GpuDevice> Engine<D> {
     pub fn bytes(&self, [tree, scratch, frames]: [u64; 3]) -> DeviceBytes {
         let memory = self.gpu.memory();
         let scratch = scratch + memory.waiting;
-        let scene = self.scene.as_ref().map_or(0, SceneBuffers::held);
+        let scene = self.scene.as_ref().map_or(0, AnimationBuffers::held);
         let frames = match memory.allocated {
             // All other buffers.
             Some(all) => all.saturating_sub(tree + scratch + scene),

@@ -2,9 +2,9 @@
 
 use crate::clock::StageSet;
 use crate::recorder::Recorder;
-use crate::{Clock, GpuDevice, Outcome, PendingWork, SubmissionOutput, Trace};
+use crate::{Clock, GpuDevice, Outcome, PendingWork, SubmissionOutput, TraceBuffers};
 use backend::{BackendError, FRAMES_IN_FLIGHT, FrameReport, Result, StageTimes, Ticket};
-use shaders::{Extents, RasterBackoff, TreeStats};
+use shaders::{Extents, RasterBackoff, TreeCounts};
 use std::collections::VecDeque;
 use std::time::Instant;
 
@@ -16,9 +16,9 @@ pub struct Frames<D: GpuDevice> {
     /// Number of the upload that the next submission must wait for; 0 for no upload.
     awaited_upload: u64,
     /// Traces that are recorded but not yet submitted, in order.
-    pub pending: Vec<Trace<D>>,
+    pub pending: Vec<TraceBuffers<D>>,
     /// Traces of a batch that failed in part. Recorded commands still use their buffers.
-    refused: Vec<Trace<D>>,
+    refused: Vec<TraceBuffers<D>>,
     /// Buffers that were replaced, each with the last ticket that may use it.
     replaced: Vec<(Ticket, D::Buffer)>,
     /// Maximum number of released traces whose buffers are kept for later traces.
@@ -26,7 +26,7 @@ pub struct Frames<D: GpuDevice> {
     /// Remembered submissions, oldest first.
     ledger: VecDeque<SubmissionRecord<D>>,
     /// Latest results of `preprocess` and `refit`.
-    tree_stats: TreeStats,
+    tree_counts: TreeCounts,
     /// Latest results of traces by rasterization.
     pub(crate) raster_backoff: RasterBackoff,
     /// Whether the last submission that measured coordinates found very different sizes.
@@ -36,7 +36,7 @@ pub struct Frames<D: GpuDevice> {
 
 struct SubmissionRecord<D: GpuDevice> {
     ticket: Ticket,
-    traces: Vec<Trace<D>>,
+    traces: Vec<TraceBuffers<D>>,
     /// Whether it has traces that were not released.
     is_traced: bool,
     /// Whether [`backend::Backend::retain_traces`] names it.
@@ -67,7 +67,7 @@ impl<D: GpuDevice> Frames<D> {
             replaced: Vec::new(),
             spare_traces: FRAMES_IN_FLIGHT,
             ledger: VecDeque::new(),
-            tree_stats: TreeStats::default(),
+            tree_counts: TreeCounts::default(),
             raster_backoff: RasterBackoff::default(),
             spread: false,
         }
@@ -100,7 +100,7 @@ impl<D: GpuDevice> Frames<D> {
         let kept = self.ledger.iter().flat_map(|s| &s.traces);
         let traces = kept.chain(&self.pending).chain(&self.refused);
         let replaced = self.replaced.iter().map(|(_, b)| D::size(b).allocated);
-        traces.map(Trace::held).chain(replaced).sum()
+        traces.map(TraceBuffers::held).chain(replaced).sum()
     }
 
     /// Refuses all traces of a batch because one of them failed.
@@ -117,7 +117,7 @@ impl<D: GpuDevice> Frames<D> {
 
     /// Returns a trace that the device has finished and whose results are no longer available: a released one, or one
     /// that expires with the next submission.
-    pub fn expired(&mut self) -> Option<Trace<D>> {
+    pub fn expired(&mut self) -> Option<TraceBuffers<D>> {
         let mut later_traced = self.ledger.iter().filter(|s| s.is_traced).count();
         let found = self.ledger.iter_mut().find(|submission| {
             later_traced -= usize::from(submission.is_traced);
@@ -147,7 +147,7 @@ impl<D: GpuDevice> Frames<D> {
     ///
     /// # Panics
     /// If the submission had no such trace or has expired.
-    pub(crate) fn trace(&mut self, ticket: Ticket, index: usize) -> &mut Trace<D> {
+    pub(crate) fn trace(&mut self, ticket: Ticket, index: usize) -> &mut TraceBuffers<D> {
         let submission = self.ledger.iter_mut().find(|s| s.ticket == ticket);
         let found = submission.and_then(|s| s.traces.get_mut(index));
         found.expect("this submission had no trace, or was too long ago")
@@ -162,8 +162,8 @@ impl<D: GpuDevice> Frames<D> {
         never_active: u64,
     ) -> Result<Ticket> {
         self.record().close();
-        while self.under_way().count() >= FRAMES_IN_FLIGHT {
-            let oldest = self.under_way().next();
+        while self.unfinished().count() >= FRAMES_IN_FLIGHT {
+            let oldest = self.unfinished().next();
             self.finish(gpu, oldest.expect("counted just now"))?;
         }
         let ticket = Ticket(self.submitted.0 + 1);
@@ -194,7 +194,7 @@ impl<D: GpuDevice> Frames<D> {
     }
 
     /// Returns the submissions that were not seen to finish.
-    pub(crate) fn under_way(&self) -> impl Iterator<Item = Ticket> + '_ {
+    pub(crate) fn unfinished(&self) -> impl Iterator<Item = Ticket> + '_ {
         let open = self.ledger.iter().filter(|s| s.report.is_none());
         open.map(|s| s.ticket)
     }
@@ -202,7 +202,7 @@ impl<D: GpuDevice> Frames<D> {
     /// Forgets submissions whose command buffers the program dropped, and returns their tickets.
     pub(crate) fn give_up_dropped(&mut self, gpu: &mut D) -> Vec<Ticket> {
         let mut dropped = Vec::new();
-        for ticket in self.under_way().collect::<Vec<_>>() {
+        for ticket in self.unfinished().collect::<Vec<_>>() {
             // An error is returned again when the program waits for the submission.
             let has_finished = gpu
                 .has_finished(PendingWork::Submission(ticket))
@@ -246,7 +246,7 @@ impl<D: GpuDevice> Frames<D> {
 
     /// Waits for a submission, and so for all before it.
     fn finish(&mut self, gpu: &mut D, ticket: Ticket) -> Result<()> {
-        let next = |frames: &Self| frames.under_way().next();
+        let next = |frames: &Self| frames.unfinished().next();
         while let Some(oldest) = next(self).filter(|oldest| *oldest <= ticket) {
             if !self.finish_one(gpu, oldest)? {
                 let why = "the program dropped the commands that the step is in";
@@ -287,10 +287,13 @@ impl<D: GpuDevice> Frames<D> {
             readback_bytes: submission.readback_bytes,
             ..FrameReport::default()
         };
-        let counted = (&counts, submission.extents);
-        self.tree_stats
-            .complete(&mut report, counted, submission.never_active);
-        self.raster_backoff.note(&counts);
+        let (extents, never_active) = (submission.extents, submission.never_active);
+        self.tree_counts.update(&counts, extents, never_active);
+        self.tree_counts.complete(&mut report);
+        if extents.candidate {
+            report.candidate_cost = counts.cost(counts.candidate_areas);
+        }
+        self.raster_backoff.update(&counts);
         self.spread = counts.is_spread().unwrap_or(self.spread);
         submission.report = Some(report);
         Ok(true)
@@ -327,7 +330,7 @@ impl<D: GpuDevice> Frames<D> {
         }
         self.ledger.clear();
         self.spare_traces = FRAMES_IN_FLIGHT;
-        self.tree_stats = TreeStats::default();
+        self.tree_counts = TreeCounts::default();
         self.raster_backoff = RasterBackoff::default();
         self.spread = false;
         gpu.unload()?;

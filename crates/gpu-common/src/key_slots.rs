@@ -79,17 +79,18 @@ impl<D: GpuDevice> KeySlots<D> {
 
     /// Makes the key frames of a pose available to work recorded from now on, after the last submission. Blocks while
     /// missing ones are read. Returns the number of the upload that the recording must wait for.
-    pub(crate) fn bring(
+    pub(crate) fn upload_pose(
         &mut self,
         gpu: &mut D,
-        (animation, pose): (&Animation, Pose),
+        animation: &Animation,
+        pose: Pose,
         last: Ticket,
     ) -> Result<u64> {
         (self.pose, self.next) = (pose, last.0 + 1);
         let mut arrival = 0;
         for key in pose.keys() {
             if self.find(key).is_none() {
-                self.send(gpu, (key, &animation.key(key)?))?;
+                self.upload(gpu, key, &animation.key(key)?)?;
             }
             let next = self.next;
             let slot = self.touch(key).expect("it was sent");
@@ -116,7 +117,7 @@ impl<D: GpuDevice> KeySlots<D> {
         for (key, _) in &upcoming {
             self.touch(*key);
         }
-        self.send(gpu, (*key, frame))
+        self.upload(gpu, *key, frame)
     }
 
     /// Returns the slot of a key frame and makes it the last one to be evicted.
@@ -131,14 +132,14 @@ impl<D: GpuDevice> KeySlots<D> {
     fn find(&self, key: usize) -> Option<usize> {
         let is_there = |slot: &KeySlot<D>| slot.key == key;
         // Key frames that the host holds are in order.
-        match self.slots.get(key).is_some_and(is_there) {
-            true => Some(key),
-            false => self.slots.iter().position(is_there),
-        }
+        let is_in_order = self.slots.get(key).is_some_and(is_there);
+        is_in_order
+            .then_some(key)
+            .or_else(|| self.slots.iter().position(is_there))
     }
 
     /// Uploads a paged or streamed key frame, in place of the least recently used one.
-    fn send(&mut self, gpu: &mut D, (key, frame): (usize, &KeyFrame)) -> Result<()> {
+    fn upload(&mut self, gpu: &mut D, key: usize, frame: &KeyFrame) -> Result<()> {
         // Lent positions may be copied from the previous key frame.
         if let Some(before) = self.slots.last_mut() {
             before.read_by = self.next;

@@ -46,5 +46,5 @@ pub use pipelines::{KernelCode, Pipelines, compile_door, device_door};
 pub use pool::{LastUse, Pool, with_slack};
 pub use recorder::Recorder;
 pub use recording::{BoundBuffer, Dispatch, PositionsCopy, RecordedCommand, Recording};
-pub use scene::SceneBuffers;
-pub use traces::{Trace, are_given};
+pub use scene::AnimationBuffers;
+pub use traces::{TraceBuffers, are_given};

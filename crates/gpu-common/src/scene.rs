@@ -9,7 +9,7 @@ use shaders::{BufferName, RANGE_BYTES};
 use std::sync::Arc;
 
 /// Buffers of key frames, triangles and positions.
-pub struct SceneBuffers<D: GpuDevice> {
+pub struct AnimationBuffers<D: GpuDevice> {
     /// The loaded animation.
     pub animation: Arc<Animation>,
     pub(crate) keys: KeySlots<D>,
@@ -28,7 +28,7 @@ pub struct SceneBuffers<D: GpuDevice> {
     pub(crate) never_active: u64,
 }
 
-impl<D: GpuDevice> SceneBuffers<D> {
+impl<D: GpuDevice> AnimationBuffers<D> {
     pub(crate) fn new(gpu: &mut D, animation: Arc<Animation>) -> Result<Self> {
         let rows = shaders::moving_rows(&animation);
         let listed = rows.as_deref().unwrap_or_default();

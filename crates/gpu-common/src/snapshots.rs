@@ -10,7 +10,7 @@ pub(crate) struct Snapshots {
     /// Index of the position buffer that the recording requested.
     pub(crate) requested: Option<usize>,
     /// Submissions whose copies were not taken, each with the index of the position buffer. In the order of the copies.
-    under_way: VecDeque<(Ticket, usize)>,
+    unfinished: VecDeque<(Ticket, usize)>,
 }
 
 impl Snapshots {
@@ -31,25 +31,25 @@ impl Snapshots {
         current: usize,
     ) -> Result<(usize, Option<Ticket>)> {
         let mut busy_until = [None; 2];
-        for (i, (ticket, position)) in self.under_way.iter().enumerate() {
+        for (i, (ticket, position)) in self.unfinished.iter().enumerate() {
             if !gpu.has_finished(PendingWork::Positions(*ticket))? {
                 busy_until[*position] = Some(i);
             }
         }
         let (position, busy) = soonest(current, self.requested, busy_until);
-        Ok((position, busy.map(|i| self.under_way[i].0)))
+        Ok((position, busy.map(|i| self.unfinished[i].0)))
     }
 
     /// Notes that the recording was submitted.
     pub(crate) fn submitted(&mut self, ticket: Ticket) {
         let requested = self.requested.take();
-        let under_way = requested.map(|position| (ticket, position));
-        self.under_way.extend(under_way);
+        let unfinished = requested.map(|position| (ticket, position));
+        self.unfinished.extend(unfinished);
     }
 
     /// Forgets the copies of these submissions, which never run.
     pub(crate) fn give_up(&mut self, dropped: &[Ticket]) {
-        self.under_way.retain(|(of, _)| !dropped.contains(of));
+        self.unfinished.retain(|(of, _)| !dropped.contains(of));
     }
 
     /// Returns the oldest positions if they have arrived.
@@ -58,13 +58,13 @@ impl Snapshots {
         gpu: &mut D,
         vertices: usize,
     ) -> Result<Option<(Ticket, Snapshot)>> {
-        let Some(&(ticket, _)) = self.under_way.front() else {
+        let Some(&(ticket, _)) = self.unfinished.front() else {
             return Ok(None);
         };
         if !gpu.has_finished(PendingWork::Positions(ticket))? {
             return Ok(None);
         }
-        self.under_way.pop_front();
+        self.unfinished.pop_front();
         Ok(Some((ticket, gpu.take_positions(ticket, vertices)?)))
     }
 }

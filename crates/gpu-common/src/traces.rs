@@ -7,7 +7,7 @@ use geom::{Hit, Ray, convert_in_parallel, copy_in_parallel, set_each};
 use shaders::{BufferName, work};
 
 /// Buffers of one trace: its output, and its rays if kernels do not generate them.
-pub struct Trace<D: GpuDevice> {
+pub struct TraceBuffers<D: GpuDevice> {
     /// Number of rays.
     pub count: usize,
     /// Result that is computed for each ray.
@@ -22,13 +22,13 @@ pub struct Trace<D: GpuDevice> {
     lent: Option<LentRays<D::Buffer>>,
 }
 
-impl<D: GpuDevice> Trace<D> {
-    /// Creates the buffers of a query, or reuses those of an `old` trace that fit. The query must be the next one of
-    /// its submission.
+impl<D: GpuDevice> TraceBuffers<D> {
+    /// Creates the buffers of a query that is traced by an intersector, or of one without a tree. Reuses the buffers of an
+    /// `old` trace that fit. The query must be the next one of its submission.
     pub fn new(
         gpu: &mut D,
         query: &Query<'_>,
-        (intersector, has_tree): (Intersector, bool),
+        traced_by: Option<Intersector>,
         old: Option<Self>,
     ) -> Result<Self> {
         let mut buffers = match old {
@@ -36,6 +36,7 @@ impl<D: GpuDevice> Trace<D> {
             None => BufferTable::new(gpu, [])?,
         };
         let (count, kind) = (query.rays.count(), query.kind);
+        let has_tree = traced_by.is_some();
         refuse_above(
             || "rays of a query".to_owned(),
             count as u64,
@@ -61,10 +62,10 @@ impl<D: GpuDevice> Trace<D> {
         }
         let occluded = match kind {
             QueryKind::Any => !has_room,
-            QueryKind::Closest => intersector == Intersector::Exact,
+            QueryKind::Closest => traced_by == Some(Intersector::Exact),
             QueryKind::ClosestAndShadow { .. } => true,
         };
-        if has_tree && occluded {
+        if let Some(intersector) = traced_by.filter(|_| occluded) {
             let words = shaders::occluded_words(intersector, count as u64);
             buffers.fit(gpu, BufferName::Occluded, words * 4)?;
         }
@@ -173,10 +174,10 @@ pub fn are_given(query: &Query<'_>) -> bool {
 }
 
 /// Returns a query's rays in the form that kernels read.
-pub(crate) fn as_given<'a>(query: &Query<'a>) -> work::Rays<'a> {
+pub(crate) fn as_given<'a>(query: &Query<'a>) -> work::RaySource<'a> {
     match query.rays {
-        Rays::Camera(camera) if !are_given(query) => work::Rays::Camera(camera),
-        rays => work::Rays::Given(rays.count() as u32),
+        Rays::Camera(camera) if !are_given(query) => work::RaySource::Camera(camera),
+        rays => work::RaySource::Given(rays.count() as u32),
     }
 }
 

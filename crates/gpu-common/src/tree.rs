@@ -5,7 +5,7 @@ use crate::{BufferTable, Frames, GpuDevice, LastUse, Pool, Staging, Upload, with
 use backend::{BackendError, Generation, Intersector, Result, Ticket, TreeWriter, check_tree};
 use bvh_layout::Topology;
 use geom::{Animation, lock};
-use shaders::work::{Progress, Trace};
+use shaders::work::{Trace, TreeProgress};
 use shaders::{BufferName, Shape, rebuild, tree_buffers};
 use std::sync::{Arc, Mutex};
 
@@ -30,7 +30,7 @@ pub(crate) struct TreeBuffers<D: GpuDevice> {
     /// Buffers for tree builds on the device; `None` before the first.
     pub(crate) build: Option<BufferTable<D>>,
     /// Whether the current tree was built on the device.
-    pub(crate) made_here: bool,
+    pub(crate) is_built_here: bool,
 }
 
 /// A tree with the boxes and triangle data of one pose.
@@ -42,7 +42,7 @@ pub(crate) struct DeviceTree<D: GpuDevice> {
     pub(crate) generation: Generation,
     pub(crate) shape: Shape,
     /// The parts of the tree that are up to date.
-    pub(crate) progress: Progress,
+    pub(crate) progress: TreeProgress,
 }
 
 impl<D: GpuDevice> DeviceTree<D> {
@@ -53,7 +53,7 @@ impl<D: GpuDevice> DeviceTree<D> {
             buffers: BufferTable::new(gpu, tree_buffers(intersector, leaves))?,
             generation: Generation(0),
             shape: Shape::default(),
-            progress: Progress::default(),
+            progress: TreeProgress::default(),
         })
     }
 
@@ -99,7 +99,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
             sent: None,
             written: Arc::default(),
             build: None,
-            made_here: false,
+            is_built_here: false,
         })
     }
 
@@ -206,7 +206,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
         if let Some(candidate) = evaluated.filter(|c| c.generation == generation) {
             std::mem::swap(&mut self.current, candidate);
             self.current.progress = self.current.progress.promoted();
-            self.made_here = false;
+            self.is_built_here = false;
             return Ok(());
         }
         let record = self.arrive(gpu, tree, generation)?;
@@ -215,9 +215,9 @@ impl<D: GpuDevice> TreeBuffers<D> {
             return Err(e);
         }
         frames.await_upload(record.arrival);
-        let old = record.place(&mut self.current, Progress::default());
+        let old = record.place(&mut self.current, TreeProgress::default());
         self.release(old, frames.submitted);
-        self.made_here = false;
+        self.is_built_here = false;
         Ok(())
     }
 
@@ -244,7 +244,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
                 return Ok(None);
             }
             frames.await_upload(record.arrival);
-            let old = record.place(candidate, Progress::of_candidate());
+            let old = record.place(candidate, TreeProgress::of_candidate());
             self.release(old, frames.submitted);
         }
         Ok(self.candidate.as_mut())
@@ -258,7 +258,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
     /// Discards the progress of the candidate, because its recording is not submitted.
     pub(crate) fn abandon_candidate(&mut self) {
         if let Some(candidate) = &mut self.candidate {
-            candidate.progress = Progress::of_candidate();
+            candidate.progress = TreeProgress::of_candidate();
             // Stale boxes must not be adopted.
             candidate.generation = Generation(0);
         }
@@ -267,7 +267,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
     /// Notes that the recording was submitted or dropped.
     pub(crate) fn submitted(&mut self, is_submitted: bool) {
         if !is_submitted {
-            self.current.progress = Progress::default();
+            self.current.progress = TreeProgress::default();
             return self.abandon_candidate();
         }
         self.current.progress.submitted();
@@ -318,7 +318,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
     }
 
     /// Allocates the buffers for tree builds.
-    pub(crate) fn make_build(&mut self, gpu: &mut D) -> Result<()> {
+    pub(crate) fn allocate_build(&mut self, gpu: &mut D) -> Result<()> {
         let build = BufferTable::new(gpu, rebuild::buffers(&self.animation))?;
         let live = rebuild::live(&self.animation);
         build.fill(gpu, &[(BufferName::Live, bytemuck::cast_slice(&live))])?;
@@ -351,7 +351,7 @@ impl<B> ArrivingTree<B> {
     fn place<D: GpuDevice<Buffer = B>>(
         self,
         tree: &mut DeviceTree<D>,
-        progress: Progress,
+        progress: TreeProgress,
     ) -> Option<(B, u64)> {
         (tree.generation, tree.shape) = (self.generation, self.shape);
         tree.progress = progress;

@@ -99,7 +99,7 @@ impl Launches {
             // Consecutive dispatches that differ only in the offset share a bind group.
             let is_same = |before: &Dispatch<Pipeline>| {
                 before.work.kernel.name == dispatch.work.kernel.name
-                    && before.work.place == dispatch.work.place
+                    && before.work.trace_index == dispatch.work.trace_index
                     && recording.buffers_of(before) == recording.buffers_of(dispatch)
             };
             let shared = row > 0 && before.is_some_and(is_same);
@@ -107,7 +107,7 @@ impl Launches {
                 Some(last) => last.group.clone(),
                 None => {
                     let params = &self.pages[page];
-                    let counts = &counts[dispatch.work.place % counts.len()];
+                    let counts = &counts[dispatch.work.trace_index % counts.len()];
                     let bindings = recording.bindings_of(dispatch);
                     let buffers = bindings.map(|(_, bound)| match bound {
                         BoundBuffer::Params => params.clone(),

@@ -210,7 +210,7 @@ impl SubmissionEncoder {
             marks.stages.clear();
         }
         let places = recording.commands.iter().map(|command| match command {
-            RecordedCommand::Dispatch(dispatch) => dispatch.work.place + 1,
+            RecordedCommand::Dispatch(dispatch) => dispatch.work.trace_index + 1,
             _ => 1,
         });
         self.places = places.max().unwrap_or(1).min(PLACES);

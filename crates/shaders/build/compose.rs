@@ -36,7 +36,8 @@ impl Sources {
     pub(crate) fn compose(
         &self,
         file: &str,
-        (entries, mangler): (&[&str], &impl Mangler),
+        entries: &[&str],
+        mangler: &impl Mangler,
         on: &[&str],
     ) -> Result<String> {
         let mut resolver = VirtualResolver::new();

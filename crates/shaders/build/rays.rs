@@ -35,7 +35,7 @@ pub(crate) fn compile(out: &Path, sources: &Sources) -> Result<String> {
         "given_shadow",
         "given_any",
     ];
-    let mut source = sources.compose(PIPELINE, (&stages, &KEPT), &[])?;
+    let mut source = sources.compose(PIPELINE, &stages, &KEPT, &[])?;
     for (here, there) in UNKNOWN {
         ensure!(source.contains(here), "no {here}");
         source = source.replace(here, there);
@@ -45,7 +45,7 @@ pub(crate) fn compile(out: &Path, sources: &Sources) -> Result<String> {
         &source,
         Capabilities::RAY_TRACING_PIPELINE | Capabilities::PRIMITIVE_INDEX,
     )?;
-    let words = spv::write_vec(&module, &info, &options((1, 4)), None)?;
+    let words = spv::write_vec(&module, &info, &options(4), None)?;
     let mut lowered = load_words(words).map_err(|e| anyhow!("{e}"))?;
     harden::harden_module(&mut lowered);
     hand_over_attributes(&mut lowered)?;

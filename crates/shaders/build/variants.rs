@@ -1,7 +1,9 @@
-//! Lists the kernels and the variants of each. A comment above an entry point names the axes along which it varies.
+//! Lists the kernels and the variants of each. Comments above an entry point declare its properties.
 //!
 //! `// Variants: intersector, arithmetic.` means all intersectors, and both ways to compute the remainder of a quotient.
-//! `// Variants: intersector(exact).` means one intersector only.
+//! `// Variants: intersector(exact).` means one intersector only. `subgroups` means that the kernel uses subgroups.
+//! `// Parameters: search.` means that the kernel reads `params.search`: see `lib/params.wgsl`.
+//! `// Loaded with every scene.` means that a frame may need the kernel before its traces.
 
 use crate::compose::{KEPT, Sources};
 use anyhow::{Context, Result, bail};
@@ -13,12 +15,27 @@ const INTERSECTORS: [&str; 4] = ["moller_trumbore", "woop", "watertight", "exact
 const OPAQUE: &str = "OPAQUE";
 /// Condition: a fused multiply-add computes the remainder of a quotient, not products of halves.
 const FUSED: &str = "FUSED";
-/// Condition that holds for entry points with this suffix.
-const SUBGROUPS: (&str, &str) = ("SUBGROUPS", "_by_subgroups");
+/// Condition: the kernel uses subgroups.
+const SUBGROUPS: &str = "SUBGROUPS";
+/// Parameters that kernels declare. The conditions are the names in capitals.
+const PARAMETERS: [&str; 11] = [
+    "search",
+    "raster",
+    "extremes",
+    "measure",
+    "treelets",
+    "sum",
+    "interpolation",
+    "points",
+    "sort",
+    "phase",
+    "answer",
+];
 /// Condition: the text is for shaders of a program, which do not count hits.
 const MODULE: &str = "MODULE";
 
 /// A compute kernel before its variants are selected.
+#[derive(Default)]
 pub(crate) struct EntryPoint {
     /// File, without extension.
     pub(crate) file: String,
@@ -26,6 +43,11 @@ pub(crate) struct EntryPoint {
     /// The intersectors that the kernel serves, or none if it does not depend on the intersector.
     intersectors: Vec<&'static str>,
     divides: bool,
+    uses_subgroups: bool,
+    /// The kernel's own parameters, if any: a member of `Params`.
+    pub(crate) parameters: Option<&'static str>,
+    /// Whether a frame may need the kernel before its traces.
+    pub(crate) precedes_traces: bool,
 }
 
 /// A compiled kernel, for all intersectors for which it has the same text.
@@ -55,7 +77,7 @@ pub(crate) fn module(sources: &Sources) -> Result<String> {
         "ABVH_EXTREME",
     ];
     let on = ["WATERTIGHT", OPAQUE, MODULE];
-    sources.compose("traversal/module", (&names, &EscapeMangler), &on)
+    sources.compose("traversal/module", &names, &EscapeMangler, &on)
 }
 
 /// Returns all compute kernels, sorted by name.
@@ -66,34 +88,49 @@ pub(crate) fn entries(sources: &Sources) -> Result<Vec<EntryPoint>> {
         for at in (0..lines.len()).filter(|&at| lines[at].starts_with("@compute")) {
             let name = lines[at + 1].strip_prefix("fn ");
             let name = name.and_then(|n| n.split_once('(')).context("an entry")?.0;
-            let above = at.checked_sub(1).map(|i| lines[i]);
-            let axes = above.and_then(|line| line.strip_prefix("// Variants: "));
-            let entry = EntryPoint::new(file, name, axes.unwrap_or("."));
-            all.push(entry.with_context(|| name.to_owned())?);
+            let mut entry = EntryPoint {
+                file: file.clone(),
+                name: name.to_owned(),
+                ..EntryPoint::default()
+            };
+            let above = lines[..at].iter().rev();
+            for line in above.take_while(|line| line.starts_with("// ")) {
+                entry.declare(line).with_context(|| name.to_owned())?;
+            }
+            all.push(entry);
         }
     }
     all.sort_by(|a, b| a.name.cmp(&b.name));
     Ok(all)
 }
 
+/// Returns the text between a prefix and the full stop at the end of a comment, or `None` for another comment.
+fn declared<'a>(comment: &'a str, prefix: &str) -> Result<Option<&'a str>> {
+    let text = comment.strip_prefix(prefix);
+    text.map(|text| text.strip_suffix('.').context("a full stop"))
+        .transpose()
+}
+
 impl EntryPoint {
-    fn new(file: &str, name: &str, axes: &str) -> Result<Self> {
-        let axes = axes.strip_suffix('.').context("a full stop")?;
-        let (mut intersectors, mut divides) = (Vec::new(), false);
-        for word in axes.split(", ").filter(|w| !w.is_empty()) {
-            match word {
-                "arithmetic" => divides = true,
-                "intersector" => intersectors = INTERSECTORS.to_vec(),
-                "intersector(exact)" => intersectors = vec!["exact"],
-                _ => bail!("no axis {word}"),
+    /// Sets the property that a comment above the entry point declares. Ignores other comments.
+    fn declare(&mut self, comment: &str) -> Result<()> {
+        if comment == "// Loaded with every scene." {
+            self.precedes_traces = true;
+        } else if let Some(name) = declared(comment, "// Parameters: ")? {
+            let known = PARAMETERS.into_iter().find(|known| *known == name);
+            self.parameters = Some(known.with_context(|| format!("no parameters {name}"))?);
+        } else if let Some(axes) = declared(comment, "// Variants: ")? {
+            for word in axes.split(", ") {
+                match word {
+                    "arithmetic" => self.divides = true,
+                    "intersector" => self.intersectors = INTERSECTORS.to_vec(),
+                    "intersector(exact)" => self.intersectors = vec!["exact"],
+                    "subgroups" => self.uses_subgroups = true,
+                    _ => bail!("no axis {word}"),
+                }
             }
         }
-        Ok(Self {
-            file: file.to_owned(),
-            name: name.to_owned(),
-            intersectors,
-            divides,
-        })
+        Ok(())
     }
 
     /// Returns one variant for each group of intersectors for which the kernel has the same text.
@@ -129,12 +166,14 @@ impl EntryPoint {
         intersector: Option<&str>,
         fused: Option<&str>,
     ) -> Result<Text> {
-        let subgroups = self.name.ends_with(SUBGROUPS.1).then_some(SUBGROUPS.0);
+        let subgroups = self.uses_subgroups.then_some(SUBGROUPS);
         let intersector = intersector.map(str::to_uppercase);
+        let parameters = self.parameters.map(str::to_uppercase);
         let compose = |opaque: Option<&str>| {
-            let named = intersector.iter().chain([&self.name]).map(String::as_str);
+            let named = intersector.iter().chain(&parameters).chain([&self.name]);
+            let named = named.map(String::as_str);
             let on: Vec<_> = named.chain(subgroups).chain(fused).chain(opaque).collect();
-            sources.compose(&self.file, (&[&self.name], &KEPT), &on)
+            sources.compose(&self.file, &[&self.name], &KEPT, &on)
         };
         Ok(Text {
             plain: compose(None)?,
@@ -146,10 +185,12 @@ impl EntryPoint {
 /// Returns all conditions that a file may use.
 pub(crate) fn conditions(all: &[EntryPoint]) -> Vec<String> {
     let intersectors = INTERSECTORS.map(str::to_uppercase);
-    let others = [OPAQUE, FUSED, MODULE, SUBGROUPS.0].map(str::to_owned);
+    let parameters = PARAMETERS.map(str::to_uppercase);
+    let others = [OPAQUE, FUSED, MODULE, SUBGROUPS].map(str::to_owned);
     let entries = all.iter().map(|e| e.name.clone());
     intersectors
         .into_iter()
+        .chain(parameters)
         .chain(others)
         .chain(entries)
         .collect()

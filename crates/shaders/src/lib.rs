@@ -21,19 +21,25 @@ mod pictures;
 pub mod rebuild;
 mod shape;
 mod sizes;
-mod tree_stats;
+mod tree_counts;
+#[cfg(any(test, feature = "inspect"))]
 mod view;
 pub mod work;
 
 use backend::Intersector;
 
 pub use arithmetic::Traits;
-pub use params::{Counts, Params};
+pub(crate) use params::{
+    AnswerParams, ExtremesParams, InterpolationParams, MeasureParams, PhaseParams, PointsParams,
+    RasterParams, SearchParams, SortParams, SumParams, TreeletsParams,
+};
+pub use params::{Counts, OwnParams, Params};
 pub use pictures::{Packets, RasterBackoff};
 pub use shape::{MovingShape, Shape, moving_rows};
 pub use sizes::{RANGE_BYTES, occluded_words, tree_buffers};
 pub(crate) use sizes::{notes, open_shadows_at, places};
-pub use tree_stats::{Extents, TreeStats};
+pub use tree_counts::{Extents, TreeCounts};
+#[cfg(any(test, feature = "inspect"))]
 pub use view::View;
 
 /// A compute kernel.
@@ -43,6 +49,11 @@ pub struct Kernel {
     pub name: &'static str,
     /// Entry point.
     pub entry: &'static str,
+    /// The kernel's own parameters, if any: a member of `Params` in `wgsl/lib/params.wgsl`.
+    pub parameters: Option<&'static str>,
+    /// Whether a frame may need the kernel before its traces. A host loads such kernels with every scene, and the others when
+    /// a trace, a picture or a tree first uses them.
+    pub precedes_traces: bool,
     /// Names of the intersectors that the kernel serves, with underscores. Empty if it serves all.
     pub intersectors: &'static [&'static str],
     /// Code for all devices.
@@ -197,25 +208,9 @@ impl Kernel {
         fused.unwrap_or(self.code)
     }
 
-    /// Returns whether a device with these traits can run the kernel.
-    pub fn suits(&self, traits: Traits) -> bool {
-        Packets::of_kernel(self.entry).is_none_or(|packets| traits.packets == Some(packets))
-    }
-
     /// Returns whether only [`rebuild`] uses the kernel. A host loads such kernels when it first builds a tree.
     pub fn makes_trees(&self) -> bool {
         rebuild::KERNELS.contains(&self.entry)
-    }
-
-    /// Returns whether a frame may need the kernel before its trace. A host loads the others when a trace, a picture or a
-    /// tree first uses them.
-    #[must_use]
-    pub fn precedes_traces(&self) -> bool {
-        let stem = self.entry.split('_').next();
-        matches!(
-            stem.unwrap_or_default(),
-            "interpolate" | "preprocess" | "refit" | "gather" | "sum"
-        )
     }
 }
 

@@ -1,10 +1,11 @@
 //! The host's definitions of `wgsl/lib/params.wgsl` and of the buffer `counts`. A test compares the former by reflection.
 
 use crate::Shape;
+use backend::sah_cost;
 use bytemuck::{Pod, Zeroable};
 use geom::{Camera, Point, Range};
 
-/// Parameters of a dispatch. The WGSL file explains each member.
+/// Parameters of a dispatch: those that all kernels share, and those of its own. The WGSL file explains each member.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 #[expect(
@@ -17,24 +18,16 @@ pub struct Params {
     pub corner: [f32; 3],
     pub height: u32,
     pub across: [f32; 3],
-    pub first_group: u32,
+    pub leaf_triangles_at: u32,
     pub down: [f32; 3],
     pub alpha: f32,
     pub light: [f32; 3],
     pub scale_exponent: i32,
     pub count: u32,
-    pub first: u32,
-    pub leaf_triangles_at: u32,
     pub node_count: u32,
     pub zero: u32,
-    pub listed: u32,
-    pub destination: u32,
-    pub shift: u32,
-    pub goal: u32,
-    pub rounds: u32,
-    pub places: u32,
-    pub notes: u32,
-    pub rule: u32,
+    pub start_row: u32,
+    pub start_count: u32,
     pub extreme: u32,
     pub tiny: u32,
     pub spread: u32,
@@ -49,6 +42,77 @@ pub struct Params {
     pub pixel_margin: f32,
     pub clearance: f32,
     pub padding: [u32; 2],
+    pub own: OwnParams,
+}
+
+/// The parameters of one kind of kernel, as words.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(transparent)]
+pub struct OwnParams([u32; 8]);
+
+/// A struct of parameters that only some kernels have: a member of `Params` in `wgsl/lib/params.wgsl`.
+pub(crate) trait KernelParams: Pod {}
+
+impl OwnParams {
+    fn of<T: KernelParams>(own: T) -> Self {
+        let mut words = [0; 8];
+        let bytes = bytemuck::bytes_of(&own);
+        bytemuck::bytes_of_mut(&mut words)[..bytes.len()].copy_from_slice(bytes);
+        Self(words)
+    }
+
+    /// Returns the parameters of a kernel that has these.
+    #[cfg(test)]
+    pub(crate) fn get<T: KernelParams>(&self) -> T {
+        bytemuck::pod_read_unaligned(&bytemuck::bytes_of(&self.0)[..size_of::<T>()])
+    }
+}
+
+/// Defines a struct of parameters, whose members the WGSL file explains.
+macro_rules! kernel_params {
+    ($($(#[$doc:meta])* $type:ident = $name:literal { $($field:ident),+ })+) => {
+        $(
+            $(#[$doc])*
+            #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+            #[repr(C)]
+            pub(crate) struct $type {
+                $(pub(crate) $field: u32,)+
+            }
+
+            impl KernelParams for $type {}
+        )+
+
+        /// The name of each struct, its member of `Params`, and its own members.
+        #[cfg(test)]
+        const OWN: &[(&str, &str, &[&str])] = &[
+            $((stringify!($type), $name, &[$(stringify!($field)),+]),)+
+        ];
+    };
+}
+
+kernel_params! {
+    /// Parameters of kernels that search along rays, and of those that resolve open rays.
+    SearchParams = "search" { open_rays_at, open_shadows_at, places, notes, sharers }
+    /// Parameters of kernels that rasterize.
+    RasterParams = "raster" { tiles }
+    /// Parameters of kernels that answer extreme rays.
+    ExtremesParams = "extremes" { rule, answer_words }
+    /// Parameters of `measure_range`.
+    MeasureParams = "measure" { sample_step }
+    /// Parameters of kernels that compute records and boxes of treelets.
+    TreeletsParams = "treelets" { first, listed, all, sum_counter }
+    /// Parameters of `sum_costs`.
+    SumParams = "sum" { counter }
+    /// Parameters of `interpolate`.
+    InterpolationParams = "interpolation" { listed }
+    /// Parameters of `copy_points`.
+    PointsParams = "points" { source_at, target_at }
+    /// Parameters of kernels that sort.
+    SortParams = "sort" { source_at, target_at, shift }
+    /// Parameters of `cluster`.
+    PhaseParams = "phase" { first_tile, source_at, target_at, early, goal, rounds }
+    /// Parameters of `count_answers`.
+    AnswerParams = "answer" { words, word, miss, counter }
 }
 
 impl Params {
@@ -59,6 +123,12 @@ impl Params {
             clearance: f32::INFINITY,
             ..tree.params
         }
+    }
+
+    /// Sets the parameters of one kind of kernel.
+    pub(crate) fn with<T: KernelParams>(self, own: T) -> Self {
+        let own = OwnParams::of(own);
+        Self { own, ..self }
     }
 
     /// Returns the part that [`crate::MODULE`] reads.
@@ -186,6 +256,12 @@ impl Counts {
         (self.spread > 0).then_some(self.spread == 2)
     }
 
+    /// Returns the cost of a tree whose nodes except the root have these half areas. See [`sah_cost`].
+    pub fn cost(&self, areas: f32) -> Option<f64> {
+        let root = f64::from(self.root_area);
+        sah_cost(f64::from(areas) + root, root)
+    }
+
     /// Returns the number of rays, including shadow rays, that exact integers resolved.
     pub fn settled(&self) -> u64 {
         u64::from(self.open) + u64::from(self.open_shadows)
@@ -209,6 +285,66 @@ pub(crate) fn scaled_point(point: Point, exponent: i32) -> Point {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{KERNELS, Kernel, RAY_KERNELS};
+    use std::mem::offset_of;
+
+    /// Returns the structs of a kernel's WGSL.
+    fn structs(kernel: &Kernel) -> naga::Module {
+        naga::front::wgsl::parse_str(kernel.code.wgsl).unwrap()
+    }
+
+    fn members<'a>(module: &'a naga::Module, name: &str) -> &'a [naga::StructMember] {
+        let mut types = module.types.iter();
+        let found = types.find(|(_, t)| t.name.as_deref() == Some(name));
+        match &found.unwrap().1.inner {
+            naga::TypeInner::Struct { members, .. } => members,
+            _ => panic!("{name} is no struct"),
+        }
+    }
+
+    #[test]
+    fn own_params_match_kernel_sources() {
+        let mut found = Vec::new();
+        for kernel in KERNELS.iter().chain(RAY_KERNELS) {
+            let module = structs(kernel);
+            let own = members(&module, "Params").last().unwrap();
+            let Some(name) = kernel.parameters else {
+                assert_eq!(own.name.as_deref(), Some("clearance"), "{}", kernel.name);
+                continue;
+            };
+            let (of, _, fields) = OWN.iter().find(|(_, of, _)| *of == name).unwrap();
+            assert_eq!(own.name.as_deref(), Some(name), "{}", kernel.name);
+            assert_eq!(own.offset as usize, offset_of!(Params, own));
+            let members = members(&module, of).iter();
+            let members = members.map(|m| (m.offset, m.name.clone().unwrap()));
+            let expected = (0..).step_by(4).zip(fields.iter().map(|f| (*f).to_owned()));
+            assert!(members.eq(expected), "{}", kernel.name);
+            found.push(name);
+        }
+        assert!(OWN.iter().all(|(_, name, _)| found.contains(name)));
+    }
+
+    #[test]
+    fn counters_match_kernel_sources() {
+        let wgsl = include_str!("../wgsl/lib/counters.wgsl");
+        let word = |name: &str| {
+            let text = wgsl.split_once(&format!("const {name}: u32 = ")).unwrap().1;
+            let text = text.split_once("u;").unwrap().0;
+            4 * text.parse::<usize>().unwrap()
+        };
+        macro_rules! same { ($($name:ident $member:ident)*) => { $(
+            assert_eq!(word(stringify!($name)), offset_of!(Counts, $member), "{}", stringify!($name));
+        )* } }
+        same!(INACTIVE_COUNT inactive DEGENERATE_COUNT degenerate HIT_COUNT hits BLOCKED_COUNT blocked
+              ROOT_AREA_AT root_area OPEN_RAYS open OPEN_SHADOWS open_shadows NOTES notes TILE_COUNT tiles
+              LARGE_COUNT large TEST_COUNT tests UNTOLD_AT untold LEFT_AT left SPREAD_AT spread);
+        let [open, hard] = ["OPEN_OF", "HARD"].map(word);
+        let counts = [offset_of!(Counts, hits), offset_of!(Counts, blocked)];
+        let lists = [offset_of!(Counts, open), offset_of!(Counts, open_shadows)];
+        assert_eq!(counts.map(|count| count + open), lists);
+        let left = [offset_of!(Counts, hard), offset_of!(Counts, hard_shadows)];
+        assert_eq!(lists.map(|list| list + hard), left);
+    }
 
     #[test]
     fn light_is_scaled_and_flushed() {
@@ -217,10 +353,14 @@ mod tests {
         for k in -126..=126 {
             let params = Params::of(k, &none).lit(point);
             let exact = point.map(|x| f64::from(x) * (-f64::from(k)).exp2());
-            let snapped = exact.map(|x| match x.abs() < f64::from(least) {
-                true => 0.0,
-                false => x as f32,
-            });
+            let snap = |x: f64| {
+                if x.abs() < f64::from(least) {
+                    0.0
+                } else {
+                    x as f32
+                }
+            };
+            let snapped = exact.map(snap);
             let found = params.light.map(f32::to_bits);
             assert_eq!(found, snapped.map(f32::to_bits), "{k}");
         }

@@ -34,11 +34,6 @@ impl Packets {
         }
     }
 
-    pub(crate) fn of_kernel(entry: &str) -> Option<Self> {
-        let all = [Self::BySubgroups, Self::ByGroups];
-        all.into_iter().find(|packets| packets.tracer().0 == entry)
-    }
-
     /// Returns the kernel that tests the pixels of tiles, and the maximum number of its workgroups: 32 per multiprocessor of
     /// an H200, so that some compute while others wait.
     pub(crate) fn rasterizers(self) -> (&'static str, u32) {
@@ -105,7 +100,7 @@ pub struct RasterBackoff {
 
 impl RasterBackoff {
     /// Updates the state from the counts of a submission.
-    pub fn note(&mut self, counts: &Counts) {
+    pub fn update(&mut self, counts: &Counts) {
         if counts.untold != 0 {
             self.rest = REST;
         }
@@ -193,13 +188,13 @@ mod tests {
             untold,
             ..Counts::default()
         };
-        backoff.note(&counts(0));
+        backoff.update(&counts(0));
         assert!(backoff.allow(true) && backoff.allow(true));
-        backoff.note(&counts(1));
+        backoff.update(&counts(1));
         // Submissions that were already in flight report the same, or nothing, a little later.
         assert!(!backoff.allow(true));
-        backoff.note(&counts(1));
-        backoff.note(&counts(0));
+        backoff.update(&counts(1));
+        backoff.update(&counts(0));
         let rested = (0..1000).position(|_| backoff.allow(true));
         assert_eq!(rested, Some(REST as usize));
         assert!(!backoff.allow(false));

@@ -13,9 +13,10 @@
 mod phases;
 
 use crate::work::{Groups, Work, sum, word_of};
-use crate::{BufferName, Counts, Params, Shape, common, kernel};
+use crate::{BufferName, Counts, Params, Shape, SortParams, common, kernel};
 use backend::Intersector;
 use geom::Animation;
+use phases::Phase;
 use std::mem::offset_of;
 
 /// Entry points of kernels that only tree building uses.
@@ -52,8 +53,11 @@ pub fn sort(mut params: Params, vertices: usize, tree: &Shape) -> Vec<Work> {
     let tiles = Groups::Linear(count.div_ceil(SORT_TILE) * 256);
     for (pass, shift) in (0..32).step_by(DIGIT_BITS).enumerate() {
         let odd = pass as u32 % 2;
-        (params.first, params.destination) = (odd * count, (1 - odd) * count);
-        params.shift = shift;
+        let params = params.with(SortParams {
+            source_at: odd * count,
+            target_at: (1 - odd) * count,
+            shift,
+        });
         let steps = [
             ("sort_count", tiles),
             ("sort_scan", Groups::Linear(DIGITS * 256)),
@@ -75,19 +79,25 @@ pub fn cluster(params: Params, tree: &Shape) -> Vec<Work> {
     if tree.leaf_count == 0 {
         return Vec::new();
     }
-    let phases = phases::of(params, tree.leaf_count);
+    let phases = phases::of(tree.leaf_count);
     let cluster = common("cluster");
-    let phase = |p: &Params| Work::new(cluster, *p, Groups::Linear(phases::tiles(p) * 256));
+    let phase = |phase: &Phase| {
+        let params = Params {
+            count: phase.count,
+            ..params.with(phase.own)
+        };
+        Work::new(cluster, params, Groups::Linear(phase.tiles() * 256))
+    };
     let mut work: Vec<_> = phases.iter().map(phase).collect();
-    let groups = phases.iter().map(phases::tiles).sum();
+    let groups = phases.iter().map(Phase::tiles).sum();
     work.push(sum(params, groups, word_of(offset_of!(Counts, areas))));
     work
 }
 
 /// Returns the size of the buffer `costs` for [`cluster`], in bytes: one f32 for each tile of each phase, rounded up to 16.
 pub(crate) fn cost_bytes(leaves: u32) -> u64 {
-    let phases = phases::of(Params::default(), leaves.max(1));
-    let tiles: u32 = phases.iter().map(phases::tiles).sum();
+    let phases = phases::of(leaves.max(1));
+    let tiles: u32 = phases.iter().map(Phase::tiles).sum();
     (u64::from(tiles) * 4).next_multiple_of(16)
 }
 
@@ -95,7 +105,7 @@ pub(crate) fn cost_bytes(leaves: u32) -> u64 {
 pub fn buffers(animation: &Animation) -> Vec<(BufferName, u64)> {
     let count = animation.live_count() as u64;
     let tiles = count.div_ceil(u64::from(SORT_TILE));
-    let survivors = phases::left(&phases::of(Params::default(), count.max(1) as u32)[0]);
+    let survivors = phases::of(count.max(1) as u32)[0].left();
     vec![
         (BufferName::Live, count * 4),
         (BufferName::Keys, count * 8),
@@ -115,6 +125,7 @@ pub fn live(animation: &Animation) -> Vec<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::PhaseParams;
 
     #[test]
     fn cost_buffer_fits_every_tile() {
@@ -122,8 +133,12 @@ mod tests {
             let tree = Shape::made_on_device(leaves);
             let work = cluster(Params::default(), &tree);
             let (sum, phases) = work.split_last().unwrap();
-            let last = phases.last().unwrap();
-            let after = last.params.first_group + phases::tiles(&last.params);
+            let last = phases::of(leaves).pop().unwrap();
+            assert_eq!(
+                phases.last().unwrap().params.own.get::<PhaseParams>(),
+                last.own
+            );
+            let after = last.own.first_tile + last.tiles();
             assert_eq!(sum.params.count, after);
             assert!(u64::from(after) * 4 <= tree.cost_bytes);
         }

@@ -8,8 +8,7 @@ use std::ops::Range;
 /// The parts and levels of a tree.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Shape {
-    /// Parameters of kernels for the tree: where parts of the topology and of the wide tree begin, in words. `goal` and
-    /// `count` are the first row and the number of the boxes where a workgroup's search starts.
+    /// Parameters of kernels for the tree: where parts of the topology and of the wide tree begin, in words.
     pub params: Params,
     /// Number of leaves.
     pub leaf_count: u32,
@@ -31,7 +30,7 @@ impl Shape {
     pub fn of(tree: &Treelets) -> Self {
         let mut params = params_of(tree.leaf_count);
         params.leaf_triangles_at = tree.triangles_at() as u32;
-        (params.goal, params.count) = tree.few_roots(MANY);
+        (params.start_row, params.start_count) = tree.few_roots(MANY);
         if let Some(wide) = &tree.wide {
             let [words, lists, _] = tree.parts();
             params.wide_at = (words.len() + lists.len()) as u32;
@@ -89,7 +88,7 @@ fn params_of(leaves: u32) -> Params {
     Params {
         node_count: (2 * leaves).saturating_sub(1),
         // A search starts at the root.
-        count: 1,
+        start_count: 1,
         ..Params::default()
     }
 }

@@ -23,13 +23,13 @@ const TWO: u32 = 1 << 30;
 
 /// A node and the location of its box.
 #[derive(Clone, Copy)]
-struct Node {
-    bounds: Bounds,
-    below: Below,
+struct DeviceNode {
+    bounds: StoredBox,
+    below: NodeContent,
 }
 
 #[derive(Clone, Copy)]
-enum Bounds {
+enum StoredBox {
     /// In two rows, from this one on.
     Row(usize),
     /// Not stored: recomputed from the triangle at this place.
@@ -39,11 +39,11 @@ enum Bounds {
 }
 
 #[derive(Clone, Copy)]
-enum Below {
+enum NodeContent {
     /// Two nodes with rows of their own.
     Rows([usize; 2]),
     /// Two triangles that share a leaf, from this place on.
-    Two(usize, [Bounds; 2]),
+    Two(usize, [StoredBox; 2]),
     /// The triangle at this place.
     One(usize),
 }
@@ -57,7 +57,7 @@ impl View<'_> {
         let (nodes, levels) = self.nodes()?;
         let (mut bits, mut named) = (vec![0_u32; nodes.len().div_ceil(32)], Vec::new());
         for (i, node) in nodes.iter().enumerate() {
-            if let Below::One(place) = node.below {
+            if let NodeContent::One(place) = node.below {
                 bits[i / 32] |= 1 << (i % 32);
                 named.push(self.triangles[place]);
             }
@@ -89,16 +89,16 @@ impl View<'_> {
         if self.made_on_device {
             self.topology()?;
         }
-        let bounds = |node: Node| match node.bounds {
-            Bounds::Row(row) => self.at_row(row),
-            Bounds::Triangle(place) => self.around(place, positions),
-            Bounds::Nothing => Aabb::EMPTY,
+        let bounds = |node: DeviceNode| match node.bounds {
+            StoredBox::Row(row) => self.at_row(row),
+            StoredBox::Triangle(place) => self.around(place, positions),
+            StoredBox::Nothing => Aabb::EMPTY,
         };
         Ok(self.nodes()?.0.into_iter().map(bounds).collect())
     }
 
     /// Returns all nodes in breadth-first order, and the number of inner nodes of each level.
-    fn nodes(&self) -> Result<(Vec<Node>, Vec<u32>), String> {
+    fn nodes(&self) -> Result<(Vec<DeviceNode>, Vec<u32>), String> {
         let most = (2 * self.triangles.len()).saturating_sub(1);
         let (mut nodes, mut levels) = (Vec::with_capacity(most), Vec::new());
         nodes.extend((most > 0).then(|| self.node(0)).transpose()?);
@@ -106,7 +106,7 @@ impl View<'_> {
         while begin < nodes.len() {
             let end = nodes.len();
             for i in begin..end {
-                let node: Node = nodes[i];
+                let node: DeviceNode = nodes[i];
                 nodes.extend(self.children(node)?.into_iter().flatten());
             }
             if nodes.len() > most {
@@ -118,37 +118,37 @@ impl View<'_> {
         Ok((nodes, levels))
     }
 
-    fn children(&self, node: Node) -> Result<Option<[Node; 2]>, String> {
+    fn children(&self, node: DeviceNode) -> Result<Option<[DeviceNode; 2]>, String> {
         Ok(match node.below {
-            Below::Rows([left, right]) => Some([self.node(left)?, self.node(right)?]),
-            Below::Two(first, [a, b]) => {
+            NodeContent::Rows([left, right]) => Some([self.node(left)?, self.node(right)?]),
+            NodeContent::Two(first, [a, b]) => {
                 Some([(a, first), (b, first + 1)].map(|(bounds, place)| {
-                    let below = Below::One(place);
-                    Node { bounds, below }
+                    let below = NodeContent::One(place);
+                    DeviceNode { bounds, below }
                 }))
             }
-            Below::One(_) => None,
+            NodeContent::One(_) => None,
         })
     }
 
     /// Returns the node whose box begins at `row`.
-    fn node(&self, row: usize) -> Result<Node, String> {
+    fn node(&self, row: usize) -> Result<DeviceNode, String> {
         let name = self.rows[row][3];
-        let bounds = Bounds::Row(row);
+        let bounds = StoredBox::Row(row);
         if name & LEAF != 0 {
             let below = self.leaf(name, bounds)?;
-            return Ok(Node { bounds, below });
+            return Ok(DeviceNode { bounds, below });
         }
         let first = 4 * name as usize;
-        let below = Below::Rows([first, first + 2]);
-        match first + 4 <= self.rows.len() {
-            true => Ok(Node { bounds, below }),
-            false => Err(format!("the device's tree has a child at node {name}")),
+        let below = NodeContent::Rows([first, first + 2]);
+        if first + 4 > self.rows.len() {
+            return Err(format!("the device's tree has a child at node {name}"));
         }
+        Ok(DeviceNode { bounds, below })
     }
 
     /// Decodes a leaf. If only one of its two triangles can be hit, the leaf holds the place of that triangle.
-    fn leaf(&self, name: u32, own: Bounds) -> Result<Below, String> {
+    fn leaf(&self, name: u32, own: StoredBox) -> Result<NodeContent, String> {
         let first = (name & !(LEAF | TWO)) as usize;
         let shares = |place: usize| self.triangles[place] & Treelets::SHARED != 0;
         let are_two = name & TWO != 0;
@@ -156,13 +156,13 @@ impl View<'_> {
             return Err(format!("the device's tree has a leaf {first}"));
         }
         Ok(if are_two {
-            Below::Two(first, [first, first + 1].map(Bounds::Triangle))
+            NodeContent::Two(first, [first, first + 1].map(StoredBox::Triangle))
         } else if shares(first) {
-            Below::Two(first, [own, Bounds::Nothing])
+            NodeContent::Two(first, [own, StoredBox::Nothing])
         } else if first > 0 && shares(first - 1) {
-            Below::Two(first - 1, [Bounds::Nothing, own])
+            NodeContent::Two(first - 1, [StoredBox::Nothing, own])
         } else {
-            Below::One(first)
+            NodeContent::One(first)
         })
     }
 

@@ -117,6 +117,7 @@ fn params_layout_matches_kernels() {
         let naga::TypeInner::Struct { members, span } = &found.unwrap().1.inner else {
             panic!("a struct")
         };
+        let has_own = kernel.parameters.is_some();
         let offset = |name: &str| {
             let mut all = members.iter();
             let member = all.find(|m| m.name.as_deref() == Some(name));
@@ -125,11 +126,10 @@ fn params_layout_matches_kernels() {
         macro_rules! same { ($($field:ident)*) => { $(
             assert_eq!(offset(stringify!($field)), offset_of!(Params, $field), "{}", stringify!($field));
         )* } }
-        same!(eye width corner height across first_group down alpha light scale_exponent
-              count first leaf_triangles_at node_count zero listed
-              destination shift goal rounds places notes rule extreme tiny spread scaled_eye
+        same!(eye width corner height across leaf_triangles_at down alpha light scale_exponent
+              count node_count zero start_row start_count extreme tiny spread scaled_eye
               depth_exponent column wide_at row wide_lanes depth wide_root pixel_margin clearance);
-        assert_eq!(members.len(), 36);
-        assert_eq!(*span as usize, size_of::<Params>(), "{}", kernel.name);
+        assert_eq!(members.len(), 28 + usize::from(has_own), "{}", kernel.name);
+        assert!(*span as usize <= size_of::<Params>(), "{}", kernel.name);
     }
 }

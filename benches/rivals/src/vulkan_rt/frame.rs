@@ -8,7 +8,7 @@ use backend::{
     Device, DeviceBytes, FrameReport, Hits, Intersector, Query, QueryKind, Rays, Result,
 };
 use geom::{Animation, Pose};
-use gpu_common::{Stage, Trace, are_given, refuse_above};
+use gpu_common::{Stage, TraceBuffers, are_given, refuse_above};
 use gpu_vulkan::commands::{KERNELS, RAYS};
 use gpu_vulkan::{NativeCommand, VulkanDevice};
 use shaders::work;
@@ -120,10 +120,10 @@ impl VulkanRt {
     fn trace(&mut self, query: &Query<'_>) -> Result<()> {
         let size = self.launch_size(query)?;
         let has_tree = self.engine.scene().animation.live_count() > 0;
-        let how = (Intersector::Watertight, has_tree);
+        let traced_by = has_tree.then_some(Intersector::Watertight);
         let engine = &mut self.engine;
         let old = engine.frames.expired();
-        let trace = Trace::new(&mut engine.gpu, query, how, old)?;
+        let trace = TraceBuffers::new(&mut engine.gpu, query, traced_by, old)?;
         self.launch(query, &trace, size);
         self.engine.frames.pending.push(trace);
         Ok(())
@@ -149,7 +149,7 @@ impl VulkanRt {
     }
 
     /// Records a launch of rays, unless the scene has no live triangle that they could hit.
-    fn launch(&mut self, query: &Query<'_>, trace: &Trace<VulkanDevice>, size: [u32; 2]) {
+    fn launch(&mut self, query: &Query<'_>, trace: &TraceBuffers<VulkanDevice>, size: [u32; 2]) {
         let params = work::rays(self.params(), query, are_given(query));
         let engine = &mut self.engine;
         if size[0] == 0 || !trace.has_tree {

@@ -6,7 +6,7 @@ use super::support::RayTracing;
 use crate::Upkeep;
 use ash::vk;
 use backend::Result;
-use gpu_common::{Engine, GpuDevice, SceneBuffers, refuse_above};
+use gpu_common::{AnimationBuffers, Engine, GpuDevice, refuse_above};
 use gpu_vulkan::commands::{BUILDS, KERNELS, RAYS};
 use gpu_vulkan::errors::failed_for;
 use gpu_vulkan::memory::{Buffer, BufferUse};
@@ -149,7 +149,7 @@ fn at(buffer: &Buffer) -> vk::DeviceOrHostAddressConstKHR {
 
 /// Returns the scene's triangles over positions, or the `cleansed` triangles over their own vertices.
 pub(crate) fn triangles_of<'a>(
-    scene: &SceneBuffers<VulkanDevice>,
+    scene: &AnimationBuffers<VulkanDevice>,
     positions: &Buffer,
     cleansed: Option<&Buffer>,
 ) -> Geometry<'a> {

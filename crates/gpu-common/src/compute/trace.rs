@@ -2,25 +2,26 @@
 
 use super::ComputeBackend;
 use crate::traces::as_given;
-use crate::{GpuDevice, Stage, Stale, Trace};
+use crate::{GpuDevice, Stage, Stale, TraceBuffers};
 use backend::{Intersector, Query, QueryKind, Result, Ticket};
-use shaders::work;
+use shaders::work::{self, TraceInput};
 use shaders::{BufferName, Params};
 
 impl<D: GpuDevice> ComputeBackend<D> {
-    /// Records the stages of query `place` of a batch of `count` queries. An empty tree has no node, so its stages are
+    /// Records the stages of query `index` of a batch of `count` queries. An empty tree has no node, so its stages are
     /// empty too.
     pub(super) fn trace_one_of(
         &mut self,
         query: &Query<'_>,
-        [place, count]: [usize; 2],
+        index: usize,
+        count: usize,
     ) -> Result<()> {
         assert!(
             self.engine.stale == Stale::Fresh,
             "a stale tree must not be traced"
         );
         let pending = self.engine.frames.pending.len();
-        assert!(pending == place, "one trace a submission, or all together");
+        assert!(pending == index, "one trace a submission, or all together");
         let has_tree = self.tree().current.shape.leaf_count > 0;
         if query.kind.light().is_some() {
             // The host measures the range, because the offset of shadow rays depends on the scene's typical size.
@@ -28,25 +29,33 @@ impl<D: GpuDevice> ComputeBackend<D> {
             self.range = Some(range);
         }
         let params = self.params();
-        let how = (self.intersector, has_tree);
+        let intersector = self.intersector;
+        let traced_by = has_tree.then_some(intersector);
         let engine = &mut self.engine;
         let old = engine.frames.expired();
-        let trace = Trace::new(&mut engine.gpu, query, how, old)?;
-        let rays = as_given(query);
+        let trace = TraceBuffers::new(&mut engine.gpu, query, traced_by, old)?;
         let mut traits = engine.pipelines.traits;
         traits.rasterizes = engine.frames.raster_backoff.allow(traits.rasterizes);
-        let mut tracing = work::trace(self.intersector, params, rays, query.kind, traits);
+        let mut tracing = work::trace(
+            TraceInput {
+                intersector,
+                params,
+                rays: as_given(query),
+                kind: query.kind,
+            },
+            traits,
+        );
         let tree = self.tree.as_mut().expect("a scene was loaded");
         tree.grow_picture(&engine.gpu, &mut engine.frames, &tracing)?;
-        if let Some(first) = tracing.primary.first_mut().filter(|_| place > 0) {
+        if let Some(first) = tracing.primary.first_mut().filter(|_| index > 0) {
             // No other trace of the batch writes the same buffers.
             first.alongside = true;
         }
         for work in &mut tracing.primary {
-            work.place = place;
+            work.trace_index = index;
         }
         // The last trace's stage times the whole batch.
-        let primary = (place + 1 == count).then_some(Stage::TracePrimary);
+        let primary = (index + 1 == count).then_some(Stage::TracePrimary);
         let stages = [
             (primary, Some(tracing.primary)),
             (Some(Stage::TraceShadow), tracing.shadow),
@@ -74,13 +83,13 @@ impl<D: GpuDevice> ComputeBackend<D> {
         is_ready.then_some((params, [nodes?, records?, range?]))
     }
 
-    /// Returns the buffer that contains or will contain the closest hits of query `place` of a submission. Returns
+    /// Returns the buffer that contains or will contain the closest hits of query `index` of a submission. Returns
     /// `None` for an any-hit query or without a tree.
     ///
     /// # Panics
     /// If the trace does not exist or has expired.
-    pub fn hits_buffer(&mut self, ticket: Ticket, place: usize) -> Option<&D::Buffer> {
-        let trace = self.engine.frames.trace(ticket, place);
+    pub fn hits_buffer(&mut self, ticket: Ticket, index: usize) -> Option<&D::Buffer> {
+        let trace = self.engine.frames.trace(ticket, index);
         let closest = trace.has_tree && trace.kind != QueryKind::Any;
         trace.get(BufferName::Hits).filter(|_| closest)
     }

@@ -1,6 +1,6 @@
 //! Phases that merge clusters: see build/cluster.wgsl.
 
-use crate::Params;
+use crate::PhaseParams;
 use bvh_build::MAX_DEPTH;
 
 /// Number of clusters of a tile.
@@ -17,47 +17,60 @@ const LAST_ROUNDS: u32 = 16;
 // Even the short first tile of every other phase has enough clusters to leave its goal.
 const _: () = assert!(TILE / 2 >= GOAL);
 
-/// Returns the number of tiles of a phase.
-pub(super) fn tiles(phase: &Params) -> u32 {
-    (phase.count + phase.shift).div_ceil(TILE)
+/// A phase: the number of its clusters, and its parameters.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Phase {
+    pub(super) count: u32,
+    pub(super) own: PhaseParams,
 }
 
-/// Returns the number of clusters after a phase.
-pub(super) fn left(phase: &Params) -> u32 {
-    let whole = tiles(phase) - 1;
-    let last = phase.count - (whole * TILE).saturating_sub(phase.shift);
-    whole * phase.goal + last.min(phase.goal)
+impl Phase {
+    /// Returns the number of tiles.
+    pub(super) fn tiles(&self) -> u32 {
+        (self.count + self.own.early).div_ceil(TILE)
+    }
+
+    /// Returns the number of clusters after the phase.
+    pub(super) fn left(&self) -> u32 {
+        let whole = self.tiles() - 1;
+        let last = self.count - (whole * TILE).saturating_sub(self.own.early);
+        whole * self.own.goal + last.min(self.own.goal)
+    }
 }
 
-/// Returns the parameters of all phases for `leaves` leaves, at least one. `shared` holds the common values.
-pub(super) fn of(shared: Params, leaves: u32) -> Vec<Params> {
+/// Returns all phases for `leaves` leaves, at least one.
+pub(super) fn of(leaves: u32) -> Vec<Phase> {
     let mut phases = Vec::new();
-    let mut next = Params {
+    let mut next = Phase {
         count: leaves,
-        first: 0,
-        first_group: 0,
-        ..shared
+        own: PhaseParams {
+            goal: 1,
+            ..PhaseParams::default()
+        },
     };
     while next.count > TILE {
-        let phase = Params {
-            // Alternates between two areas: that of the leaves is free after the first phase.
-            destination: if next.first == 0 { leaves } else { 0 },
-            shift: phases.len() as u32 % 2 * (TILE / 2),
-            goal: GOAL,
-            ..next
+        let phase = Phase {
+            count: next.count,
+            own: PhaseParams {
+                // Alternates between two areas: that of the leaves is free after the first phase.
+                target_at: if next.own.source_at == 0 { leaves } else { 0 },
+                early: phases.len() as u32 % 2 * (TILE / 2),
+                goal: GOAL,
+                ..next.own
+            },
         };
         phases.push(phase);
-        (next.count, next.first) = (left(&phase), phase.destination);
-        next.first_group += tiles(&phase);
+        next.count = phase.left();
+        next.own.source_at = phase.own.target_at;
+        next.own.first_tile += phase.tiles();
     }
-    (next.destination, next.shift, next.goal) = (0, 0, 1);
     phases.push(next);
     share_rounds(&mut phases);
     phases
 }
 
 /// Distributes the rounds so that the tree's depth never exceeds [`MAX_DEPTH`].
-fn share_rounds(phases: &mut [Params]) {
+fn share_rounds(phases: &mut [Phase]) {
     let Some((last, others)) = phases.split_last_mut() else {
         return;
     };
@@ -66,9 +79,9 @@ fn share_rounds(phases: &mut [Params]) {
     let each = (levels - LAST_ROUNDS.min(levels)).checked_div(many);
     let each = each.unwrap_or(0).min(MOST_ROUNDS);
     for phase in others {
-        phase.rounds = each;
+        phase.own.rounds = each;
     }
-    last.rounds = levels - each * many;
+    last.own.rounds = levels - each * many;
 }
 
 #[cfg(test)]
@@ -81,29 +94,32 @@ mod tests {
     #[test]
     fn phases_reduce_to_one_cluster() {
         for leaves in SMALL.into_iter().chain(LARGE) {
-            let phases = of(Params::default(), leaves);
-            assert_eq!((phases[0].count, phases[0].first), (leaves, 0));
+            let phases = of(leaves);
+            assert_eq!((phases[0].count, phases[0].own.source_at), (leaves, 0));
             for pair in phases.windows(2) {
                 let [before, after] = [pair[0], pair[1]];
                 assert!(after.count < before.count, "{leaves}");
-                let there = (left(&before), before.destination);
-                assert_eq!((after.count, after.first), there, "{leaves}");
-                let read = before.first..before.first + before.count;
-                let written = after.first..after.first + after.count;
+                let there = (before.left(), before.own.target_at);
+                assert_eq!((after.count, after.own.source_at), there, "{leaves}");
+                let read = before.own.source_at..before.own.source_at + before.count;
+                let written = after.own.source_at..after.own.source_at + after.count;
                 assert!(read.end <= written.start || written.end <= read.start);
             }
-            assert_eq!(phases.last().map(left), Some(1), "{leaves}");
+            assert_eq!(phases.last().map(Phase::left), Some(1), "{leaves}");
         }
     }
 
     #[test]
     fn tree_depth_fits_the_traversal_stack() {
         for leaves in SMALL.into_iter().chain(LARGE) {
-            let phases = of(Params::default(), leaves);
+            let phases = of(leaves);
             let pairing = LAST_PAIRING + PAIRING * (phases.len() as u32 - 1);
-            let rounds: u32 = phases.iter().map(|p| p.rounds).sum();
+            let rounds: u32 = phases.iter().map(|p| p.own.rounds).sum();
             assert!(rounds + pairing <= MAX_DEPTH, "{leaves}");
-            assert!(phases.iter().all(|p| p.rounds > 0), "{leaves}: {phases:?}");
+            assert!(
+                phases.iter().all(|p| p.own.rounds > 0),
+                "{leaves}: {phases:?}"
+            );
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Dispatches for extreme rays, in exact arithmetic: see "Extreme rays" in `docs/design/hits.md`.
 
-use super::{Groups, Rays, Work};
-use crate::{Kernel, Params, common};
+use super::{Groups, RaySource, TraceInput, Work};
+use crate::{ExtremesParams, Kernel, MeasureParams, Params, common};
 use backend::{Intersector, QueryKind};
 use geom::Range;
 
@@ -24,12 +24,13 @@ fn has_extremes(intersector: Intersector) -> bool {
 
 impl Extremes {
     /// Returns which of the rays other kernels leave to [`work`].
-    pub(super) fn among(intersector: Intersector, params: &Params, rays: Rays<'_>) -> Self {
-        match rays {
-            _ if !has_extremes(intersector) => Self::None,
+    pub(super) fn among(input: &TraceInput<'_>) -> Self {
+        let params = &input.params;
+        match input.rays {
+            _ if !has_extremes(input.intersector) => Self::None,
             _ if params.extreme == 1 => Self::All,
-            Rays::Camera(camera) if params.is_extreme(camera.eye) => Self::All,
-            Rays::Given(..) => Self::Some,
+            RaySource::Camera(camera) if params.is_extreme(camera.eye) => Self::All,
+            RaySource::Given(..) => Self::Some,
             _ if params.is_unknown() => Self::Some,
             _ => Self::None,
         }
@@ -38,18 +39,23 @@ impl Extremes {
 
 /// Returns the dispatches that answer extreme rays. They must follow those for all other rays, which treat extreme rays as
 /// misses. If it was unknown which rays are extreme, they overwrite earlier answers.
-pub(super) fn work(
-    intersector: Intersector,
-    mut params: Params,
-    (rays, how): (Rays<'_>, Extremes),
-    kind: QueryKind,
-) -> Vec<Work> {
-    params.rule = (intersector == Intersector::Watertight).into();
-    params.rounds = if kind == QueryKind::Any { 1 } else { 4 };
+pub(super) fn work(input: &TraceInput<'_>, how: Extremes) -> Vec<Work> {
+    let TraceInput {
+        intersector,
+        params,
+        rays,
+        kind,
+    } = *input;
+    let params = params.with(ExtremesParams {
+        rule: (intersector == Intersector::Watertight).into(),
+        answer_words: if kind == QueryKind::Any { 1 } else { 4 },
+    });
     let params = match rays {
-        Rays::Given(..) => params,
-        Rays::Camera(camera) if params.is_extreme(camera.eye) => params.known().through(camera),
-        Rays::Camera(camera) => params.through(camera),
+        RaySource::Given(..) => params,
+        RaySource::Camera(camera) if params.is_extreme(camera.eye) => {
+            params.known().through(camera)
+        }
+        RaySource::Camera(camera) => params.through(camera),
     };
     let sharers = match how {
         Extremes::All => rays.count(),
@@ -78,12 +84,9 @@ pub fn kernels_of_arriving_keys(intersector: Intersector) -> impl Iterator<Item 
 
 /// Returns the dispatch that measures the coordinates of a key frame of `vertices` vertices, or `None` if their range is
 /// known or not needed. It writes [`crate::BufferName::Range`], which only the kernels for extreme rays read.
-pub fn measure_range(
-    intersector: Intersector,
-    mut params: Params,
-    vertices: usize,
-) -> Option<Work> {
+pub fn measure_range(intersector: Intersector, params: Params, vertices: usize) -> Option<Work> {
     let is_asked = params.is_unknown() && has_extremes(intersector);
-    params.first = Range::sample_step(vertices) as u32;
+    let sample_step = Range::sample_step(vertices) as u32;
+    let params = params.with(MeasureParams { sample_step });
     is_asked.then(|| Work::linear(common("measure_range"), params, vertices as u32))
 }

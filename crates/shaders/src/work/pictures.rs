@@ -3,7 +3,7 @@
 
 use super::{Groups, Trace, Work};
 use crate::pictures::{packets_pay, rasterization_pays};
-use crate::{Params, Traits, common, kernel};
+use crate::{Params, RasterParams, Traits, common, kernel};
 use backend::Intersector;
 use geom::{Camera, Point};
 use glam::DVec3;
@@ -55,8 +55,7 @@ pub(super) fn by_rasterization(
     let pixels = camera.width * camera.height;
     let triangles = params.node_count.div_ceil(2);
     let tiles = triangles + pixels / 4;
-    let mut params = projected(seen, camera)?;
-    params.notes = tiles;
+    let params = projected(seen, camera)?.with(RasterParams { tiles });
     let kept = match intersector {
         Intersector::Watertight => 1,
         _ => 2,
@@ -77,7 +76,6 @@ pub(super) fn by_rasterization(
             },
             each(kernel("cover_large", intersector), SHARERS),
             each(rasterize, rasterizers),
-            // Here `notes` is the capacity for the notes of `exact`.
             over_blocks("resolve", intersector, seen, [16, 8]),
         ],
         cover_bytes: 16 * u64::from(LISTED + tiles),

@@ -1,7 +1,7 @@
 //! Dispatches for trees of the driver: they cleanse and count triangles, and count answers. Also the parameters of rays.
 
 use super::{Work, tree::word_of};
-use crate::{BufferName, Counts, Params, common};
+use crate::{AnswerParams, BufferName, Counts, Params, common};
 use backend::{Query, QueryKind, Rays};
 use geom::Point;
 use std::mem::offset_of;
@@ -20,14 +20,13 @@ pub fn count_answers(
     kind: QueryKind,
     count_of_rays: u32,
 ) -> Vec<(Work, BufferName)> {
-    let count = |member, answers, [rounds, shift, goal]: [u32; 3]| {
-        let params = Params {
-            first: word_of(member),
-            rounds,
-            shift,
-            goal,
-            ..params
-        };
+    let count = |member, answers, [words, word, miss]: [u32; 3]| {
+        let params = params.with(AnswerParams {
+            words,
+            word,
+            miss,
+            counter: word_of(member),
+        });
         let work = Work::linear(common("count_answers"), params, count_of_rays);
         (work, answers)
     };

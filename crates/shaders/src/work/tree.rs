@@ -1,7 +1,9 @@
 //! Dispatches that update a tree: triangle records, and boxes treelet by treelet, level by level.
 
 use super::{Groups, Work};
-use crate::{Counts, Kernel, MovingShape, Params, Shape, common, kernel};
+use crate::{
+    Counts, Kernel, MovingShape, Params, Shape, SumParams, TreeletsParams, common, kernel,
+};
 use backend::Intersector;
 use std::mem::offset_of;
 use std::ops::Range;
@@ -11,7 +13,7 @@ use std::ops::Range;
 /// The first work on a tree covers the whole tree. Later work covers only moving parts, if the tree lists its moving parts. The
 /// host must report recorded work. It starts with a new value for each tree, or if recorded work was discarded.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Progress {
+pub struct TreeProgress {
     has_records: bool,
     has_boxes: bool,
     /// Whether `preprocess` computed all boxes in this recording.
@@ -20,7 +22,7 @@ pub struct Progress {
     is_candidate: bool,
 }
 
-impl Progress {
+impl TreeProgress {
     /// Returns the progress of a candidate tree that is evaluated next to the current one, before any work.
     #[must_use]
     pub fn of_candidate() -> Self {
@@ -52,9 +54,8 @@ impl Progress {
         params: Params,
         tree: &Shape,
     ) -> (Vec<Work>, u32) {
-        let params = self.with_sums(params);
         let gather = (!self.has_records).then(|| gather_corners(params, tree));
-        let (records, uncounted) = preprocess(intersector, params, tree, self.has_records);
+        let (records, uncounted) = self.records(intersector, params, tree);
         let mut work: Vec<_> = gather.into_iter().chain([records]).collect();
         work[0].alongside = reads_keys(tree);
         (work, uncounted)
@@ -72,20 +73,67 @@ impl Progress {
         if self.has_climbed || tree.leaf_count == 0 {
             return Vec::new();
         }
-        refit(self.with_sums(params), tree, self.has_boxes)
+        self.boxes(params, tree)
     }
 
-    /// Sets the word that receives the sum of the tree's areas.
-    fn with_sums(&self, params: Params) -> Params {
-        let sum = if self.is_candidate {
+    /// Returns the dispatch that computes records from positions or key frames, and boxes of all nodes in treelets of
+    /// triangles, or in all treelets. If records already exist, it only covers moving treelets. Also returns the number of
+    /// zero-area triangles that it skips.
+    fn records(&self, intersector: Intersector, params: Params, tree: &Shape) -> (Work, u32) {
+        let entry = if reads_keys(tree) {
+            "preprocess_treelets_of_keys"
+        } else {
+            "preprocess_treelets"
+        };
+        let moving = tree.moving.as_ref().filter(|_| self.has_records);
+        let lowest = levels(tree, moving).first().cloned().unwrap_or_default();
+        let own = TreeletsParams {
+            listed: moving.is_some().into(),
+            all: if climbs(tree) {
+                tree.treelet_count()
+            } else {
+                0
+            },
+            sum_counter: self.sum_counter(),
+            ..TreeletsParams::default()
+        };
+        let uncounted = moving.map_or(0, |moving| moving.degenerate_elsewhere);
+        let work = over(kernel(entry, intersector), params, own, lowest);
+        (work, uncounted)
+    }
+
+    /// Returns the dispatches that compute the boxes of all nodes above the roots of the lowest treelets. If boxes already
+    /// exist, they only cover moving treelets.
+    ///
+    /// Each treelet has its own sum of areas. The workgroup that computes the root box adds all sums and stores the total in
+    /// a word of the counts. Treelets that are skipped keep their sums.
+    fn boxes(&self, params: Params, tree: &Shape) -> Vec<Work> {
+        let moving = tree.moving.as_ref().filter(|_| self.has_boxes);
+        let levels = levels(tree, moving);
+        let (all, counter) = (tree.treelet_count(), self.sum_counter());
+        if levels.len() < 2 {
+            return vec![sum(params, all, counter)];
+        }
+        let own = |level| TreeletsParams {
+            listed: moving.is_some().into(),
+            all: if level + 1 == levels.len() { all } else { 0 },
+            sum_counter: counter,
+            ..TreeletsParams::default()
+        };
+        let refit = common("refit_treelets");
+        let above = levels.iter().enumerate().skip(1);
+        above
+            .map(|(i, level)| over(refit, params, own(i), level.clone()))
+            .collect()
+    }
+
+    /// Returns the word of the counts that receives the sum of the tree's areas.
+    fn sum_counter(&self) -> u32 {
+        word_of(if self.is_candidate {
             offset_of!(Counts, candidate_areas)
         } else {
             offset_of!(Counts, areas)
-        };
-        Params {
-            destination: word_of(sum),
-            ..params
-        }
+        })
     }
 
     /// Reports that work was recorded.
@@ -100,8 +148,11 @@ impl Progress {
 }
 
 /// Returns the dispatch that gathers the vertices of a newly adopted tree's leaves.
-fn gather_corners(mut params: Params, tree: &Shape) -> Work {
-    params.first_group = tree.treelet_count();
+fn gather_corners(params: Params, tree: &Shape) -> Work {
+    let params = params.with(TreeletsParams {
+        all: tree.treelet_count(),
+        ..TreeletsParams::default()
+    });
     Work::linear(common("gather_corners"), params, 3 * tree.leaf_count)
 }
 
@@ -122,66 +173,17 @@ fn climbs(tree: &Shape) -> bool {
     reads_keys(tree) && tree.treelet_count() > 1
 }
 
-/// Returns the dispatch that computes records from positions or key frames, and boxes of all nodes in treelets of triangles,
-/// or in all treelets. If records already exist (`has_records`), it only covers moving treelets. Also returns the number of
-/// zero-area triangles that it skips.
-fn preprocess(
-    intersector: Intersector,
-    params: Params,
-    tree: &Shape,
-    has_records: bool,
-) -> (Work, u32) {
-    let entry = match reads_keys(tree) {
-        true => "preprocess_treelets_of_keys",
-        false => "preprocess_treelets",
+/// Returns the treelets of each level: by index, or as ranges of the lists of moving treelets.
+fn levels<'a>(tree: &'a Shape, moving: Option<&'a MovingShape>) -> &'a [Range<u32>] {
+    moving.map_or(&tree.treelets, |moving| &moving.levels)
+}
+
+fn over(kernel: &'static Kernel, params: Params, own: TreeletsParams, level: Range<u32>) -> Work {
+    let first = level.start;
+    let params = Params {
+        count: level.len() as u32,
+        ..params.with(TreeletsParams { first, ..own })
     };
-    let preprocess = kernel(entry, intersector);
-    let (mut params, levels) = levels(params, tree, has_records);
-    if climbs(tree) {
-        params.first_group = tree.treelet_count();
-    }
-    let lowest = levels.first().cloned().unwrap_or_default();
-    let uncounted = listed(tree, has_records).map_or(0, |moving| moving.degenerate_elsewhere);
-    (over(preprocess, params, lowest), uncounted)
-}
-
-/// Returns the dispatches that compute the boxes of all nodes above the roots of the lowest treelets. If boxes already exist
-/// (`has_records`), they only cover moving treelets.
-///
-/// Each treelet has its own sum of areas. The workgroup that computes the root box adds all sums and stores the total in
-/// word [`Params::destination`] of the counts. Treelets that are skipped keep their sums.
-fn refit(params: Params, tree: &Shape, has_records: bool) -> Vec<Work> {
-    let refit = common("refit_treelets");
-    let (of_levels, levels) = levels(params, tree, has_records);
-    let above = levels.iter().skip(1);
-    let above = above.map(|level| over(refit, of_levels, level.clone()));
-    let mut work: Vec<_> = above.collect();
-    match work.last_mut() {
-        Some(last) => {
-            last.params.first_group = tree.treelet_count();
-        }
-        None => work.push(sum(params, tree.treelet_count(), params.destination)),
-    }
-    work
-}
-
-/// Returns the lists of moving treelets if the tree has any and its records and boxes already exist (`has_records`).
-fn listed(tree: &Shape, has_records: bool) -> Option<&MovingShape> {
-    tree.moving.as_ref().filter(|_| has_records)
-}
-
-/// Returns the treelets of each level, by index or as ranges of the lists.
-fn levels(mut params: Params, tree: &Shape, has_records: bool) -> (Params, &[Range<u32>]) {
-    let listed = listed(tree, has_records);
-    params.listed = listed.is_some().into();
-    (
-        params,
-        listed.map_or(&tree.treelets, |moving| &moving.levels),
-    )
-}
-
-fn over(kernel: &'static Kernel, mut params: Params, level: Range<u32>) -> Work {
-    (params.first, params.count) = (level.start, level.len() as u32);
     Work::new(kernel, params, Groups::Each(params.count))
 }
 
@@ -191,8 +193,11 @@ pub(crate) fn word_of(member: usize) -> u32 {
 }
 
 /// Returns the dispatch that sums the partial sums of `groups` workgroups into a word of [`Counts`].
-pub(crate) fn sum(mut params: Params, groups: u32, word: u32) -> Work {
-    (params.count, params.first) = (groups, word);
+pub(crate) fn sum(params: Params, groups: u32, counter: u32) -> Work {
+    let params = Params {
+        count: groups,
+        ..params.with(SumParams { counter })
+    };
     Work::new(common("sum_costs"), params, Groups::Linear(1))
 }
 
@@ -200,15 +205,25 @@ pub(crate) fn sum(mut params: Params, groups: u32, word: u32) -> Work {
 mod tests {
     use super::*;
 
-    /// Entry point, first element, count, `first_group` and `listed` of a dispatch.
+    /// Entry point, first treelet, count, number of all treelets and `listed` of a dispatch.
     type Told = (&'static str, u32, u32, u32, u32);
 
     fn told(work: &[Work]) -> Vec<Told> {
         let told = |w: &Work| {
-            let p = &w.params;
-            (w.kernel.entry, p.first, p.count, p.first_group, p.listed)
+            let own: TreeletsParams = w.params.own.get();
+            (
+                w.kernel.entry,
+                own.first,
+                w.params.count,
+                own.all,
+                own.listed,
+            )
         };
         work.iter().map(told).collect()
+    }
+
+    fn sum_counter(work: &Work) -> usize {
+        4 * work.params.own.get::<TreeletsParams>().sum_counter as usize
     }
 
     fn beside(work: &[Work]) -> Vec<bool> {
@@ -227,7 +242,7 @@ mod tests {
             }),
             ..Shape::default()
         };
-        let (mut progress, params) = (Progress::default(), Params::default());
+        let (mut progress, params) = (TreeProgress::default(), Params::default());
         let (work, uncounted) = progress.preprocess(intersector, params, &tree);
         let whole = vec![
             ("gather_corners", 0, 60_000, 94, 0),
@@ -235,7 +250,7 @@ mod tests {
         ];
         assert_eq!((told(&work), uncounted), (whole, 0));
         assert_eq!(beside(&work), [true, false]);
-        assert_eq!(work[1].params.destination, 4);
+        assert_eq!(sum_counter(&work[1]), offset_of!(Counts, areas));
         progress.preprocessed(&tree);
         let work = progress.refit(params, &tree);
         assert!(work.is_empty());
@@ -244,7 +259,7 @@ mod tests {
         let listed = vec![("preprocess_treelets_of_keys", 500, 7, 94, 1)];
         assert_eq!((told(&work), uncounted), (listed, 4));
         assert_eq!(beside(&work), [true]);
-        assert_eq!(work[0].params.destination, 4);
+        assert_eq!(sum_counter(&work[0]), offset_of!(Counts, areas));
         let work = progress.refit(params, &tree);
         let whole = [
             ("refit_treelets", 90, 3, 0, 0),

@@ -9,7 +9,7 @@
 // With n leaves, merge m (counted over all phases) makes inner node n - 2 - m, and its two clusters become adjacent children. The
 // last merge makes the root. A cluster is a node that is not stored yet: its box and its traversal reference.
 //
-// Each round adds at most one level to the tree. The host bounds the number of rounds: after params.rounds rounds, neighbours
+// Each round adds at most one level to the tree. The host bounds the number of rounds: after params.phase.rounds rounds, neighbours
 // merge in pairs.
 
 import package::geometry::node::{LEAF, TWO, children_of};
@@ -85,10 +85,10 @@ fn nearest_to(i: u32, count: u32) -> u32 {
     return best;
 }
 
-// Returns the cluster to merge with: the nearest one, or the neighbour of a fixed pair after `params.rounds` rounds.
+// Returns the cluster to merge with: the nearest one, or the neighbour of a fixed pair after `params.phase.rounds` rounds.
 fn partner_of(i: u32, count: u32, round: u32) -> u32 {
     if i >= count { return i; }
-    if round < params.rounds { return nearest_to(i, count); }
+    if round < params.phase.rounds { return nearest_to(i, count); }
     return select(i, i ^ 1u, (i ^ 1u) < count);
 }
 
@@ -152,7 +152,7 @@ fn play_round(local: u32, count: u32, round: u32, inner: u32) -> f32 {
     if local < count { mark_taken(local); }
     if local + 256u < count { mark_taken(local + 256u); }
     workgroupBarrier();
-    let merges = min(taken_before(CLUSTER_TILE), count - params.goal);
+    let merges = min(taken_before(CLUSTER_TILE), count - params.phase.goal);
     let first = outcome_of_round(local, count, merges, inner);
     let second = outcome_of_round(local + 256u, count, merges, inner);
     workgroupBarrier();
@@ -171,12 +171,12 @@ fn fetch(i: u32) -> Cluster {
 // Writes a remaining cluster of a tile for the next phase. The last remaining cluster is the root.
 fn hand_on(tile: u32, i: u32) {
     let c = load(i);
-    if params.goal == 1u {
+    if params.phase.goal == 1u {
         nodes[0] = pack_low(c);
         nodes[1] = pack_high(c);
         return;
     }
-    let to = params.destination + tile * params.goal + i;
+    let to = params.phase.target_at + tile * params.phase.goal + i;
     clusters[2u * to] = pack_low(c);
     clusters[2u * to + 1u] = pack_high(c);
 }
@@ -198,6 +198,7 @@ fn sum_areas(local: u32, area: f32) -> f32 {
     return sum;
 }
 
+// Parameters: phase.
 @compute @workgroup_size(256)
 fn cluster(
     @builtin(local_invocation_index) local: u32,
@@ -206,17 +207,17 @@ fn cluster(
 ) {
     let tile = group.x + group.y * groups.x;
     // In every other phase, tiles begin half a tile earlier, so that their borders differ.
-    let begin = max(tile * CLUSTER_TILE, params.shift) - params.shift;
-    let end = max(min(tile * CLUSTER_TILE + CLUSTER_TILE - params.shift, params.count), begin);
-    if begin + local < end { store(local, fetch(params.first + begin + local)); }
-    if begin + local + 256u < end { store(local + 256u, fetch(params.first + begin + local + 256u)); }
+    let begin = max(tile * CLUSTER_TILE, params.phase.early) - params.phase.early;
+    let end = max(min(tile * CLUSTER_TILE + CLUSTER_TILE - params.phase.early, params.count), begin);
+    if begin + local < end { store(local, fetch(params.phase.source_at + begin + local)); }
+    if begin + local + 256u < end { store(local + 256u, fetch(params.phase.source_at + begin + local + 256u)); }
     if local == 0u { left = end - begin; }
     // Every merge in earlier phases and earlier tiles removed one cluster.
     let leaves = (params.node_count + 1u) / 2u;
-    var inner = leaves - 2u - (leaves - params.count) - (begin - tile * params.goal);
+    var inner = leaves - 2u - (leaves - params.count) - (begin - tile * params.phase.goal);
     var area = 0.0;
     var count = workgroupUniformLoad(&left);
-    for (var round = 0u; count > params.goal; round += 1u) {
+    for (var round = 0u; count > params.phase.goal; round += 1u) {
         area += play_round(local, count, round, inner);
         let rest = workgroupUniformLoad(&left);
         inner -= count - rest;
@@ -225,5 +226,5 @@ fn cluster(
     if local < count { hand_on(tile, local); }
     if local + 256u < count { hand_on(tile, local + 256u); }
     let sum = sum_areas(local, area);
-    if local == 0u && begin < end { costs[params.first_group + tile] = sum; }
+    if local == 0u && begin < end { costs[params.phase.first_tile + tile] = sum; }
 }

@@ -5,6 +5,7 @@ import package::geometry::node::LEAF;
 import package::geometry::triangle::{corner, is_finite, is_flat};
 import package::geometry::units::scaled_point;
 import package::lib::buffers::{counts, records};
+import package::lib::counters::{DEGENERATE_COUNT, INACTIVE_COUNT};
 import package::lib::params::{element, params};
 
 // The triangles of the leaves, in the order of the curve.
@@ -52,7 +53,7 @@ fn cluster_leaves(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_wor
     } else {
         // Rasterization reaches triangles without testing their boxes.
         records[3u * leaf].w = NO_TRIANGLE;
-        atomicAdd(&counts[select(0u, 1u, stands == DEGENERATE)], 1u);
+        atomicAdd(&counts[select(INACTIVE_COUNT, DEGENERATE_COUNT, stands == DEGENERATE)], 1u);
     }
     clusters[2u * leaf] = vec4<u32>(low, LEAF | leaf);
     clusters[2u * leaf + 1u] = vec4<u32>(high, 0u);

@@ -5,8 +5,9 @@ import package::lib::params::{element, params};
 @group(0) @binding(next) var<storage, read> lent: array<u32>;
 @group(0) @binding(next) var<storage, read_write> key_frame: array<u32>;
 
+// Parameters: points.
 @compute @workgroup_size(128)
 fn copy_points(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let i = element(id, groups, 128u);
-    if i < params.count { key_frame[params.destination + i] = lent[params.first + i]; }
+    if i < params.count { key_frame[params.points.target_at + i] = lent[params.points.source_at + i]; }
 }

@@ -4,6 +4,7 @@
 // atomics, and the same bits each time.
 
 import package::lib::buffers::{costs, counts, nodes};
+import package::lib::counters::ROOT_AREA_AT;
 import package::lib::params::params;
 
 // Number of invocations of a workgroup.
@@ -38,6 +39,8 @@ fn sum_of_group(local: u32, x: f32) -> f32 {
 }
 
 // Adds up `params.count` partial sums, in one workgroup.
+// Parameters: sum.
+// Loaded with every scene.
 @compute @workgroup_size(128)
 fn sum_costs(@builtin(local_invocation_index) local: u32) {
     var sums = vec4<f32>(0.0);
@@ -47,7 +50,7 @@ fn sum_costs(@builtin(local_invocation_index) local: u32) {
     }
     let sum = sum_of_group(local, (sums.x + sums.y) + (sums.z + sums.w));
     if local == 0u {
-        counts[params.first] = bitcast<u32>(sum);
-        counts[5] = bitcast<u32>(half_area(nodes[0], nodes[1]));
+        counts[params.sum.counter] = bitcast<u32>(sum);
+        counts[ROOT_AREA_AT] = bitcast<u32>(half_area(nodes[0], nodes[1]));
     }
 }

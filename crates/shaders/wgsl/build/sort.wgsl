@@ -40,12 +40,13 @@ fn scan_group(local: u32, x: u32) -> u32 {
 
 fn tiles_of(count: u32) -> u32 { return (count + TILE - 1u) / TILE; }
 
-fn digit_of(key: u32) -> u32 { return (key >> params.shift) & 255u; }
+fn digit_of(key: u32) -> u32 { return (key >> params.sort.shift) & 255u; }
 
 // Radix sort, first step of a digit: counts each value in each tile.
 
 var<workgroup> tally: array<atomic<u32>, 256>;
 
+// Parameters: sort.
 @compute @workgroup_size(256)
 fn sort_count(
     @builtin(local_invocation_index) local: u32,
@@ -58,7 +59,7 @@ fn sort_count(
     workgroupBarrier();
     for (var turn = 0u; turn < 8u; turn += 1u) {
         let i = tile * TILE + turn * 256u + local;
-        if i < params.count { atomicAdd(&tally[digit_of(keys[params.first + i])], 1u); }
+        if i < params.count { atomicAdd(&tally[digit_of(keys[params.sort.source_at + i])], 1u); }
     }
     workgroupBarrier();
     if tile < tiles { digits[local * tiles + tile] = atomicLoad(&tally[local]); }
@@ -67,6 +68,7 @@ fn sort_count(
 // Radix sort, second step of a digit: one workgroup per value computes how often it occurs in the tiles before each tile, and in
 // total.
 
+// Parameters: sort.
 @compute @workgroup_size(256)
 fn sort_scan(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>) {
     let tiles = tiles_of(params.count);
@@ -110,6 +112,7 @@ fn take_holders(digit: u32) -> u32 {
     return count;
 }
 
+// Parameters: sort.
 @compute @workgroup_size(256)
 fn sort_scatter(
     @builtin(local_invocation_index) local: u32,
@@ -127,14 +130,14 @@ fn sort_scatter(
         let i = tile * TILE + turn * 256u + local;
         var key = 0u;
         if i < params.count {
-            key = keys[params.first + i];
+            key = keys[params.sort.source_at + i];
             atomicOr(&holders[256u * (local >> 5u) + digit_of(key)], 1u << (local & 31u));
         }
         workgroupBarrier();
         if i < params.count {
-            let place = params.destination + places[digit_of(key)] + holders_before(local, digit_of(key));
+            let place = params.sort.target_at + places[digit_of(key)] + holders_before(local, digit_of(key));
             keys[place] = key;
-            sorted[place] = sorted[params.first + i];
+            sorted[place] = sorted[params.sort.source_at + i];
         }
         workgroupBarrier();
         places[local] += take_holders(local);

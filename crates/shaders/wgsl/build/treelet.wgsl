@@ -6,6 +6,14 @@ import package::lib::params::params;
 
 // Number of words of a treelet's entry.
 const ENTRY: u32 = 12u;
+// Words of an entry: see treelet().
+const LEAF_COUNT_IN_ENTRY: u32 = 1u;
+const INNER_AT_IN_ENTRY: u32 = 2u;
+const INNER_COUNT_IN_ENTRY: u32 = 3u;
+const ROOT_ROW_IN_ENTRY: u32 = 7u;
+// The parent's treelet; and the number of its children, of all and of those that move.
+const PARENT_IN_ENTRY: u32 = 9u;
+const SIBLINGS_IN_ENTRY: u32 = 10u;
 // A reference within a treelet, which is below 512, is also the index of a node here.
 const PLACES: u32 = 512u;
 const LEAVES: u32 = 256u;
@@ -24,8 +32,8 @@ struct Treelet {
 
 // Returns the treelet at `place` of a dispatch.
 fn treelet_at(place: u32) -> u32 {
-    let at = params.first + place;
-    if params.listed == 1u { return topology[at]; }
+    let at = params.treelets.first + place;
+    if params.treelets.listed == 1u { return topology[at]; }
     return at;
 }
 
@@ -83,7 +91,7 @@ var<workgroup> kept_words: array<u32, GROUP>;
 
 // Returns the word of this invocation's inner node, or 0 if it has no inner node. Call it early to hide the latency of the reads.
 fn inner_word(number: u32, local: u32) -> u32 {
-    if local < topology[ENTRY * number + 3u] { return topology[topology[ENTRY * number + 2u] + local]; }
+    if local < topology[ENTRY * number + INNER_COUNT_IN_ENTRY] { return topology[topology[ENTRY * number + INNER_AT_IN_ENTRY] + local]; }
     return 0u;
 }
 

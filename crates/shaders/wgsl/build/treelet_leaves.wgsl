@@ -4,12 +4,13 @@ import package::build::costs::sum_of_group;
 import package::build::interpolate::{blend, blend_native, is_rare};
 import package::geometry::record::{keep_index, record_of};
 import package::build::treelet::{
-    ENTRY, LEAVES, inner_word, join, keep_box, keep_leaf, kept, refit_treelet, treelet, treelet_at, write_treelet,
+    ENTRY, LEAF_COUNT_IN_ENTRY, LEAVES, inner_word, join, keep_box, keep_leaf, kept, refit_treelet, treelet, treelet_at, write_treelet,
 };
 import package::geometry::node::{LEAF, TWO};
 import package::geometry::triangle::{is_degenerate, is_finite, point_of, seen_to_have_area};
 import package::geometry::units::scaled_point;
 import package::lib::buffers::{costs, counts, records, topology, triangles};
+import package::lib::counters::{DEGENERATE_COUNT, INACTIVE_COUNT};
 import package::lib::params::{element, params};
 import package::build::treelet_refit::{leave_and_climb, look_ahead_to_parent};
 
@@ -27,11 +28,13 @@ const SHARED: u32 = 0x80000000u;
 
 // Writes the vertex indices of a newly adopted tree's triangles in leaf order, so that later stages read them directly by leaf.
 // Also resets the number of arrived children of each treelet.
+// Parameters: treelets.
+// Loaded with every scene.
 @compute @workgroup_size(256)
 fn gather_corners(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let i = element(id, groups, 256u);
     if i >= params.count { return; }
-    if i < params.first_group { costs[params.first_group + i] = 0u; }
+    if i < params.treelets.all { costs[params.treelets.all + i] = 0u; }
     let triangle = topology[params.leaf_triangles_at + i / 3u] & ~SHARED;
     leaf_corners[i] = triangles[3u * triangle + i % 3u];
 }
@@ -157,7 +160,7 @@ fn stand(local: u32, leaf: u32, triangle: u32) -> bool {
     records[3u * leaf + 2u] = record.third;
     keep_leaf(local, LEAF | leaf);
     if !(is_finite(given.a) && is_finite(given.b) && is_finite(given.c)) {
-        keep_empty(local, leaf, 0u);
+        keep_empty(local, leaf, INACTIVE_COUNT);
         return false;
     }
     keep_box(LEAVES + local, bitcast<vec3<u32>>(min(min(a, b), c)), bitcast<vec3<u32>>(max(max(a, b), c)));
@@ -179,7 +182,7 @@ fn share(local: u32, leaf: u32) -> f32 {
 fn make_treelet(local: u32, place: u32) {
     let number = treelet_at(place);
     let leaf = topology[ENTRY * number] + local;
-    let is_there = local < topology[ENTRY * number + 1u];
+    let is_there = local < topology[ENTRY * number + LEAF_COUNT_IN_ENTRY];
     let inner = inner_word(number, local);
     @if(preprocess_treelets_of_keys)
     look_ahead_to_parent(number);
@@ -187,7 +190,7 @@ fn make_treelet(local: u32, place: u32) {
     if is_there {
         word = topology[params.leaf_triangles_at + leaf];
         keep_index(leaf, word & ~SHARED);
-        if stand(local, leaf, word & ~SHARED) && has_none(leaf) { keep_empty(local, leaf, 1u); }
+        if stand(local, leaf, word & ~SHARED) && has_none(leaf) { keep_empty(local, leaf, DEGENERATE_COUNT); }
     }
     let t = treelet(number);
     workgroupBarrier();
@@ -205,6 +208,8 @@ fn make_treelet(local: u32, place: u32) {
 // those that move.
 //
 // Variants: intersector.
+// Parameters: treelets.
+// Loaded with every scene.
 @compute @workgroup_size(256)
 fn preprocess_treelets(
     @builtin(local_invocation_index) local: u32,
@@ -219,6 +224,8 @@ fn preprocess_treelets(
 // Does the same as `preprocess_treelets`, but from the two key frames around a moment, so it need not wait for `interpolate`.
 //
 // Variants: intersector.
+// Parameters: treelets.
+// Loaded with every scene.
 @compute @workgroup_size(256)
 fn preprocess_treelets_of_keys(
     @builtin(local_invocation_index) local: u32,

@@ -2,7 +2,7 @@
 
 import package::build::costs::{GROUP, half_area, partial_sums, sum_of_group};
 import package::build::treelet::{
-    ENTRY, LEAVES, Treelet, high_of, inner_word, keep_box, keep_leaf, low_of, refit_treelet, row_of, treelet,
+    ENTRY, LEAVES, PARENT_IN_ENTRY, ROOT_ROW_IN_ENTRY, SIBLINGS_IN_ENTRY, Treelet, high_of, inner_word, keep_box, keep_leaf, low_of, refit_treelet, row_of, treelet,
     treelet_at, write_treelet,
 };
 import package::lib::buffers::{costs, counts, nodes, topology};
@@ -82,7 +82,7 @@ fn add_up(t: Treelet, number: u32, local: u32, all: u32, found: vec2<f32>) {
     if local != 0u { return; }
     keep_cost(number, sums.x);
     if all > 0u {
-        put_count(params.destination, sums.x + sums.y);
+        put_count(params.treelets.sum_counter, sums.x + sums.y);
         put_count(5u, half_area(low_of(root), high_of(root)));
     }
 }
@@ -104,6 +104,8 @@ fn keep_cost(i: u32, cost: f32) { costs[i] = cost; }
 @if(refit_treelets)
 fn put_count(i: u32, x: f32) { counts[i] = bitcast<u32>(x); }
 
+// Parameters: treelets.
+// Loaded with every scene.
 @compute @workgroup_size(256)
 fn refit_treelets(
     @builtin(local_invocation_index) local: u32,
@@ -114,9 +116,9 @@ fn refit_treelets(
     if place >= params.count { return; }
     let number = treelet_at(place);
     let t = treelet(number);
-    let found = refit_above(t, number, local, params.first_group);
+    let found = refit_above(t, number, local, params.treelets.all);
     write_treelet(t, local);
-    add_up(t, number, local, params.first_group, found);
+    add_up(t, number, local, params.treelets.all, found);
 }
 
 // All treelets above those of triangles, in the same dispatch. The workgroup that arrives last at a parent continues with it, as
@@ -138,7 +140,7 @@ fn keep_cost(i: u32, cost: f32) { atomicStore(&costs[i], bitcast<u32>(cost)); }
 fn put_count(i: u32, x: f32) { atomicStore(&counts[i], bitcast<u32>(x)); }
 
 // Returns where a root's words begin. The rows of all roots are contiguous, from the first treelet's on.
-fn words_of_root(row: u32) -> u32 { return 2u * params.first_group + 4u * (row - topology[7]); }
+fn words_of_root(row: u32) -> u32 { return 2u * params.treelets.all + 4u * (row - topology[ROOT_ROW_IN_ENTRY]); }
 
 @if(!refit_treelets)
 fn low_below(row: u32) -> vec4<u32> {
@@ -157,9 +159,9 @@ var<private> parent: u32;
 var<private> siblings: u32;
 
 fn look_ahead_to_parent(number: u32) {
-    parent = topology[ENTRY * number + 9u];
+    parent = topology[ENTRY * number + PARENT_IN_ENTRY];
     siblings = 0u;
-    if parent != NO_PARENT { siblings = topology[ENTRY * parent + 10u + params.listed]; }
+    if parent != NO_PARENT { siblings = topology[ENTRY * parent + SIBLINGS_IN_ENTRY + params.treelets.listed]; }
 }
 
 // Passes a treelet's roots to its parent.
@@ -178,9 +180,9 @@ fn hand_over(t: Treelet, local: u32) {
 
 // Returns the parent if all its other children have arrived, and resets its count for the next dispatch.
 fn parent_to_go_on_with() -> u32 {
-    let came = 1u + atomicAdd(&costs[params.first_group + parent], 1u);
+    let came = 1u + atomicAdd(&costs[params.treelets.all + parent], 1u);
     if came != siblings { return NO_PARENT; }
-    atomicStore(&costs[params.first_group + parent], 0u);
+    atomicStore(&costs[params.treelets.all + parent], 0u);
     return parent;
 }
 
@@ -188,10 +190,10 @@ fn parent_to_go_on_with() -> u32 {
 fn leave_and_climb(first: u32, local: u32, area: f32) {
     let sum = sum_of_group(local, area);
     if local == 0u { keep_cost(first, sum); }
-    let last = params.first_group - 1u;
+    let last = params.treelets.all - 1u;
     var t = treelet(first);
     var number = first;
-    while params.first_group > 1u && number != last {
+    while params.treelets.all > 1u && number != last {
         hand_over(t, local);
         storageBarrier();
         // The boxes are written while the count is in flight.
@@ -202,7 +204,7 @@ fn leave_and_climb(first: u32, local: u32, area: f32) {
         storageBarrier();
         look_ahead_to_parent(number);
         t = treelet(number);
-        let all = select(0u, params.first_group, number == last);
+        let all = select(0u, params.treelets.all, number == last);
         add_up(t, number, local, all, refit_above(t, number, local, all));
     }
     write_treelet(t, local);

@@ -5,6 +5,7 @@ import package::geometry::units::{is_extreme, is_finite_point, ordered, scaled_p
 import package::intersect::intersector::LEAVES_EXTREMES;
 import package::intersect::line::set_line;
 import package::lib::buffers::{counts, rays};
+import package::lib::counters::LEFT_AT;
 import package::lib::ieee::{add, mul};
 import package::lib::params::params;
 
@@ -80,9 +81,6 @@ fn is_void_ray(first: vec4<u32>, second: vec4<u32>) -> bool {
     let is_interval = all(sizes <= vec2<u32>(0x7f800000u)) && ordered(first.w) < ordered(second.w);
     return is_void_way(bitcast<vec3<f32>>(second.xyz), bitcast<vec3<f32>>(first.xyz)) || !is_interval;
 }
-
-// Word of `counts` that is 1 if a ray was left to `extreme_*`.
-const LEFT_AT: u32 = 16u;
 
 // Returns whether ray `i` misses here: it is invalid, or left to `extreme_*`. An origin may also be too far for the scene's scale.
 fn is_void(i: u32) -> bool {

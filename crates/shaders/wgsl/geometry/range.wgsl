@@ -2,6 +2,7 @@
 
 import package::geometry::units::{scale_bits, starts_beyond};
 import package::lib::buffers::{counts, range};
+import package::lib::counters::SPREAD_AT;
 import package::lib::params::{element, params};
 
 @group(0) @binding(next) var<storage, read> earlier: array<u32>;
@@ -29,9 +30,6 @@ fn is_measured_extreme(origin: vec3<f32>) -> bool {
 @if(extreme_rays)
 fn is_measured_unusual() -> bool { return (range[EXTREME] | range[TINY]) != 0u; }
 
-// Word of `counts` that is 2 if sizes differ so much that boxes are padded by their own distance, else 1. A hint for later
-// submissions.
-const SPREAD_AT: u32 = 17u;
 const INFINITE: u32 = 0x7f800000u;
 // 1.0
 const ONE: u32 = 0x3f800000u;
@@ -61,14 +59,14 @@ fn measure(vertex: u32) {
     // 2^-32
     if size > 0u && size < in_scene(ONE, -32) { atomicAdd(&group_near, 1u); }
     // A sample at the origin is not valid and is stored as infinite.
-    if vertex % params.first == 0u { atomicStore(&range[SAMPLES + vertex / params.first], select(INFINITE, size, size > 0u)); }
+    if vertex % params.measure.sample_step == 0u { atomicStore(&range[SAMPLES + vertex / params.measure.sample_step], select(INFINITE, size, size > 0u)); }
 }
 
 // Returns whether the largest coordinate exceeds 2^10 times the lower quartile of the valid samples. It does if it exceeds 2^10
 // times the size of more than a quarter of the samples.
 fn is_spread(local: u32, largest: u32) -> bool {
     var own: array<u32, SHARE>;
-    let count = (params.count + params.first - 1u) / params.first;
+    let count = (params.count + params.measure.sample_step - 1u) / params.measure.sample_step;
     for (var i = 0u; i < SHARE; i += 1u) {
         let sample = i * 128u + local;
         own[i] = INFINITE;
@@ -99,6 +97,7 @@ fn judge(local: u32) {
 
 // One vertex per invocation. The workgroup that finishes last writes the results.
 
+// Parameters: measure.
 @compute @workgroup_size(128)
 fn measure_range(
     @builtin(global_invocation_id) id: vec3<u32>,

@@ -2,9 +2,10 @@
 // of three words: a leaf, the next note, and whether the hit is in shadow if that leaf is hit (resolve_together.wgsl).
 //
 // `occluded` holds one word per ray, the list of open rays, and the notes. Then follow the stacks of fallback.wgsl and, for
-// kernels that need both, a list of open shadow rays. The list that any-hit searches fill begins at `destination`.
+// kernels that need both, a list of open shadow rays. The list that any-hit searches fill begins at `open_shadows_at`.
 
 import package::lib::buffers::{counts, occluded};
+import package::lib::counters::NOTES;
 import package::lib::params::params;
 
 // Index of the first note. In `occluded`, an open any-hit query has such an index in place of the answer 0 or 1.
@@ -15,14 +16,7 @@ const TOO_MANY: u32 = 0xfffffffeu;
 // In place of the first weight of an open ray's hit. No weight has these bits.
 const OPEN: u32 = 0xffffffffu;
 
-// Words of `counts`: open rays, open shadow rays, and notes. HARD is the distance from the count of open rays to the count of
-// those that notes do not resolve.
-const OPEN_RAYS: u32 = 7u;
-const OPEN_SHADOWS: u32 = 8u;
-const NOTES: u32 = 9u;
-const HARD: u32 = 3u;
-
-fn note_at(note: u32) -> u32 { return 2u * params.first + 3u * (note - FIRST_NOTE); }
+fn note_at(note: u32) -> u32 { return 2u * params.search.open_rays_at + 3u * (note - FIRST_NOTE); }
 
 // Returns the word that holds the shadow of a note's leaf: 0, 1, or TOO_MANY if it is unknown.
 fn shadow_of(note: u32) -> u32 { return note_at(note) + 2u; }
@@ -30,7 +24,7 @@ fn shadow_of(note: u32) -> u32 { return note_at(note) + 2u; }
 // Allocates a note of a leaf, in no list yet. Returns TOO_MANY if there is no space.
 fn new_note(leaf: u32) -> u32 {
     let place = atomicAdd(&counts[NOTES], 1u);
-    if place >= params.notes { return TOO_MANY; }
+    if place >= params.search.notes { return TOO_MANY; }
     occluded[note_at(place + FIRST_NOTE)] = leaf;
     occluded[shadow_of(place + FIRST_NOTE)] = TOO_MANY;
     return place + FIRST_NOTE;

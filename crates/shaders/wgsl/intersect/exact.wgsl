@@ -6,8 +6,9 @@ import package::geometry::record::corners_of;
 import package::geometry::queries::way_through;
 import package::intersect::filter::{judge, set_view};
 import package::intersect::reported::surely_reported;
-import package::intersect::candidates::{NO_NOTE, OPEN, OPEN_RAYS, with_note};
+import package::intersect::candidates::{NO_NOTE, OPEN, with_note};
 import package::lib::buffers::{counts, occluded, rays};
+import package::lib::counters::{HIT_COUNT, OPEN_OF, OPEN_RAYS};
 import package::lib::params::params;
 import package::traversal::traverse::find_any;
 
@@ -76,13 +77,13 @@ fn exact_hit_of(i: u32, ray: Prepared, found: ExactFound) -> vec4<u32> {
     if found.leaf == NO_LEAF { return MISS; }
     let reported = surely_reported(ray, found.leaf, exact_direction_of(i));
     if !reported.sure { return left_open(i, found.bound, with_note(NO_NOTE, found.leaf)); }
-    atomicAdd(&counts[2], 1u);
+    atomicAdd(&counts[HIT_COUNT], 1u);
     return reported.hit;
 }
 
 // Appends a ray to the list of open rays. Hits beyond `bound` are not searched for.
 fn left_open(i: u32, bound: f32, list: u32) -> vec4<u32> {
-    occluded[params.first + atomicAdd(&counts[OPEN_RAYS], 1u)] = i;
+    occluded[params.search.open_rays_at + atomicAdd(&counts[OPEN_RAYS], 1u)] = i;
     return vec4<u32>(bitcast<u32>(bound), list, OPEN, 0u);
 }
 
@@ -109,14 +110,14 @@ fn exact_ask_any(ray: Prepared, ignore: u32) -> bool {
 }
 
 // Writes whether a ray hit anything. A hit increments word `count` of `counts`. An open ray is appended with its notes to the
-// list at word `destination`, whose length is word `count + 5`.
+// list at `open_shadows_at`, whose length is word `count + OPEN_OF`.
 fn exact_store_occluded(i: u32, met: bool, count: u32) {
     if met {
         occluded[i] = 1u;
         atomicAdd(&counts[count], 1u);
     } else if notes != NO_NOTE {
         occluded[i] = notes;
-        occluded[params.destination + atomicAdd(&counts[count + 5u], 1u)] = i;
+        occluded[params.search.open_shadows_at + atomicAdd(&counts[count + OPEN_OF], 1u)] = i;
     } else {
         occluded[i] = 0u;
     }

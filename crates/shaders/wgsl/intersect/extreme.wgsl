@@ -8,6 +8,7 @@ import package::geometry::units::{from_ordered, ordered, power_of_two, scale_bit
 import package::intersect::line::{Crossing, cross_exactly, is_within, line, make_line, order_crossings};
 import package::intersect::rounded::{rounded, weights_of};
 import package::lib::buffers::{counts, nodes, records};
+import package::lib::counters::{HIT_COUNT, OPEN_RAYS};
 import package::lib::ieee::parts;
 import package::lib::params::params;
 import package::lib::integers::CROSSINGS;
@@ -120,7 +121,7 @@ fn spare_slot() -> u32 { return select(0u, 1u, best_triangle != NO_TRIANGLE && b
 
 // Returns whether the rule is that of `watertight`: the ray's start moves by an infinitely small amount, and rounded t orders
 // hits.
-fn rule_moves() -> bool { return params.rule == 1u; }
+fn rule_moves() -> bool { return params.extremes.rule == 1u; }
 
 // Offers a triangle as a hit. Returns whether it is hit within the limits.
 fn offer_extreme(triangle: u32) -> bool {
@@ -144,7 +145,7 @@ fn offer_extreme(triangle: u32) -> bool {
 // Traverses the tree for the line that is set and ignores triangle `ignore`. Stops at the first hit if `any` is set.
 fn search_extreme(ignore: u32, any: bool) {
     best_triangle = NO_TRIANGLE;
-    atomicAdd(&counts[7], 1u);
+    atomicAdd(&counts[OPEN_RAYS], 1u);
     make_line();
     make_coarse();
     if !may_pass(nodes[0].xyz, nodes[1].xyz, line.t_max) { return; }
@@ -181,7 +182,7 @@ fn search_extreme(ignore: u32, any: bool) {
 fn hit_extreme(any: bool) -> vec4<u32> {
     search_extreme(NO_TRIANGLE, any);
     if best_triangle == NO_TRIANGLE { return MISS; }
-    atomicAdd(&counts[2], 1u);
+    atomicAdd(&counts[HIT_COUNT], 1u);
     if any { return vec4<u32>(0u, 0u, 0u, best_triangle); }
     let weights = weights_of(points_of(best_triangle));
     return vec4<u32>(best_t, weights, best_triangle);

@@ -1,6 +1,6 @@
 // Kernels for extreme rays.
 
-import package::geometry::queries::{LEFT_AT, asked, is_void_ray, set_line_of};
+import package::geometry::queries::{asked, is_void_ray, set_line_of};
 import package::geometry::ray::MISS;
 import package::geometry::range::{is_measured_extreme, is_measured_unusual};
 import package::geometry::record::NO_TRIANGLE;
@@ -9,6 +9,7 @@ import package::geometry::units::{is_extreme, scale_bits};
 import package::intersect::extreme::{any_extreme, hit_extreme};
 import package::intersect::line::{make_line, put_corners, put_side, set_line};
 import package::lib::buffers::{counts, hits, occluded};
+import package::lib::counters::{BLOCKED_COUNT, HIT_COUNT, LEFT_AT};
 import package::lib::exact::{soft_add, soft_multiply};
 import package::lib::params::{element, params};
 import package::lib::integers::{CROSSINGS, ONE, PRODUCTS, accumulate, clear, finish, sign_of_number};
@@ -128,19 +129,19 @@ fn is_left(i: u32) -> bool {
 @else
 fn is_left(i: u32) -> bool { return is_known_to_be_left(i); }
 
-// The closest hits of extreme rays, or whether there is any hit if `rounds` is 1. An answer has `rounds` words.
+// The closest hits of extreme rays, or whether there is any hit if `answer_words` is 1. An answer has `answer_words` words.
 
 @group(0) @binding(next) var<storage, read_write> answers: array<u32>;
 
 // If the host did not know which rays are extreme, other kernels have already answered and counted all rays.
 fn discount_hit(i: u32) {
-    let last = answers[params.rounds * (i + 1u) - 1u];
-    let found = select(last != NO_TRIANGLE, last == 1u, params.rounds == 1u);
-    if params.extreme == 2u && found { atomicSub(&counts[2], 1u); }
+    let last = answers[params.extremes.answer_words * (i + 1u) - 1u];
+    let found = select(last != NO_TRIANGLE, last == 1u, params.extremes.answer_words == 1u);
+    if params.extreme == 2u && found { atomicSub(&counts[HIT_COUNT], 1u); }
 }
 
 fn answer(i: u32, hit: vec4<u32>) {
-    if params.rounds == 1u {
+    if params.extremes.answer_words == 1u {
         answers[i] = u32(hit.w != NO_TRIANGLE);
         return;
     }
@@ -153,11 +154,12 @@ fn answer_ray(i: u32) {
     let ray = asked(i);
     if !is_void_ray(ray.first, ray.second) {
         set_line_of(i);
-        hit = hit_extreme(params.rounds == 1u);
+        hit = hit_extreme(params.extremes.answer_words == 1u);
     }
     answer(i, hit);
 }
 
+// Parameters: extremes.
 @compute @workgroup_size(64)
 fn extreme_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     if !may_be_left() { return; }
@@ -174,10 +176,11 @@ fn answer_shadow(i: u32) {
     let ray = asked(i);
     if is_in_extreme_shadow(ray.first.xyz, ray.second.xyz, hits[i]) {
         occluded[i] = 1u;
-        atomicAdd(&counts[3], 1u);
+        atomicAdd(&counts[BLOCKED_COUNT], 1u);
     }
 }
 
+// Parameters: extremes.
 @compute @workgroup_size(64)
 fn extreme_shadow_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     if !may_be_left() { return; }

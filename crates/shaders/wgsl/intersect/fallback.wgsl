@@ -10,24 +10,25 @@ import package::intersect::determinants::decide_alone;
 import package::intersect::filter::{judge, set_view};
 import package::intersect::line::make_line;
 import package::intersect::rounded::{meet_exactly, rounded, weights_of};
-import package::intersect::candidates::{FIRST_NOTE, HARD, OPEN, OPEN_RAYS, OPEN_SHADOWS, answer_any};
+import package::intersect::candidates::{FIRST_NOTE, OPEN, answer_any};
 import package::intersect::resolve_exact::{first, first_leaf, first_triangle, free_slot, offer, put_crossing};
 import package::lib::buffers::{counts, hits, nodes, occluded, records};
+import package::lib::counters::{HARD, HIT_COUNT, OPEN_RAYS, OPEN_SHADOWS};
 import package::lib::params::params;
 
 // One invocation per ray traverses the tree and decides each candidate. The stacks are in `occluded`, after the notes.
 
 const STACK: u32 = 64u;
 
-fn stack_at(place: u32) -> u32 { return 2u * params.first + 3u * params.notes + STACK * place; }
+fn stack_at(place: u32) -> u32 { return 2u * params.search.open_rays_at + 3u * params.search.notes + STACK * place; }
 
 // Resolves the open rays assigned to this invocation's place. Each kernel has its own `fallback_ray`. One invocation in 16 has a
 // place, so it is alone in its vector on software drivers.
 fn fallback_open(local: u32, group: u32, word: u32) {
     let place = 4u * group + local / 16u;
-    if local % 16u != 0u || place >= params.places || atomicLoad(&counts[word + HARD]) == 0u { return; }
+    if local % 16u != 0u || place >= params.search.places || atomicLoad(&counts[word + HARD]) == 0u { return; }
     let open = atomicLoad(&counts[word]);
-    for (var k = place; k < open; k += params.places) {
+    for (var k = place; k < open; k += params.search.places) {
         let i = occluded[list_at() + k];
         if is_open(i) { fallback_ray(place, i); }
     }
@@ -39,9 +40,9 @@ fn may_meet(ray: Prepared, row: u32, bound: f32) -> bool {
 
 // Returns where the list of open rays begins.
 @if(fallback_rays)
-fn list_at() -> u32 { return params.first; }
+fn list_at() -> u32 { return params.search.open_rays_at; }
 @else
-fn list_at() -> u32 { return params.destination; }
+fn list_at() -> u32 { return params.search.open_shadows_at; }
 
 @if(fallback_rays)
 fn is_open(i: u32) -> bool { return hits[i].z == OPEN; }
@@ -131,7 +132,7 @@ fn fallback_closest(place: u32, i: u32, ray: Prepared) {
     }
     let t = rounded(first);
     hits[i] = vec4<u32>(t, weights_of(points_of(first_triangle)), first_triangle);
-    atomicAdd(&counts[2], 1u);
+    atomicAdd(&counts[HIT_COUNT], 1u);
 }
 
 // Any-hit rays.
@@ -172,6 +173,7 @@ fn fallback_ray(place: u32, i: u32) {
 // Closest hits of rays that `resolve_exact_rays` or `resolve_exact_together` left open.
 //
 // Variants: intersector(exact), arithmetic.
+// Parameters: search.
 @compute @workgroup_size(64)
 fn fallback_rays(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     fallback_open(local, group.x + group.y * groups.x, OPEN_RAYS);
@@ -180,6 +182,7 @@ fn fallback_rays(@builtin(local_invocation_index) local: u32, @builtin(workgroup
 // Any-hit answers of explicit rays that `resolve_exact_any_rays` left open.
 //
 // Variants: intersector(exact).
+// Parameters: search.
 @compute @workgroup_size(64)
 fn fallback_any_rays(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     fallback_open(local, group.x + group.y * groups.x, OPEN_RAYS);
@@ -188,6 +191,7 @@ fn fallback_any_rays(@builtin(local_invocation_index) local: u32, @builtin(workg
 // Shadow rays that `resolve_exact_shadow_rays` or `shadow_left` left open.
 //
 // Variants: intersector(exact).
+// Parameters: search.
 @compute @workgroup_size(64)
 fn fallback_shadow_rays(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     fallback_open(local, group.x + group.y * groups.x, OPEN_SHADOWS);

@@ -8,8 +8,9 @@ import package::intersect::determinants::{
     Decided, RAYS, Rest, begin_rounds, crossing_in, decide_notes, decided, determinants, put_192, rest_of,
 };
 import package::intersect::line::{Crossing, order_crossings};
-import package::intersect::candidates::{HARD, NO_NOTE, OPEN_RAYS, TOO_MANY, answer_any, listed};
+import package::intersect::candidates::{NO_NOTE, TOO_MANY, answer_any, listed};
 import package::lib::buffers::{counts, hits, occluded, records};
+import package::lib::counters::{BLOCKED_COUNT, HARD, HIT_COUNT, OPEN_OF, OPEN_RAYS};
 import package::lib::fixed::{About, Whole192, compare_about, rounded_192, size_192};
 import package::lib::params::params;
 import package::lib::integers::CROSSINGS;
@@ -101,7 +102,7 @@ fn resolve_exact_closest(i: u32, told: u32) {
         return;
     }
     hits[i] = first_hit;
-    atomicAdd(&counts[2], 1u);
+    atomicAdd(&counts[HIT_COUNT], 1u);
 }
 
 // The list of rays with open closest hits, shared by workgroups.
@@ -113,7 +114,7 @@ fn resolve_exact_hits(local: u32, number: u32, sharers: u32) {
         var i = 0u;
         var list = NO_NOTE;
         if k < open {
-            i = occluded[params.first + k];
+            i = occluded[params.search.open_rays_at + k];
             list = listed(hits[i].y);
             set_line_of(i);
         }
@@ -146,7 +147,7 @@ fn said_by_notes(list: u32, local: u32) -> Said {
 // Writes whether one ray, whose line is set, hits anything, if its notes decide it. A hit increments word `count` of `counts`.
 fn resolve_exact_any(i: u32, count: u32, said: Said) {
     if !said.met && (said.hard || occluded[i] == TOO_MANY) {
-        atomicAdd(&counts[count + 5u + HARD], 1u);
+        atomicAdd(&counts[count + OPEN_OF + HARD], 1u);
         return;
     }
     answer_any(i, said.met, count);
@@ -160,15 +161,15 @@ fn set_line_asked(i: u32) { set_line_along(to_light(hits[i], asked(i).origin)); 
 
 // The list of open any-hit queries, shared by workgroups.
 //
-// Word `count` of `counts` counts hits. Word `count + 5` is the number of open queries.
+// Word `count` of `counts` counts hits. Word `count + OPEN_OF` is the number of open queries.
 fn resolve_exact_queries(local: u32, number: u32, sharers: u32, count: u32) {
-    let open = begin_rounds(local, count + 5u);
+    let open = begin_rounds(local, count + OPEN_OF);
     for (var first = RAYS * number; first < open; first += RAYS * sharers) {
         let k = first + local / 16u;
         var i = 0u;
         var list = NO_NOTE;
         if k < open {
-            i = occluded[params.destination + k];
+            i = occluded[params.search.open_shadows_at + k];
             list = listed(occluded[i]);
             set_line_asked(i);
         }
@@ -180,24 +181,27 @@ fn resolve_exact_queries(local: u32, number: u32, sharers: u32, count: u32) {
 // Any-hit answers of explicit rays that `any_rays` left open.
 //
 // Variants: intersector(exact).
+// Parameters: search.
 @compute @workgroup_size(64)
 fn resolve_exact_any_rays(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let number = group.x + group.y * groups.x;
-    resolve_exact_queries(local, number, groups.x * groups.y, 2u);
+    resolve_exact_queries(local, number, groups.x * groups.y, HIT_COUNT);
 }
 
 // Shadow rays that `shadow_rays` left open.
 //
 // Variants: intersector(exact).
+// Parameters: search.
 @compute @workgroup_size(64)
 fn resolve_exact_shadow_rays(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let number = group.x + group.y * groups.x;
-    resolve_exact_queries(local, number, groups.x * groups.y, 3u);
+    resolve_exact_queries(local, number, groups.x * groups.y, BLOCKED_COUNT);
 }
 
 // Closest hits that `trace_camera` or `trace_rays` left open. A fixed number of workgroups shares the list.
 //
 // Variants: intersector(exact).
+// Parameters: search.
 @compute @workgroup_size(64)
 fn resolve_exact_rays(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let number = group.x + group.y * groups.x;

@@ -9,12 +9,13 @@ import package::intersect::determinants::{begin_rounds, note_after};
 import package::intersect::filter::{judge, set_view};
 import package::intersect::reported::surely_reported;
 import package::intersect::candidates::{
-    NOTES, NO_NOTE, OPEN_RAYS, OPEN_SHADOWS, TOO_MANY, answer_any, listed, new_note, note_at, shadow_of,
+    NO_NOTE, TOO_MANY, answer_any, listed, new_note, note_at, shadow_of,
 };
 import package::intersect::resolve_exact::{
     Said, resolve_exact_any, resolve_exact_hits, resolve_exact_queries, said_by_notes,
 };
 import package::lib::buffers::{counts, hits, nodes, occluded, records};
+import package::lib::counters::{BLOCKED_COUNT, NOTES, OPEN_RAYS, OPEN_SHADOWS};
 import package::lib::params::params;
 
 // Any-hit search for one ray by a workgroup of 64, in which each invocation takes one node at a time. With few rays, an
@@ -74,8 +75,8 @@ fn begin_search(traced: bool, ray: Prepared, local: u32) {
     }
     workgroupBarrier();
     if !traced { return; }
-    for (var k = local; k < params.count; k += 64u) {
-        let row = params.goal + 2u * k;
+    for (var k = local; k < params.start_count; k += 64u) {
+        let row = params.start_row + 2u * k;
         if meets_box(ray, nodes[row], nodes[row + 1u], ray.t_max) { wait(nodes[row].w); }
     }
 }
@@ -115,7 +116,7 @@ fn search_together(traced: bool, ray: Prepared, ignore: u32, local: u32) -> u32 
 fn outcome_of(ray: Prepared, gave_up: bool) -> u32 {
     let notes = atomicLoad(&note_count);
     if atomicLoad(&surely_met) == 1u { return MET; }
-    let lost = atomicLoad(&counts[NOTES]) > params.notes && notes > 0u;
+    let lost = atomicLoad(&counts[NOTES]) > params.search.notes && notes > 0u;
     return select(atomicLoad(&first_note), TOO_MANY, gave_up || lost);
 }
 
@@ -175,7 +176,7 @@ fn seek_shadows(local: u32, number: u32, sharers: u32) {
     let open = begin_rounds(local, OPEN_RAYS);
     if open > MOST_RAYS { return; }
     for (var k = number / ABREAST; k < open; k += sharers / ABREAST) {
-        let i = occluded[params.first + k];
+        let i = occluded[params.search.open_rays_at + k];
         var note = note_after(listed(occluded[i]), number % ABREAST);
         for (var c = number % ABREAST; c < CANDIDATES && note != NO_NOTE; c += ABREAST) {
             seek_shadow(i, note, local);
@@ -185,14 +186,15 @@ fn seek_shadows(local: u32, number: u32, sharers: u32) {
 }
 
 // Variants: intersector(exact), arithmetic.
+// Parameters: search.
 @compute @workgroup_size(64)
 fn resolve_exact_together(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let number = group.x + group.y * groups.x;
-    let sharers = params.first_group;
+    let sharers = params.search.sharers;
     if number < sharers {
         resolve_exact_hits(local, number, sharers);
     } else if number < 2u * sharers {
-        resolve_exact_queries(local, number - sharers, sharers, 3u);
+        resolve_exact_queries(local, number - sharers, sharers, BLOCKED_COUNT);
     } else {
         seek_shadows(local, number - 2u * sharers, groups.x * groups.y - 2u * sharers);
     }
@@ -205,26 +207,27 @@ fn resolve_exact_together(@builtin(local_invocation_index) local: u32, @builtin(
 fn keep(i: u32, sought: Sought) {
     let found = sought.found;
     if found == MET || found == NO_NOTE {
-        answer_any(i, found == MET, 3u);
+        answer_any(i, found == MET, BLOCKED_COUNT);
         return;
     }
     occluded[i] = found;
-    occluded[params.destination + atomicAdd(&counts[OPEN_SHADOWS], 1u)] = i;
-    resolve_exact_any(i, 3u, sought.said);
+    occluded[params.search.open_shadows_at + atomicAdd(&counts[OPEN_SHADOWS], 1u)] = i;
+    resolve_exact_any(i, BLOCKED_COUNT, sought.said);
 }
 
 // Variants: intersector(exact).
+// Parameters: search.
 @compute @workgroup_size(64)
 fn shadow_left(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let number = group.x + group.y * groups.x;
     let open = begin_rounds(local, OPEN_RAYS);
     for (var k = number; k < open; k += groups.x * groups.y) {
-        let i = occluded[params.first + k];
+        let i = occluded[params.search.open_rays_at + k];
         let hit = hits[i];
         if local == 0u { outcome = known_shadow(i, hit); }
         let told = workgroupUniformLoad(&outcome);
         if told != TOO_MANY {
-            if local == 0u { answer_any(i, told == 1u, 3u); }
+            if local == 0u { answer_any(i, told == 1u, BLOCKED_COUNT); }
             continue;
         }
         let sought = seek_along(to_light(hit, eye()), hit.w, local);

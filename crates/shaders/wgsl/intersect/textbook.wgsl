@@ -4,6 +4,7 @@ import package::geometry::ray::{MISS, Prepared, clamped, inverse_of, slab};
 import package::geometry::record::{Corners, corners_of};
 import package::geometry::units::in_ray_units;
 import package::lib::buffers::{counts, records};
+import package::lib::counters::HIT_COUNT;
 import package::lib::params::params;
 
 // Shared by both: t is clamped to the triangle's own box, so that the hit does not depend on the tree.
@@ -79,7 +80,7 @@ fn textbook_intersect_leaf_closest(ray: Prepared, leaf: u32, best: TextbookFound
 // Returns the hit to write for a ray, with t in the ray's own units.
 fn textbook_hit_of(i: u32, ray: Prepared, best: TextbookFound) -> vec4<u32> {
     if best.triangle == 0xffffffffu { return MISS; }
-    atomicAdd(&counts[2], 1u);
+    atomicAdd(&counts[HIT_COUNT], 1u);
     let t = in_ray_units(best.t, ray.exponent);
     return vec4<u32>(t, bitcast<u32>(best.u), bitcast<u32>(best.v), best.triangle);
 }

@@ -7,6 +7,7 @@ import package::intersect::sheared::{
     Edges, Sheared, Turned, crossing, edges_of, loose_own_pad, padded_span, turned_corners, within_own,
 };
 import package::lib::buffers::{counts, records};
+import package::lib::counters::HIT_COUNT;
 import package::lib::exact::sign_of_difference;
 import package::lib::ieee::{add, divide, divide_by, divisor};
 import package::lib::params::params;
@@ -98,7 +99,7 @@ fn watertight_earlier(t: f32, leaf: u32, other_t: f32, other: u32) -> Watertight
 // Returns the hit to write for a ray, with t in the ray's own units.
 fn watertight_hit_of(i: u32, ray: Prepared, found: WatertightFound) -> vec4<u32> {
     if found.leaf == NO_LEAF { return MISS; }
-    @if(!MODULE) atomicAdd(&counts[2], 1u);
+    @if(!MODULE) atomicAdd(&counts[HIT_COUNT], 1u);
     let corners = turned_corners(ray, found.leaf);
     let c = crossing(edges_of(ray, corners));
     let by = divisor(c.det);

@@ -1,4 +1,101 @@
-// Parameters of a dispatch. Each kernel reads those it needs.
+// Parameters of a dispatch: those that all kernels share, and one struct of the kernel's own.
+
+// Kernels that search along rays, and those that resolve the rays that `exact` left open.
+struct SearchParams {
+    // Where the lists of open rays and of open shadow rays begin in `occluded`. Both have the number of rays as their capacity.
+    open_rays_at: u32,
+    open_shadows_at: u32,
+    // Number of invocations that resolve rays one by one: see fallback.wgsl.
+    places: u32,
+    // Capacity for candidate notes: see candidates.wgsl.
+    notes: u32,
+    // `resolve_exact_together`: number of workgroups that share each of its two lists.
+    sharers: u32,
+}
+
+// Kernels that rasterize.
+struct RasterParams {
+    // Capacity for tiles: see cover.wgsl.
+    tiles: u32,
+}
+
+// Kernels that answer extreme rays.
+struct ExtremesParams {
+    // 0 for the rule of `exact`, 1 for that of `watertight`.
+    rule: u32,
+    // Number of words of each answer.
+    answer_words: u32,
+}
+
+// `measure_range`.
+struct MeasureParams {
+    // Number of vertices from one sample to the next.
+    sample_step: u32,
+}
+
+// Kernels that compute records and boxes of treelets.
+struct TreeletsParams {
+    // Index of the first treelet; or the word of `topology` where the list of treelets begins, if `listed` is 1.
+    first: u32,
+    listed: u32,
+    // Total number of treelets, for dispatches that reach the root. Otherwise 0.
+    all: u32,
+    // Word of `counts` for the sum of areas.
+    sum_counter: u32,
+}
+
+// `sum_costs`.
+struct SumParams {
+    // Word of `counts` for the sum.
+    counter: u32,
+}
+
+// `interpolate`.
+struct InterpolationParams {
+    // 1 if `moving_rows` lists the rows to write.
+    listed: u32,
+}
+
+// `copy_points`.
+struct PointsParams {
+    // Offsets in words.
+    source_at: u32,
+    target_at: u32,
+}
+
+// Kernels that sort.
+struct SortParams {
+    // Where the elements begin before and after the pass.
+    source_at: u32,
+    target_at: u32,
+    // Number of key bits below the current digit.
+    shift: u32,
+}
+
+// `cluster`.
+struct PhaseParams {
+    // Number of tiles of the phases before this one.
+    first_tile: u32,
+    // Where the clusters begin before and after the phase.
+    source_at: u32,
+    target_at: u32,
+    // Number of clusters by which tiles begin early.
+    early: u32,
+    // Number of clusters that each tile leaves.
+    goal: u32,
+    // Maximum number of rounds that search for nearest neighbours.
+    rounds: u32,
+}
+
+// `count_answers`.
+struct AnswerParams {
+    // Number of words of an answer, the word to test, and its value for a miss.
+    words: u32,
+    word: u32,
+    miss: u32,
+    // Word of `counts` for the number of answers that are not a miss.
+    counter: u32,
+}
 
 struct Params {
     // Camera: see geom::Camera. `width` is 0 for explicit rays.
@@ -7,9 +104,8 @@ struct Params {
     corner: vec3<f32>,
     height: u32,
     across: vec3<f32>,
-    // `cluster`: number of tiles of the phases before this one. Treelet kernels that reach the root: total number of treelets.
-    // `resolve_exact_together`: number of workgroups that share each of its two lists.
-    first_group: u32,
+    // Offset of the leaves' triangles in the topology, in words.
+    leaf_triangles_at: u32,
     down: vec3<f32>,
     // Weight of the later key frame.
     alpha: f32,
@@ -17,30 +113,14 @@ struct Params {
     light: vec3<f32>,
     // k: vertices and origins are scaled by 2^-k.
     scale_exponent: i32,
-    // Number of elements of this dispatch, or of the boxes where a workgroup's search starts; and the first element.
+    // Number of elements of this dispatch.
     count: u32,
-    first: u32,
-    // Offset of the leaves' triangles in the topology, in words.
-    leaf_triangles_at: u32,
     node_count: u32,
     // Always 0, which the compiler must not know.
     zero: u32,
-    // 1 if a list that begins at word `first` names the elements of this dispatch.
-    listed: u32,
-    // Offset of the results of this dispatch.
-    destination: u32,
-    // Number of key bits below the current digit. `cluster`: number of clusters by which tiles begin early.
-    shift: u32,
-    // Number of clusters that each tile leaves; or the row of the first box where a workgroup's search starts.
-    goal: u32,
-    // Maximum number of rounds that search for nearest neighbours. For answers: number of words of each.
-    rounds: u32,
-    // Number of invocations that resolve rays one by one: see fallback.wgsl.
-    places: u32,
-    // Capacity for candidate notes (see candidates.wgsl) or for tiles (see cover.wgsl).
-    notes: u32,
-    // Rule for extreme rays: 0 for that of `exact`, 1 for that of `watertight`.
-    rule: u32,
+    // Row of the first box where a workgroup's search starts, and the number of these boxes.
+    start_row: u32,
+    start_count: u32,
     // `extreme`: 1 if all rays are extreme, 2 if only the buffer `range` holds the answer.
     // `tiny`: 1 if rays that start near the origin are extreme (geometry/units.wgsl).
     extreme: u32,
@@ -65,6 +145,18 @@ struct Params {
     pixel_margin: f32,
     // Largest scene extent that the offset of shadow rays takes into account, in scaled units: geom::Range.
     clearance: f32,
+    // The kernel's own parameters, which a comment above its entry point names.
+    @if(SEARCH) @align(16) search: SearchParams,
+    @if(RASTER) @align(16) raster: RasterParams,
+    @if(EXTREMES) @align(16) extremes: ExtremesParams,
+    @if(MEASURE) @align(16) measure: MeasureParams,
+    @if(TREELETS) @align(16) treelets: TreeletsParams,
+    @if(SUM) @align(16) sum: SumParams,
+    @if(INTERPOLATION) @align(16) interpolation: InterpolationParams,
+    @if(POINTS) @align(16) points: PointsParams,
+    @if(SORT) @align(16) sort: SortParams,
+    @if(PHASE) @align(16) phase: PhaseParams,
+    @if(ANSWER) @align(16) answer: AnswerParams,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;

@@ -4,6 +4,7 @@ import package::geometry::light::{is_occluded, way_from};
 import package::geometry::ray::{MISS, Prepared};
 import package::intersect::intersector::{Found, hit_of, is_unresolved, store_occluded};
 import package::lib::buffers::{hits, occluded};
+import package::lib::counters::BLOCKED_COUNT;
 
 // Writes the hit of ray `i` from `eye`, and whether the hit point is in shadow.
 fn finish_ray(i: u32, ray: Prepared, found: Found, eye: vec3<f32>) {
@@ -16,11 +17,11 @@ fn finish_ray(i: u32, ray: Prepared, found: Found, eye: vec3<f32>) {
     }
     var is_dark = false;
     if hit.w != 0xffffffffu { is_dark = is_occluded(way_from(found, hit, eye), hit.w); }
-    store_occluded(i, is_dark, 3u);
+    store_occluded(i, is_dark, BLOCKED_COUNT);
 }
 
 // Writes that ray `i` hits nothing.
 fn finish_miss(i: u32) {
     hits[i] = MISS;
-    store_occluded(i, false, 3u);
+    store_occluded(i, false, BLOCKED_COUNT);
 }

@@ -154,6 +154,7 @@ fn trace_tile(packet: vec2<u32>, lane: u32) {
 // Closest hits of a camera's rays and their shadow rays, packet by packet. Each workgroup is a packet.
 //
 // Variants: intersector, arithmetic.
+// Parameters: search.
 @compute @workgroup_size(32)
 fn trace_packets(@builtin(local_invocation_index) lane: u32, @builtin(workgroup_id) group: vec3<u32>) {
     trace_tile(group.xy, lane);
@@ -162,7 +163,8 @@ fn trace_packets(@builtin(local_invocation_index) lane: u32, @builtin(workgroup_
 // Closest hits of a camera's rays and their shadow rays, packet by packet. Each subgroup of 32 is a packet, and a
 // workgroup has four.
 //
-// Variants: intersector, arithmetic.
+// Variants: intersector, arithmetic, subgroups.
+// Parameters: search.
 @compute @workgroup_size(128)
 fn trace_packets_by_subgroups(@builtin(subgroup_invocation_id) lane: u32, @builtin(subgroup_id) packet: u32, @builtin(workgroup_id) group: vec3<u32>) {
     trace_tile(2u * group.xy + vec2<u32>(packet & 1u, packet >> 1u), lane);

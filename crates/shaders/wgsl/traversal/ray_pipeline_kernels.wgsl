@@ -30,14 +30,15 @@ fn cleanse(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups
     put_point(9u * triangle + 6u, select(point, c, hittable));
 }
 
-// Answers to rays, `rounds` words each.
+// Answers to rays, `words` words each.
 @group(0) @binding(next) var<storage, read> answers: array<u32>;
 
 var<workgroup> sum: atomic<u32>;
 
 // Counts the rays whose answer is not a miss, with one atomic addition per workgroup, so that the trace itself need not count.
-// Word `shift` of an answer's `rounds` words is `goal` for a miss. `first` is the word of `counts`.
+// See AnswerParams in lib/params.wgsl.
 
+// Parameters: answer.
 @compute @workgroup_size(128)
 fn count_answers(
     @builtin(global_invocation_id) id: vec3<u32>,
@@ -48,8 +49,8 @@ fn count_answers(
     workgroupBarrier();
     let i = element(id, groups, 128u);
     if i < params.count {
-        if answers[i * params.rounds + params.shift] != params.goal { atomicAdd(&sum, 1u); }
+        if answers[i * params.answer.words + params.answer.word] != params.answer.miss { atomicAdd(&sum, 1u); }
     }
     workgroupBarrier();
-    if local == 0u { atomicAdd(&counts[params.first], atomicLoad(&sum)); }
+    if local == 0u { atomicAdd(&counts[params.answer.counter], atomicLoad(&sum)); }
 }

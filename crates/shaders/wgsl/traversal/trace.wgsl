@@ -6,6 +6,7 @@ import package::geometry::ray::{MISS, root_from};
 import package::geometry::units::scaled_point;
 import package::intersect::intersector::{ask_any, hit_of, store_occluded};
 import package::lib::buffers::{hits, rays};
+import package::lib::counters::{BLOCKED_COUNT, HIT_COUNT};
 import package::lib::params::{element, params};
 import package::traversal::finish::{finish_miss, finish_ray};
 import package::traversal::traverse::find_closest;
@@ -13,6 +14,7 @@ import package::traversal::traverse::find_closest;
 // Closest hits of camera rays, which the kernel generates.
 //
 // Variants: intersector, arithmetic.
+// Parameters: search.
 @compute @workgroup_size(128)
 fn trace_camera(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>) {
     let pixel = pixel_of(local, group);
@@ -32,6 +34,7 @@ fn trace_camera(@builtin(local_invocation_index) local: u32, @builtin(workgroup_
 // Closest hits of explicit rays.
 //
 // Variants: intersector, arithmetic.
+// Parameters: search.
 @compute @workgroup_size(128)
 fn trace_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let i = element(id, groups, 128u);
@@ -47,19 +50,21 @@ fn trace_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgro
 // Any-hit answers of explicit rays.
 //
 // Variants: intersector, arithmetic.
+// Parameters: search.
 @compute @workgroup_size(128)
 fn any_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let i = element(id, groups, 128u);
     if i >= params.count { return; }
     var met = false;
     if !is_void(i) { met = ask_any(given_ray(i), 0xffffffffu); }
-    store_occluded(i, met, 2u);
+    store_occluded(i, met, HIT_COUNT);
 }
 
 // Closest hits of camera rays, which the kernel generates, and their shadow rays. In some scenes this takes three quarters of the
 // time of two kernels: warps that have finished their closest hits continue with shadow rays.
 //
 // Variants: intersector, arithmetic.
+// Parameters: search.
 @compute @workgroup_size(128)
 fn trace_and_shadow_camera(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>) {
     let pixel = pixel_of(local, group);
@@ -79,6 +84,7 @@ fn trace_and_shadow_camera(@builtin(local_invocation_index) local: u32, @builtin
 // Shadow rays of the hits of explicit rays.
 //
 // Variants: intersector, arithmetic.
+// Parameters: search.
 @compute @workgroup_size(128)
 fn shadow_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let i = element(id, groups, 128u);
@@ -86,5 +92,5 @@ fn shadow_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgr
     let hit = hits[i];
     var dark = false;
     if hit.w != 0xffffffffu { dark = is_occluded(to_light(hit, scaled_point(rays[2u * i].xyz)), hit.w); }
-    store_occluded(i, dark, 3u);
+    store_occluded(i, dark, BLOCKED_COUNT);
 }

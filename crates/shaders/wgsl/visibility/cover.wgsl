@@ -2,6 +2,7 @@
 
 import package::geometry::queries::eye;
 import package::lib::buffers::{counts, covers};
+import package::lib::counters::{LARGE_COUNT, TEST_COUNT, TILE_COUNT};
 import package::lib::params::{element, params};
 import package::visibility::outline::{Outline, cover_reach, loose_stamp, outline_of, without_edges};
 
@@ -12,11 +13,6 @@ import package::visibility::outline::{Outline, cover_reach, loose_stamp, outline
 // Capacity for large triangles.
 const LISTED: u32 = 4096u;
 const SIDES: vec2<i32> = vec2<i32>(8, 4);
-// Words of `counts`: tiles, large triangles, tests, and whether rasterization was incomplete.
-const TILE_COUNT: u32 = 12u;
-const LARGE_COUNT: u32 = 13u;
-const TEST_COUNT: u32 = 14u;
-const UNTOLD_AT: u32 = 15u;
 
 // Elements of the visibility buffer per pixel.
 @if(WATERTIGHT)
@@ -93,6 +89,7 @@ fn keep_several(o: Outline, leaf: u32, first: u32) {
 }
 
 // Variants: intersector.
+// Parameters: raster.
 @compute @workgroup_size(256)
 fn cover_small(@builtin(local_invocation_index) local: u32, @builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let leaf = element(id, groups, 256u);
@@ -101,7 +98,7 @@ fn cover_small(@builtin(local_invocation_index) local: u32, @builtin(global_invo
     if leaf < params.count { o = outline_of(leaf, origin, cover_reach(origin)); }
     let own = own_of(o, leaf);
     let at = place_stamps(own.tiles, own.tests, local).own;
-    if own.tiles == 0u || at + own.tiles > params.notes { return; }
+    if own.tiles == 0u || at + own.tiles > params.raster.tiles { return; }
     if own.tiles == 1u { keep_tile(at, leaf, o.first, own.pixels); } else { keep_several(o, leaf, at); }
 }
 
@@ -121,12 +118,13 @@ fn stamp_share(leaf: u32, local: u32, first: i32, sharers: i32) {
         if all(corner <= o.last) { pixels = loose_stamp(o, corner); }
         let place = place_stamps(min(pixels, 1u), countOneBits(pixels), local);
         // The tiles do not fit, so rasterization is incomplete anyway.
-        if place.first > params.notes { break; }
-        if pixels != 0u && place.own < params.notes { keep_tile(place.own, leaf, corner, pixels); }
+        if place.first > params.raster.tiles { break; }
+        if pixels != 0u && place.own < params.raster.tiles { keep_tile(place.own, leaf, corner, pixels); }
     }
 }
 
 // Variants: intersector.
+// Parameters: raster.
 @compute @workgroup_size(128)
 fn cover_large(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let count = atomicLoad(&counts[LARGE_COUNT]);

@@ -7,9 +7,10 @@ import package::intersect::intersector::begin_of;
 import package::intersect::sheared::{edges_of, turned_corners};
 import package::intersect::watertight::{distance_to, surely_passes};
 import package::lib::buffers::{counts, covers};
+import package::lib::counters::{LARGE_COUNT, TEST_COUNT, TILE_COUNT, UNTOLD_AT};
 import package::lib::lanes::{count_up_to, of_lane, sum_up_to};
 import package::lib::params::{element, params};
-import package::visibility::cover::{KEPT, LARGE_COUNT, LISTED, TEST_COUNT, TILE_COUNT, UNTOLD_AT};
+import package::visibility::cover::{KEPT, LISTED};
 
 // Per pixel with `watertight`: t of the first hit as bits, above the index of its triangle; all ones if nothing is hit. The other
 // intersectors keep the least two t of each pixel, each above its leaf. A last element is all ones if rasterization was complete.
@@ -98,7 +99,7 @@ fn test_share(team: u32, teams: u32, count: u32, lane: u32) {
 
 // Returns whether all tiles were stored and the tests take less time than traversal would.
 fn tell_all(tiles: u32, pixels: u32) -> bool {
-    return tiles <= params.notes && atomicLoad(&counts[LARGE_COUNT]) <= LISTED && atomicLoad(&counts[TEST_COUNT]) <= 2u * pixels;
+    return tiles <= params.raster.tiles && atomicLoad(&counts[LARGE_COUNT]) <= LISTED && atomicLoad(&counts[TEST_COUNT]) <= 2u * pixels;
 }
 
 // Returns the number of tiles to test, the same for all invocations of a workgroup.
@@ -119,6 +120,7 @@ fn count_stamps(local: u32, group: u32) -> u32 {
 // First hits, triangle by triangle. Each workgroup is a team.
 //
 // Variants: intersector, arithmetic.
+// Parameters: raster.
 @compute @workgroup_size(32)
 fn rasterize(@builtin(local_invocation_index) lane: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     test_share(group.x, groups.x, count_stamps(lane, group.x), lane);
@@ -126,7 +128,8 @@ fn rasterize(@builtin(local_invocation_index) lane: u32, @builtin(workgroup_id) 
 
 // First hits, triangle by triangle. Each subgroup is a team.
 //
-// Variants: intersector, arithmetic.
+// Variants: intersector, arithmetic, subgroups.
+// Parameters: raster.
 @compute @workgroup_size(128)
 fn rasterize_by_subgroups(@builtin(local_invocation_index) local: u32, @builtin(subgroup_invocation_id) lane: u32, @builtin(subgroup_id) team: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     test_share(4u * group.x + team, 4u * groups.x, count_stamps(local, group.x), lane);

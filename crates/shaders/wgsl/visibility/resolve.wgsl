@@ -12,6 +12,7 @@ import package::intersect::intersector::{hit_on, is_found, limit, nothing_found}
 import package::intersect::sheared::{Turned, crossing, edges_of, turned_corners};
 import package::intersect::watertight::distance_to;
 import package::lib::buffers::{counts, hits, triangles};
+import package::lib::counters::{BLOCKED_COUNT, HIT_COUNT};
 import package::lib::ieee::{divide_by, divisor};
 import package::lib::params::params;
 import package::traversal::finish::{finish_miss, finish_ray};
@@ -57,14 +58,14 @@ fn resolve_pixel(i: u32, ray: Prepared, tells: bool, origin: vec3<f32>) {
         finish_miss(i);
         return;
     }
-    atomicAdd(&counts[2], 1u);
+    atomicAdd(&counts[HIT_COUNT], 1u);
     let triangle = seen.x;
     let a = scaled(triangles[3u * triangle]);
     let b = scaled(triangles[3u * triangle + 1u]);
     let c = scaled(triangles[3u * triangle + 2u]);
     let hit = hit_at(ray, turn(ray, a, b, c, triangle), seen.y);
     hits[i] = hit;
-    store_occluded(i, is_occluded(from_triangle(a, b, c, hit, origin), triangle), 3u);
+    store_occluded(i, is_occluded(from_triangle(a, b, c, hit, origin), triangle), BLOCKED_COUNT);
 }
 
 // Writes the hit and the shadow of ray `i`. The first leaf has the hit if that is sure and ends before all others begin.
@@ -81,6 +82,7 @@ fn resolve_pixel(i: u32, ray: Prepared, tells: bool, origin: vec3<f32>) {
 }
 
 // Variants: intersector, arithmetic.
+// Parameters: search.
 @compute @workgroup_size(128)
 fn resolve(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>) {
     let pixel = pixel_of(local, group);

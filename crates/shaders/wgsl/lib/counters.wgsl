@@ -1,0 +1,23 @@
+// Words of the buffer `counts`: see Counts in src/params.rs. A test compares them.
+
+const INACTIVE_COUNT: u32 = 0u;
+const DEGENERATE_COUNT: u32 = 1u;
+const HIT_COUNT: u32 = 2u;
+const BLOCKED_COUNT: u32 = 3u;
+const ROOT_AREA_AT: u32 = 5u;
+const OPEN_RAYS: u32 = 7u;
+const OPEN_SHADOWS: u32 = 8u;
+// From the word that counts hits or blocked hits to the number of open queries that may add to it.
+const OPEN_OF: u32 = 5u;
+const NOTES: u32 = 9u;
+// From a number of open queries to the number of those that notes do not decide.
+const HARD: u32 = 3u;
+const TILE_COUNT: u32 = 12u;
+const LARGE_COUNT: u32 = 13u;
+const TEST_COUNT: u32 = 14u;
+// 1 if rasterization was incomplete.
+const UNTOLD_AT: u32 = 15u;
+// 1 if a ray was left to `extreme_*`.
+const LEFT_AT: u32 = 16u;
+// 2 if sizes differ so much that boxes are padded by their own distance, else 1. A hint for later submissions.
+const SPREAD_AT: u32 = 17u;
