@@ -2,7 +2,7 @@
 
 use crate::{Mesh, Tracer};
 use backend::QueryKind;
-use geom::{Camera, Hit, Point, Ray};
+use geom::{Camera, CameraPose, Hit, Point, Ray};
 use glam::Vec3;
 
 /// Fraction of the distance to the light that a shadow ray skips, so that it misses the surface it starts from.
@@ -12,7 +12,7 @@ const SKIP: f32 = 1e-3;
 pub fn camera(mesh: &Mesh, size: [u32; 2]) -> Camera {
     let (centre, radius) = sphere(mesh);
     let eye = centre + radius * Vec3::new(0.9, 0.8, 1.6);
-    let camera = Camera::look_at(eye.into(), centre.into(), [0.0, 1.0, 0.0], 40.0, size);
+    let camera = Camera::look_at(CameraPose::new(eye.into(), centre.into()), size);
     camera.expect("a mesh has some extent")
 }
 

@@ -2,7 +2,7 @@
 //!
 //! Tests run one at a time, because they share the process. `ABVH_FULL=1` takes 20,000 steps of all kinds.
 
-use abvh::{Camera, Device, Mesh, MeshId, Query, Ray, Scene, Source, Tracer};
+use abvh::{Camera, CameraPose, Device, Mesh, MeshId, Query, Ray, Scene, Source, Tracer};
 use integration::{is_full, is_required};
 use libtest_mimic::{Arguments, Trial};
 use std::io::Write;
@@ -69,10 +69,11 @@ impl Moving {
             return Ok(());
         }
         if end == End::Refused {
+            let pose = CameraPose::new([0.0, 5.0, 0.1], [0.0; 3]).with_fov(60.0);
             let vast = Camera {
                 width: u32::MAX,
                 height: u32::MAX,
-                ..Camera::look_at([0.0, 5.0, 0.1], [0.0; 3], [0.0, 0.0, 1.0], 60.0, [1, 1]).unwrap()
+                ..Camera::look_at(pose, [1, 1]).unwrap()
             };
             step.trace(&vast, Query::Closest)?;
             assert!(step.submit().is_err());

@@ -20,13 +20,12 @@ cpu-simd: backend bvh-build bvh-layout cpu-ref geom
 gpu-common: backend bvh-layout geom host shaders
 gpu-vulkan: backend geom gpu-common host shaders
 gpu-wgpu: backend geom gpu-common shaders
-backends: backend cpu-ref cpu-simd gpu-common gpu-vulkan gpu-wgpu host
 pipeline: backend bvh-build bvh-layout geom
 output: backend geom host pipeline
 conformance: backend bvh-build bvh-layout geom scene
 rivals: backend cpu-ref geom gpu-common gpu-vulkan host shaders
-abvh: backend backends geom gpu-vulkan gpu-wgpu host pipeline scene
-cli: abvh backend backends conformance geom host output pipeline rivals scene
+abvh: backend cpu-ref cpu-simd geom gpu-common gpu-vulkan gpu-wgpu host pipeline scene
+cli: abvh backend conformance geom host output pipeline rivals scene
 ";
 
 /// Names of one value of an axis, and the most files outside tests that may contain one of these.

@@ -2,7 +2,7 @@
 
 #![expect(clippy::print_stdout, reason = "it shows what it found")]
 
-use abvh::{Camera, Error, Mesh, Query, Scene, Tracer};
+use abvh::{Camera, CameraPose, Error, Mesh, Query, Scene, Tracer};
 
 fn main() -> Result<(), Error> {
     let square = |r: f32| [[-r, -r], [r, -r], [r, r], [-r, r]].map(|[x, z]| [x, 0.0, z]);
@@ -15,9 +15,9 @@ fn main() -> Result<(), Error> {
     let mut tracer = Tracer::builder().build(scene)?;
 
     let size = [64, 48];
-    let (target, up) = ([0.0, 0.5, 0.0], [0.0, 1.0, 0.0]);
+    let target = [0.0, 0.5, 0.0];
     let cameras = [[5.0, 0.3], [0.3, 5.0], [-5.0, 0.3], [0.3, -5.0]]
-        .map(|[x, z]| Camera::look_at([x, 3.0, z], target, up, 40.0, size));
+        .map(|[x, z]| Camera::look_at(CameraPose::new([x, 3.0, z], target), size));
     for time in [0.0, 0.5, 1.0] {
         let mut step = tracer.step(time);
         let mut views = Vec::new();

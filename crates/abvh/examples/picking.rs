@@ -2,7 +2,7 @@
 
 #![expect(clippy::print_stdout, reason = "it shows what it found")]
 
-use abvh::{Camera, Error, Matrix, Mesh, Point, Query, Scene, Tracer};
+use abvh::{Camera, CameraPose, Error, Matrix, Mesh, Point, Query, Scene, Tracer};
 
 /// Returns the corners of an upright rectangle.
 fn panel(x: [f32; 2], y: [f32; 2], z: f32) -> Vec<Point> {
@@ -33,7 +33,7 @@ fn main() -> Result<(), Error> {
     let mut tracer = Tracer::builder().build(scene)?;
 
     let (eye, target) = ([0.0, 1.0, 5.0], [0.0, 1.0, 0.0]);
-    let camera = Camera::look_at(eye, target, [0.0, 1.0, 0.0], 40.0, [640, 480]);
+    let camera = Camera::look_at(CameraPose::new(eye, target), [640, 480]);
     let [x, y] = [400, 200];
     let ray = camera.expect("the eye is not at its target").ray(x, y);
     for (i, under) in ["door", "door", "wall", "lift", "lift"].iter().enumerate() {

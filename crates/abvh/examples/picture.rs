@@ -2,7 +2,7 @@
 
 #![expect(clippy::print_stdout, reason = "it says where the picture is")]
 
-use abvh::{Camera, Mesh, Point, Scene, Source, Tracer};
+use abvh::{Camera, CameraPose, Mesh, Point, Scene, Source, Tracer};
 use std::error::Error;
 
 /// Number of vertices along each side of the sheet.
@@ -30,8 +30,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let waves = scene.add(waves.with_colours(&[[200, 70, 50]])?);
     let mut tracer = Tracer::builder().build(scene)?;
 
-    let (eye, up) = ([3.5, 3.0, 4.5], [0.0, 1.0, 0.0]);
-    let camera = Camera::look_at(eye, [0.0, 0.7, 0.0], up, 40.0, SIZE).ok_or("no camera")?;
+    let pose = CameraPose::new([3.5, 3.0, 4.5], [0.0, 0.7, 0.0]);
+    let camera = Camera::look_at(pose, SIZE).ok_or("no camera")?;
     let mut step = tracer.step(0.0);
     step.vertices(waves, Source::Host(&sheet(1.0)))?;
     let picture = step.render(&camera, [3.0, 7.0, -1.0])?;

@@ -3,7 +3,7 @@
 
 #![expect(clippy::print_stdout, reason = "it shows what it found")]
 
-use abvh::{Camera, Error, Mesh, Point, Query, Scene, Source, Tracer};
+use abvh::{Camera, CameraPose, Error, Mesh, Point, Query, Scene, Source, Tracer};
 
 /// Number of vertices along each side of the cloth and of the dome.
 const SIDE: u32 = 33;
@@ -55,7 +55,8 @@ fn main() -> Result<(), Error> {
     let sheet = scene.add(Mesh::streamed(&cloth, &triangles)?);
     let mut tracer = Tracer::builder().build(scene)?;
     let (eye, up) = ([0.0, 5.0, 0.0], [0.0, 0.0, -1.0]);
-    let camera = Camera::look_at(eye, [0.0; 3], up, 40.0, [32, 32]).expect("it looks down");
+    let camera = Camera::look_at(CameraPose::new(eye, [0.0; 3]).with_up(up), [32, 32])
+        .expect("it looks down");
     for frame in 1..=60 {
         advance(&mut cloth, &mut before, &triangles);
         let mut step = tracer.step(0.0);

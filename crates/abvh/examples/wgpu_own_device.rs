@@ -4,7 +4,7 @@
 #![expect(clippy::print_stdout, reason = "it shows what it found")]
 
 use abvh::own_device::{OwnDevice, required_features, required_limits, wgpu};
-use abvh::{Camera, Device, Mesh, Query, Scene, Source, Tracer};
+use abvh::{Camera, CameraPose, Device, Mesh, Query, Scene, Source, Tracer};
 use std::error::Error;
 use wgpu::util::DeviceExt;
 
@@ -108,8 +108,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let device = Device::from(own.clone());
     let mut tracer = Tracer::builder().device(device).build(scene)?;
     tracer.warm_up(0.0)?;
-    let eye = [0.0, 5.0, 0.1];
-    let camera = Camera::look_at(eye, [0.0; 3], [0.0, 0.0, 1.0], 60.0, SIZE).ok_or("no picture")?;
+    let pose = CameraPose::new([0.0, 5.0, 0.1], [0.0; 3]).with_fov(60.0);
+    let camera = Camera::look_at(pose.with_up([0.0, 0.0, 1.0]), SIZE).ok_or("no picture")?;
     let vertices = buffer(&own, sheet.as_flattened());
     for height in 1..5 {
         let mut encoder = own.device.create_command_encoder(&Default::default());

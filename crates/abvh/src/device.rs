@@ -1,5 +1,6 @@
 //! The device that traces.
 
+use crate::backends::{find_backend, open_best};
 use crate::{Error, Result};
 use backend::{Backend, BackendError, BackendName};
 
@@ -32,8 +33,8 @@ impl Device {
     pub(crate) fn open(&self, threads: usize) -> Result<Box<dyn Backend>> {
         let (name, adapter) = match self {
             Self::Auto => {
-                let best = backends::open_best((None, threads), Ok::<_, BackendError>);
-                let (opened, _) = best.map_err(|vain| Error::NoDevice(vain.why))?;
+                let best = open_best(None, threads, Ok::<_, BackendError>);
+                let (opened, _) = best.map_err(|none| Error::NoDevice(none.reason))?;
                 return Ok(opened);
             }
             Self::Cpu => (BackendName::Cpu, None),
@@ -45,7 +46,7 @@ impl Device {
             #[cfg(feature = "wgpu")]
             Self::Own(device) => return device.open(),
         };
-        let known = backends::known(name).expect("a device has a backend");
-        known.open(adapter, threads).map_err(Error::NoDevice)
+        let entry = find_backend(name).expect("a device has a backend");
+        entry.open(adapter, threads).map_err(Error::NoDevice)
     }
 }

@@ -15,13 +15,13 @@ pub(crate) struct DeviceVertices {
 
 impl DeviceVertices {
     /// Notes that the vertices of a mesh, which are `range` of all vertices, are on the device.
-    pub(crate) fn come(&mut self, mesh: usize, range: &Range<usize>) {
+    pub(crate) fn insert(&mut self, mesh: usize, range: &Range<usize>) {
         self.returned.retain(|other| other != range);
         self.lost.insert(mesh, false);
     }
 
     /// Notes that the host provides the vertices of a mesh.
-    pub(crate) fn leave(&mut self, mesh: usize, range: &Range<usize>) {
+    pub(crate) fn remove(&mut self, mesh: usize, range: &Range<usize>) {
         if self.lost.remove(&mesh).is_some() {
             self.returned.push(range.clone());
         }
@@ -33,7 +33,7 @@ impl DeviceVertices {
     }
 
     /// Marks all vertices on the device as lost, after a failed step.
-    pub(crate) fn lose(&mut self) {
+    pub(crate) fn mark_lost(&mut self) {
         self.lost.values_mut().for_each(|lost| *lost = true);
     }
 

@@ -1,7 +1,7 @@
 //! Diagnoses why a GPU cannot be used, and how to fix it.
 
+use crate::backends::{BACKENDS, BackendEntry};
 use backend::DeviceKind;
-use backends::Known;
 use host::NVIDIA_LIBRARIES;
 use std::fs::File;
 use std::path::PathBuf;
@@ -22,7 +22,7 @@ pub struct Problem {
     /// Description of the problem.
     pub what: String,
     /// Instructions to fix it.
-    pub mend: String,
+    pub fix: String,
 }
 
 /// Checks if a GPU can be used on this machine. If not, returns the problems and how to fix them. On Linux, this covers
@@ -80,9 +80,9 @@ fn diagnose(adapters: &Adapters, nodes: &[(PathBuf, bool)], has_nvidia_library: 
     if !gpus.is_empty() {
         return Diagnosis { gpus, problems };
     }
-    let mut say = |what: String, mend: &str| {
-        let mend = mend.to_owned();
-        problems.push(Problem { what, mend });
+    let mut say = |what: String, fix: &str| {
+        let fix = fix.to_owned();
+        problems.push(Problem { what, fix });
     };
     match adapters {
         Err(why) => say(
@@ -120,16 +120,16 @@ fn diagnose(adapters: &Adapters, nodes: &[(PathBuf, bool)], has_nvidia_library: 
 }
 
 fn adapters() -> Adapters {
-    let finds_gpus = |k: &&Known<'_>| k.kinds.contains(&DeviceKind::Gpu);
-    let all: Vec<Adapters> = (backends::KNOWN.iter().filter(finds_gpus).map(listed)).collect();
+    let finds_gpus = |entry: &&BackendEntry<'_>| entry.kinds.contains(&DeviceKind::Gpu);
+    let all: Vec<Adapters> = BACKENDS.iter().filter(finds_gpus).map(listed).collect();
     let has_gpu = |found: &Adapters| found.as_ref().is_ok_and(|all| all.iter().any(|a| a.1));
     let at = all.iter().position(has_gpu).unwrap_or(0);
     let found = all.into_iter().nth(at);
     found.unwrap_or_else(|| Err("this program was built without vulkan and wgpu".to_owned()))
 }
 
-fn listed(known: &Known<'_>) -> Adapters {
-    let all = known.adapters().map_err(|e| e.to_string())?.into_iter();
+fn listed(entry: &BackendEntry<'_>) -> Adapters {
+    let all = entry.adapters().map_err(|e| e.to_string())?.into_iter();
     Ok(all.map(|a| (a.name, a.kind == DeviceKind::Gpu)).collect())
 }
 
@@ -142,7 +142,7 @@ mod tests {
         let nodes: Vec<_> = nodes.collect();
         let found = diagnose(&adapters, &nodes, has_nvidia_library);
         let all = found.problems.into_iter();
-        all.map(|p| p.what + " -> " + &p.mend + "\n").collect()
+        all.map(|p| p.what + " -> " + &p.fix + "\n").collect()
     }
 
     #[test]

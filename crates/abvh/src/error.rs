@@ -106,6 +106,31 @@ impl Error {
         Self::KeyFrame(e.0)
     }
 
+    /// Returns [`Error::Misuse`] unless rays and results are in separate buffers.
+    #[cfg(any(feature = "vulkan", feature = "wgpu"))]
+    pub(crate) fn check_separate(are_separate: bool) -> Result<()> {
+        let reason = || Self::Misuse("answers would be written over rays".into());
+        are_separate.then_some(()).ok_or_else(reason)
+    }
+
+    /// Returns [`Error::Count`] if the numbers differ.
+    pub(crate) fn check_count(
+        mesh: MeshId,
+        what: &'static str,
+        expected: usize,
+        found: usize,
+    ) -> Result<()> {
+        if expected == found {
+            return Ok(());
+        }
+        Err(Self::Count {
+            mesh,
+            what,
+            expected,
+            found,
+        })
+    }
+
     pub(crate) fn of_keys(e: geom::KeyFrameError) -> Self {
         Self::Mesh(e.to_string())
     }

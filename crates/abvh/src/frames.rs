@@ -1,19 +1,20 @@
 //! Renders sequences of pictures at the full speed of the device.
 //!
 //! ```
-//! use abvh::frames::{Frame, LitView, Wanted};
-//! use abvh::{Camera, Device, Mesh, Scene, Tracer};
+//! use abvh::frames::{Frame, LitView, OutputSelection};
+//! use abvh::{Camera, CameraPose, Device, Mesh, Scene, Tracer};
 //!
 //! let [low, high] = [0.0, 2.0].map(|y| vec![[-1.0, y, -1.0], [1.0, y, -1.0], [0.0, y, 1.0]]);
 //! let mut scene = Scene::new();
 //! scene.add(Mesh::keyframes(vec![low, high], &[[0, 1, 2]])?);
 //! let mut tracer = Tracer::builder().device(Device::Cpu).build(scene)?;
-//! let camera = Camera::look_at([0.0, 4.0, 6.0], [0.0; 3], [0.0, 1.0, 0.0], 50.0, [64, 36]).unwrap();
+//! let pose = CameraPose::new([0.0, 4.0, 6.0], [0.0; 3]).with_fov(50.0);
+//! let camera = Camera::look_at(pose, [64, 36]).unwrap();
 //! let frames: Vec<Frame> = (0..5).map(|i| Frame { index: i, time: i as f64 / 4.0 }).collect();
 //! let view = LitView { camera: &camera, light: [3.0, 8.0, 3.0] };
 //! let mut pictures = Vec::new();
-//! tracer.render_frames(&frames, view, Wanted::PIXELS, |_, answers| {
-//!     pictures.push(std::mem::take(&mut answers.pixels));
+//! tracer.render_frames(&frames, view, OutputSelection::PIXELS, |_, outputs| {
+//!     pictures.push(std::mem::take(&mut outputs.pixels));
 //!     Ok::<_, abvh::Error>(())
 //! })?;
 //! assert!(pictures.len() == 5 && pictures.iter().all(|rgba| rgba.len() == 4 * 64 * 36));
@@ -21,12 +22,12 @@
 //! ```
 
 use crate::loaded::Loaded;
-use crate::tracer::{State, moment};
+use crate::step::clamp_time;
 use crate::{Error, Point, Result, Tracer};
 use backend::Query;
 use geom::Camera;
 use pipeline::LOOK_AHEAD;
-pub use pipeline::{Answers, Frame, FrameRecord, Wanted};
+pub use pipeline::{Frame, FrameOutputs, FrameRecord, OutputSelection};
 
 /// The camera and the light of a picture.
 #[derive(Clone, Copy, Debug)]
@@ -45,13 +46,17 @@ impl<'a> LitView<'a> {
 
 impl Tracer {
     /// Starts to compile the kernels for such frames, on separate threads. Returns whether the device computes the
-    /// pixels, if pixels are wanted. If it returns `false`, the host shades the hits. Then [`Answers`] also holds hits.
+    /// pixels, if pixels are selected. If it returns `false`, the host shades the hits. Then [`FrameOutputs`] also holds hits.
     ///
     /// # Errors
     /// [`Error::Device`].
-    pub fn prepare_frames(&mut self, view: LitView<'_>, wanted: Wanted) -> Result<bool> {
+    pub fn prepare_frames(
+        &mut self,
+        view: LitView<'_>,
+        selection: OutputSelection,
+    ) -> Result<bool> {
         let loaded = &mut self.state().current;
-        let shades = wanted.pixels && loaded.host_colours()?.is_none();
+        let shades = selection.pixels && loaded.host_colours()?.is_none();
         loaded.driver.prepare(view.query());
         Ok(shades)
     }
@@ -59,7 +64,7 @@ impl Tracer {
     /// Renders the view of a camera at the times of `frames`, lit by the sky and by one point light.
     ///
     /// As many frames are in flight as the device allows, and key frames are read ahead. `on_frame` is called for each
-    /// finished frame, in the order of `frames`, with the results selected by `wanted`. It may take the memory of the
+    /// finished frame, in the order of `frames`, with the selected results. It may take the memory of the
     /// results; memory that it leaves is reused. Streamed and rigid meshes keep the vertices of the last step. Results
     /// of earlier steps are dropped.
     ///
@@ -72,14 +77,14 @@ impl Tracer {
         &mut self,
         frames: &[Frame],
         view: LitView<'_>,
-        wanted: Wanted,
-        mut on_frame: impl FnMut(&FrameRecord, &mut Answers) -> Result<(), E>,
+        selection: OutputSelection,
+        mut on_frame: impl FnMut(&FrameRecord, &mut FrameOutputs) -> Result<(), E>,
     ) -> Result<(), E> {
         let state = self.state();
-        state.current.finish_all(&mut state.last)?;
+        state.current.finish_all()?;
         state.keep_from(u64::MAX);
-        let State { current, last, .. } = state;
-        let colours = if wanted.pixels {
+        let current = &mut state.current;
+        let colours = if selection.pixels {
             current.host_colours()?
         } else {
             None
@@ -89,23 +94,23 @@ impl Tracer {
             // The host shades with the animation's newest vertices, which a later frame would replace.
             1
         } else {
-            current.driver.most_under_way(&[query])
+            current.driver.max_in_flight(&[query])
         };
-        let mut answers = Answers::default();
+        let mut outputs = FrameOutputs::default();
         let mut finish = |loaded: &mut Loaded, frame: Frame| -> Result<(), E> {
-            let mut record = loaded.take(wanted, &mut answers, last)?;
+            let mut record = loaded.take(selection, &mut outputs)?;
             if let Some(colours) = &colours {
-                let Answers { hits, pixels } = &mut answers;
-                let surfaces = loaded.joined.surfaces(moment(frame.time), colours)?;
+                let FrameOutputs { hits, pixels } = &mut outputs;
+                let surfaces = loaded.joined.surfaces(clamp_time(frame.time), colours)?;
                 surfaces.shade(view, hits, pixels);
             }
             record.frame = frame;
-            on_frame(&record, &mut answers)
+            on_frame(&record, &mut outputs)
         };
         for (i, &frame) in frames.iter().enumerate() {
-            let times = frames[i..].iter().map(|frame| moment(frame.time));
+            let times = frames[i..].iter().map(|frame| clamp_time(frame.time));
             current.joined.look_ahead(times.take(LOOK_AHEAD));
-            current.start(moment(frame.time), &[query])?;
+            current.start(clamp_time(frame.time), &[query])?;
             if let Some(oldest) = (i + 1).checked_sub(most) {
                 finish(current, frames[oldest])?;
             }

@@ -26,16 +26,16 @@ pub struct Hit {
 /// This is a handle: clones share the same results. It remains valid while later steps are prepared, on any thread, and
 /// after the tracer is dropped. Its memory is reused for a later query once the last clone is dropped.
 #[derive(Clone)]
-pub struct Hits(Arc<Found>);
+pub struct Hits(Arc<PooledHits>);
 
-struct Found {
+struct PooledHits {
     hits: backend::Hits,
     numbering: Arc<Numbering>,
-    spares: Spares,
+    pool: SharedHitsPool,
 }
 
 /// Memory of dropped hits, for reuse.
-pub(crate) type Spares = Arc<Mutex<HitsPool>>;
+pub(crate) type SharedHitsPool = Arc<Mutex<HitsPool>>;
 
 /// Maps triangle indices of a scene to meshes.
 pub(crate) struct Numbering {
@@ -53,18 +53,22 @@ impl Numbering {
     }
 }
 
-impl Drop for Found {
+impl Drop for PooledHits {
     fn drop(&mut self) {
-        lock(&self.spares).put(std::mem::take(&mut self.hits));
+        lock(&self.pool).put(std::mem::take(&mut self.hits));
     }
 }
 
 impl Hits {
-    pub(crate) fn new(hits: backend::Hits, numbering: &Arc<Numbering>, spares: &Spares) -> Self {
-        Self(Arc::new(Found {
+    pub(crate) fn new(
+        hits: backend::Hits,
+        numbering: &Arc<Numbering>,
+        pool: &SharedHitsPool,
+    ) -> Self {
+        Self(Arc::new(PooledHits {
             hits,
             numbering: Arc::clone(numbering),
-            spares: Arc::clone(spares),
+            pool: Arc::clone(pool),
         }))
     }
 

@@ -28,39 +28,55 @@
 //! The [`guide`] explains [concepts](guide::concepts), [streaming](guide::streaming), [devices](guide::devices) and
 //! [accuracy](guide::accuracy), and maps the functions of [other libraries](guide::migration).
 
+#[cfg(feature = "unstable")]
+pub mod backends;
+#[cfg(not(feature = "unstable"))]
+mod backends;
+mod builder;
 mod device;
 #[cfg(any(feature = "vulkan", feature = "wgpu"))]
 mod device_vertices;
+mod disposal;
 mod doctor;
 mod error;
 #[cfg(feature = "vulkan")]
 pub mod external_memory;
+#[cfg(feature = "vulkan")]
+mod external_steps;
 pub mod frames;
 #[cfg(doc)]
 pub mod guide;
 mod hits;
+mod joined;
 mod loaded;
 mod mesh;
 mod motion;
 #[cfg(feature = "wgpu")]
 pub mod own_device;
 mod pictures;
+mod query;
 mod replacement;
 #[cfg(feature = "wgpu")]
 pub mod shader_module;
 mod shading;
+mod state;
+mod statistics;
 mod step;
 mod tracer;
-mod vertices;
+#[cfg(feature = "wgpu")]
+mod wgpu_steps;
 
 pub use backend::{Intersector, Policy as Update, Rays};
+pub use builder::TracerBuilder;
 pub use device::Device;
 pub use doctor::{Diagnosis, Problem, doctor};
 pub use error::{Error, Result};
-pub use geom::{Camera, Hit as SceneHit, Point, Ray};
+pub use geom::{Camera, CameraPose, Hit as SceneHit, Point, Ray};
 pub use hits::{Hit, Hits};
 pub use mesh::{Mesh, MeshId, Scene};
 pub use motion::Matrix;
+pub use query::{Query, QueryId, StepId};
 pub use replacement::Replacement;
-pub use step::{Query, QueryId, Source, Step, StepId};
-pub use tracer::{Builder, Statistics, Tracer};
+pub use statistics::Statistics;
+pub use step::{Source, Step};
+pub use tracer::Tracer;

@@ -1,16 +1,20 @@
 //! A scene loaded on a device, with its trees, submissions and results.
 
-use crate::hits::Spares;
+use crate::hits::SharedHitsPool;
+use crate::joined::JoinedScene;
 use crate::mesh::Colour;
-use crate::motion::Joined;
-use crate::{Error, Hits, Mesh, Point, QueryId, Ray, Result, Statistics, StepId, Update};
+use crate::query::{QueryId, StepId};
+use crate::{Error, Hits, Mesh, Point, Ray, Result, Statistics, Update};
 use backend::{Backend, Query, QueryKind, Rays, Ticket};
 use geom::{Camera, KeyFrame, lock};
 #[cfg(feature = "vulkan")]
-use gpu_vulkan::VulkanBackend;
+use gpu_vulkan::{VulkanBackend, VulkanDevice};
 #[cfg(feature = "wgpu")]
 use gpu_wgpu::WgpuBackend;
-use pipeline::{Answers, BuilderThreads, Driver, DriverOptions, Frame, FrameRecord, Wanted};
+use pipeline::{
+    BuilderThreads, Driver, DriverOptions, Frame, FrameOutputs, FrameRecord, OutputSelection,
+};
+#[cfg(any(feature = "vulkan", feature = "wgpu"))]
 use std::any::Any;
 use std::collections::VecDeque;
 use std::mem::discriminant;
@@ -36,19 +40,21 @@ type OpenBackend = Box<dyn FnOnce() -> backend::Result<Box<dyn Backend>> + Send>
 
 pub(crate) struct Loaded {
     pub(crate) driver: Driver,
-    pub(crate) joined: Joined,
+    pub(crate) joined: JoinedScene,
     pub(crate) update: Update,
     pub(crate) builders: BuilderThreads,
     /// One query of each kind that was traced so far.
     pub(crate) traced_forms: Vec<QueryForm>,
     /// Number of trees of the scenes before this one.
     trees_before: u64,
+    /// Statistics after the last finished query of this scene or of an earlier one.
+    pub(crate) last: Option<Statistics>,
     /// Submissions that are not known to be done, oldest first.
-    pub(crate) under_way: VecDeque<Ticket>,
+    pub(crate) in_flight: VecDeque<Ticket>,
     /// Results that are available, oldest first.
-    pub(crate) results: VecDeque<Answer>,
+    pub(crate) results: VecDeque<QueryResult>,
     /// Memory of hits whose handles were all dropped.
-    spares: Spares,
+    pool: SharedHitsPool,
     /// `None` before the first picture. Then the colours of all triangles if the host shades, or `None` if the device
     /// does.
     pub(crate) host_colours: Option<Option<Arc<[Colour]>>>,
@@ -63,7 +69,7 @@ pub(crate) struct Batch<'a> {
 }
 
 /// The location of a query's result.
-pub(crate) struct Answer {
+pub(crate) struct QueryResult {
     pub(crate) query: QueryId,
     pub(crate) ticket: Ticket,
     /// Index among the queries of its submission.
@@ -84,7 +90,7 @@ impl Loaded {
         builders: BuilderThreads,
     ) -> Result<Self> {
         check_memory(&meshes)?;
-        let mut joined = Joined::of(meshes)?;
+        let mut joined = JoinedScene::of(meshes)?;
         let animation = Arc::clone(&joined.animation);
         // Key frames that arrive are numbered from 0 on, independent of the times of steps.
         options.time_range = if joined.is_streamed() {
@@ -102,11 +108,31 @@ impl Loaded {
             builders,
             traced_forms: Vec::new(),
             trees_before: 0,
-            under_way: VecDeque::new(),
+            last: None,
+            in_flight: VecDeque::new(),
             results: VecDeque::new(),
-            spares: Spares::default(),
+            pool: SharedHitsPool::default(),
             host_colours: None,
         })
+    }
+
+    /// Returns the backend if its type is `B`.
+    #[cfg(any(feature = "vulkan", feature = "wgpu"))]
+    fn backend_as<B: Backend>(&mut self) -> Option<&mut B> {
+        let backend: &mut dyn Any = self.driver.backend();
+        backend.downcast_mut()
+    }
+
+    /// Returns the device if it is one of Vulkan's.
+    #[cfg(feature = "vulkan")]
+    pub(crate) fn vulkan(&mut self) -> Option<&mut VulkanDevice> {
+        self.backend_as().map(VulkanBackend::gpu_mut)
+    }
+
+    /// Returns the backend if its device is one of wgpu's.
+    #[cfg(feature = "wgpu")]
+    pub(crate) fn wgpu(&mut self) -> Option<&mut WgpuBackend> {
+        self.backend_as()
     }
 
     pub(crate) fn has_tree(&self) -> bool {
@@ -116,18 +142,16 @@ impl Loaded {
     /// Returns a function that creates a backend for another scene on the same device, on any thread. Returns `None` if the
     /// device has to be opened again.
     pub(crate) fn share_device(&mut self) -> Option<OpenBackend> {
-        let backend: &mut dyn Any = self.driver.backend();
         #[cfg(feature = "vulkan")]
-        if let Some(vulkan) = backend.downcast_ref::<VulkanBackend>() {
+        if let Some(vulkan) = self.backend_as::<VulkanBackend>() {
             let open = vulkan.share_device();
             return Some(Box::new(move || Ok(Box::new(open()?))));
         }
         #[cfg(feature = "wgpu")]
-        if let Some(wgpu) = backend.downcast_ref::<WgpuBackend>() {
+        if let Some(wgpu) = self.backend_as::<WgpuBackend>() {
             let open = wgpu.share_device();
             return Some(Box::new(move || Ok(Box::new(open()?))));
         }
-        let _ = backend;
         None
     }
 
@@ -149,7 +173,8 @@ impl Loaded {
             });
             let rays = pixel.as_ref().map_or(Rays::List(&ray), Rays::Camera);
             self.submit(time, &[Query { rays, kind }])?;
-            let finished = (self.driver).finish(Wanted::default(), &mut Answers::default());
+            let finished =
+                (self.driver).finish(OutputSelection::default(), &mut FrameOutputs::default());
             finished.map_err(Error::of_driver)?;
         }
         Ok(())
@@ -157,47 +182,42 @@ impl Loaded {
 
     /// Continues from the state of `before`, a scene that differs in mesh `but` only.
     pub(crate) fn follow(&mut self, before: &mut Self, but: usize) -> Result<()> {
-        self.joined.move_to(&before.settle()?, but);
+        self.joined.copy_moved_from(&before.newest_vertices()?, but);
         #[cfg(feature = "wgpu")]
-        self.follow_on_device(before, but)?;
+        self.take_wgpu_vertices(before, but)?;
         #[cfg(feature = "vulkan")]
-        self.follow_external(before, but)?;
+        self.take_external_vertices(before, but)?;
         self.traced_forms.clone_from(&before.traced_forms);
         self.trees_before = before.trees_before + before.driver.generation().0;
+        self.last = before.last;
         Ok(())
     }
 
     /// Returns the newest vertices of all meshes, including changes since the last query.
-    fn settle(&mut self) -> Result<KeyFrame> {
+    fn newest_vertices(&mut self) -> Result<KeyFrame> {
         let time = self.joined.time;
         self.joined.push_changes(self.driver.backend(), time)?;
         self.joined.newest()
     }
 
     /// Submits queries, in one submission if the device can, and notes where their results will be.
-    pub(crate) fn begin(
-        &mut self,
-        time: f64,
-        batch: Batch<'_>,
-        last: &mut Option<Statistics>,
-    ) -> Result<()> {
+    pub(crate) fn begin(&mut self, time: f64, batch: Batch<'_>) -> Result<()> {
         let Batch { ids, queries } = batch;
         if queries.len() > 1 && !self.driver.can_batch(queries) {
             let mut each = ids.chunks(1).zip(queries.chunks(1));
-            return each
-                .try_for_each(|(ids, queries)| self.begin(time, Batch { ids, queries }, last));
+            return each.try_for_each(|(ids, queries)| self.begin(time, Batch { ids, queries }));
         }
-        while self.under_way.len() >= self.driver.most_under_way(queries) {
-            self.finish(last)?;
+        while self.in_flight.len() >= self.driver.max_in_flight(queries) {
+            self.finish()?;
         }
         let started = self.start(time, queries).inspect_err(|_| {
             // Backends keep reports for a number of submissions, and a refused submission counts. So read all reports
             // now.
-            let _ = self.finish_all(last);
+            let _ = self.finish_all();
         });
         let ticket = started?;
         let each = ids.iter().zip(queries).enumerate();
-        let answers = each.map(|(place, (&id, query))| Answer {
+        let answers = each.map(|(place, (&id, query))| QueryResult {
             query: id,
             ticket,
             place,
@@ -215,13 +235,13 @@ impl Loaded {
     pub(crate) fn start(&mut self, time: f64, queries: &[Query<'_>]) -> Result<Ticket> {
         let ticket = self.submit(time, queries)?;
         queries.iter().for_each(|&query| self.note(query));
-        self.under_way.push_back(ticket);
+        self.in_flight.push_back(ticket);
         Ok(ticket)
     }
 
     fn submit(&mut self, time: f64, queries: &[Query<'_>]) -> Result<Ticket> {
         #[cfg(feature = "wgpu")]
-        self.give_up_dropped();
+        self.abandon_dropped();
         #[cfg(any(feature = "vulkan", feature = "wgpu"))]
         {
             self.joined.on_device.check(&self.joined.meshes)?;
@@ -233,7 +253,7 @@ impl Loaded {
         let begun = begun.map_err(Error::of_driver);
         #[cfg(any(feature = "vulkan", feature = "wgpu"))]
         if is_failure(&begun) {
-            self.joined.on_device.lose();
+            self.joined.on_device.mark_lost();
         }
         begun
     }
@@ -271,49 +291,44 @@ impl Loaded {
     ///
     /// # Errors
     /// [`Error::NoResult`] if the program dropped the encoder that holds it.
-    pub(crate) fn wait(&mut self, ticket: Ticket, last: &mut Option<Statistics>) -> Result<()> {
+    pub(crate) fn wait(&mut self, ticket: Ticket) -> Result<()> {
         #[cfg(feature = "wgpu")]
-        self.give_up_dropped();
+        self.abandon_dropped();
         if !self.results.iter().any(|answer| answer.ticket == ticket) {
             return Err(Error::NoResult);
         }
-        while self.under_way.contains(&ticket) {
-            self.finish(last)?;
+        while self.in_flight.contains(&ticket) {
+            self.finish()?;
         }
         Ok(())
     }
 
     /// Waits for all submissions.
-    pub(crate) fn finish_all(&mut self, last: &mut Option<Statistics>) -> Result<()> {
+    pub(crate) fn finish_all(&mut self) -> Result<()> {
         #[cfg(feature = "wgpu")]
-        self.give_up_dropped();
-        while !self.under_way.is_empty() {
-            self.finish(last)?;
+        self.abandon_dropped();
+        while !self.in_flight.is_empty() {
+            self.finish()?;
         }
         Ok(())
     }
 
     /// Waits for the oldest submission in flight.
-    fn finish(&mut self, last: &mut Option<Statistics>) -> Result<()> {
-        let finished = self.take(Wanted::default(), &mut Answers::default(), last);
+    fn finish(&mut self) -> Result<()> {
+        let finished = self.take(OutputSelection::default(), &mut FrameOutputs::default());
         finished.map(drop)
     }
 
-    /// Waits for the oldest submission in flight, and takes the results selected by `wanted`.
+    /// Waits for the oldest submission in flight, and takes the selected results.
     pub(crate) fn take(
         &mut self,
-        wanted: Wanted,
-        answers: &mut Answers,
-        last: &mut Option<Statistics>,
+        selection: OutputSelection,
+        outputs: &mut FrameOutputs,
     ) -> Result<FrameRecord> {
-        self.under_way.pop_front();
-        let finished = self.driver.finish(wanted, answers);
+        self.in_flight.pop_front();
+        let finished = self.driver.finish(selection, outputs);
         let record = finished.map_err(Error::of_driver)?.ok_or(Error::NoResult)?;
-        let done = self.statistics(&record);
-        // A submission of a former scene may be waited for after newer ones.
-        if last.is_none_or(|l| l.generation <= done.generation) {
-            *last = Some(done);
-        }
+        self.last = Some(self.statistics(&record));
         Ok(record)
     }
 
@@ -336,8 +351,8 @@ impl Loaded {
     }
 
     /// Waits for a result and returns a handle to its hits.
-    pub(crate) fn hits(&mut self, at: usize, last: &mut Option<Statistics>) -> Result<Hits> {
-        let &Answer {
+    pub(crate) fn hits(&mut self, at: usize) -> Result<Hits> {
+        let &QueryResult {
             ticket,
             place,
             rays,
@@ -348,24 +363,23 @@ impl Loaded {
         if let Some(hits) = hits {
             return Ok(hits.clone());
         }
-        self.wait(ticket, last)?;
-        let mut found = lock(&self.spares).take(rays, kind);
+        self.wait(ticket)?;
+        let mut found = lock(&self.pool).take(rays, kind);
         let taken = (self.driver.backend()).take_hits(ticket, place, &mut found);
         taken.map_err(Error::of_backend)?;
-        let hits = Hits::new(found, &self.joined.numbering, &self.spares);
+        let hits = Hits::new(found, &self.joined.numbering, &self.pool);
         Ok(self.results[at].hits.insert(hits).clone())
     }
 
     /// Returns whether a result is available, so that reading it would not wait.
     pub(crate) fn is_done(&mut self, at: usize) -> Result<bool> {
-        let answer = &self.results[at];
-        match (&answer.hits, answer.ticket) {
-            (Some(_), _) => Ok(true),
-            (None, ticket) => {
-                let is_done = self.driver.backend().is_done(ticket);
-                is_done.map_err(Error::of_backend)
-            }
+        let result = &self.results[at];
+        let ticket = result.ticket;
+        if result.hits.is_some() {
+            return Ok(true);
         }
+        let is_done = self.driver.backend().is_done(ticket);
+        is_done.map_err(Error::of_backend)
     }
 
     /// Drops the results of steps before `step`. Returns whether any results are left.
@@ -379,16 +393,21 @@ impl Loaded {
         let before = self.results.len();
         self.retain(|of| of != step.0);
         if self.results.len() < before {
-            lock(&self.spares).set_capacity(self.results.len());
+            lock(&self.pool).set_capacity(self.results.len());
         }
     }
 
     fn retain(&mut self, is_kept: impl Fn(u64) -> bool) {
         // The next steps are likely to have as many queries.
-        lock(&self.spares).set_capacity(self.results.len());
-        self.results.retain(|answer| is_kept(answer.query.step.0));
+        lock(&self.pool).set_capacity(self.results.len());
+        self.results.retain(|result| is_kept(result.query.step.0));
         self.retain_traces();
     }
+}
+
+#[cfg(feature = "wgpu")]
+pub(crate) fn no_wgpu() -> Error {
+    Error::Unsupported("it has no buffers of wgpu's".into())
 }
 
 /// Returns an error if the scene needs more memory than the system has, because a build cannot report a failed
@@ -411,32 +430,16 @@ fn is_failure<T>(begun: &Result<T>) -> bool {
     )
 }
 
-/// Returns the scene, current or former, in which a query was traced, and the index of its result there.
-pub(crate) fn find<'t>(
-    current: &'t mut Loaded,
-    former: &'t mut [Loaded],
-    step: StepId,
-    query: QueryId,
-) -> Result<(&'t mut Loaded, usize)> {
-    let is_asked = |answer: &Answer| answer.query == query && query.step == step;
-    let mut all = std::iter::once(current).chain(former);
-    let found = all.find_map(|loaded| {
-        let at = loaded.results.iter().position(is_asked)?;
-        Some((loaded, at))
-    });
-    found.ok_or(Error::NoResult)
-}
-
 #[cfg(test)]
 mod tests {
-    use crate::{Camera, Device, Scene, Tracer};
+    use crate::{Camera, CameraPose, Device, Scene, Tracer};
 
     #[test]
     fn render_lights_share_one_query_kind() {
         let tracer = Tracer::builder().device(Device::Cpu).threads(1);
         let mut tracer = tracer.build(Scene::new()).unwrap();
-        let eye = [0.0, 0.0, 3.0];
-        let camera = Camera::look_at(eye, [0.0; 3], [0.0, 1.0, 0.0], 50.0, [2, 2]).unwrap();
+        let pose = CameraPose::new([0.0, 0.0, 3.0], [0.0; 3]);
+        let camera = Camera::look_at(pose, [2, 2]).unwrap();
         for i in 0..3 {
             let mut step = tracer.step(0.0);
             step.render(&camera, [i as f32, 1.0, 0.0]).unwrap();

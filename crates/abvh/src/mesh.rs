@@ -1,6 +1,6 @@
 //! Meshes and scenes.
 
-use crate::motion::Motion;
+use crate::motion::MeshMotion;
 use crate::{Error, Point, Result};
 use geom::{Animation, KeyFrameError, KeySource};
 use std::fmt::Display;
@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 pub struct Mesh {
     /// Empty if the motion has the triangles.
     pub(crate) triangles: Vec<[u32; 3]>,
-    pub(crate) motion: Arc<Motion>,
+    pub(crate) motion: Arc<MeshMotion>,
     pub(crate) colours: Arc<[Colour]>,
     /// Identifies a mesh that was added to a scene; otherwise 0.
     pub(crate) number: u64,
@@ -30,7 +30,7 @@ impl Mesh {
     /// # Errors
     /// [`Error::Mesh`] if a vertex index is out of range.
     pub fn fixed(vertices: &[Point], triangles: &[[u32; 3]]) -> Result<Self> {
-        let motion = Motion::Keys(vec![copied(vertices)?]);
+        let motion = MeshMotion::Keys(vec![copied(vertices)?]);
         Self::new(triangles, vertices.len(), motion)
     }
 
@@ -90,7 +90,7 @@ impl Mesh {
             let why = format!("key frame {key} has {found} vertices, the first has {vertices}");
             return Err(Error::Mesh(why));
         }
-        Self::new(triangles, vertices, Motion::Keys(keys))
+        Self::new(triangles, vertices, MeshMotion::Keys(keys))
     }
 
     /// Creates a mesh that moves through `keys` key frames. At most about `window` key frames are in memory.
@@ -128,7 +128,7 @@ impl Mesh {
     pub(crate) fn animated(animation: Arc<Animation>) -> Self {
         Self {
             triangles: Vec::new(),
-            motion: Arc::new(Motion::Animated(animation)),
+            motion: Arc::new(MeshMotion::Animated(animation)),
             colours: Arc::new([GREY]),
             number: 0,
         }
@@ -140,7 +140,7 @@ impl Mesh {
     /// # Errors
     /// As for [`Mesh::fixed`].
     pub fn streamed(rest: &[Point], triangles: &[[u32; 3]]) -> Result<Self> {
-        Self::new(triangles, rest.len(), Motion::Streamed(copied(rest)?))
+        Self::new(triangles, rest.len(), MeshMotion::Streamed(copied(rest)?))
     }
 
     /// Creates a mesh of rigid parts. `part_of_vertex` holds the part index of each vertex. Steps pass a matrix for
@@ -155,7 +155,7 @@ impl Mesh {
             return Err(Error::Mesh(why));
         }
         let last = part_of_vertex.iter().max();
-        let motion = Motion::Rigid {
+        let motion = MeshMotion::Rigid {
             rest: copied(rest)?,
             part_of_vertex: copied(part_of_vertex)?,
             parts: last.map_or(0, |&part| part as usize + 1),
@@ -163,7 +163,7 @@ impl Mesh {
         Self::new(triangles, rest.len(), motion)
     }
 
-    fn new(triangles: &[[u32; 3]], vertices: usize, motion: Motion) -> Result<Self> {
+    fn new(triangles: &[[u32; 3]], vertices: usize, motion: MeshMotion) -> Result<Self> {
         check_triangles(triangles, vertices)?;
         Ok(Self {
             triangles: copied(triangles)?,
@@ -204,7 +204,15 @@ impl Mesh {
             Err(e) => return Err(Error::Unsupported(format!("no threads to read files: {e}"))),
         };
         let found = found.map_err(|e| Error::KeyFrame(e.to_string()))?;
-        Ok(Self::from(&found))
+        Ok(Self::of_scene(&found))
+    }
+
+    #[cfg(feature = "files")]
+    fn of_scene(scene: &scene::Scene) -> Self {
+        Self {
+            colours: Arc::clone(&scene.colours),
+            ..Self::animated(Arc::clone(&scene.animation))
+        }
     }
 
     /// Returns the number of vertices.
@@ -231,22 +239,17 @@ impl Mesh {
     /// Returns the animation that has the triangles, if the mesh was created from one.
     pub(crate) fn animation(&self) -> Option<&Arc<Animation>> {
         match &*self.motion {
-            Motion::Animated(animation) => Some(animation),
+            MeshMotion::Animated(animation) => Some(animation),
             _ => None,
         }
     }
 }
 
-/// Converts a scene that was read with other options than those of [`Mesh::open`]. The crate `abvh-scene` has no
-/// stability guarantee: it may change with each version.
-#[cfg(feature = "files")]
+/// Converts a scene that was read with other options than those of [`Mesh::open`].
+#[cfg(all(feature = "files", feature = "unstable"))]
 impl From<&scene::Scene> for Mesh {
     fn from(scene: &scene::Scene) -> Self {
-        let mesh = Self::animated(Arc::clone(&scene.animation));
-        Self {
-            colours: Arc::clone(&scene.colours),
-            ..mesh
-        }
+        Self::of_scene(scene)
     }
 }
 

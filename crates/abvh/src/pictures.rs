@@ -1,12 +1,12 @@
 //! Pictures of a step.
 
 use crate::frames::LitView;
-use crate::loaded::{Batch, Loaded, find};
+use crate::joined::JoinedScene;
+use crate::loaded::{Batch, Loaded};
 use crate::mesh::Colour;
-use crate::motion::Joined;
+use crate::query::{QueryId, StepId};
 use crate::shading::{Surfaces, palette};
-use crate::tracer::State;
-use crate::{Error, Point, QueryId, Result, Step, StepId, Tracer};
+use crate::{Error, Point, Result, Step, Tracer};
 use geom::Camera;
 use std::sync::Arc;
 
@@ -19,12 +19,13 @@ impl Step<'_> {
     /// first, and the call waits for them.
     ///
     /// ```
-    /// # use abvh::{Camera, Device, Mesh, Scene, Tracer};
+    /// # use abvh::{Camera, CameraPose, Device, Mesh, Scene, Tracer};
     /// let floor = [[-9.0, 0.0, -9.0], [9.0, 0.0, -9.0], [0.0, 0.0, 9.0]];
     /// let mut scene = Scene::new();
     /// scene.add(Mesh::fixed(&floor, &[[0, 1, 2]])?.with_colours(&[[160, 60, 40]])?);
     /// let mut tracer = Tracer::builder().device(Device::Cpu).build(scene)?;
-    /// let camera = Camera::look_at([0.0, 4.0, 6.0], [0.0; 3], [0.0, 1.0, 0.0], 50.0, [64, 36]).unwrap();
+    /// let pose = CameraPose::new([0.0, 4.0, 6.0], [0.0; 3]).with_fov(50.0);
+    /// let camera = Camera::look_at(pose, [64, 36]).unwrap();
     /// let mut step = tracer.step(0.0);
     /// let picture = step.render(&camera, [3.0, 8.0, 3.0])?;
     /// let done = step.submit()?;
@@ -40,25 +41,25 @@ impl Step<'_> {
     pub fn render(&mut self, camera: &Camera, light: Point) -> Result<QueryId> {
         let id = self.next_id();
         let rendered = self.render_as(id, LitView { camera, light });
-        self.keep_if(id, rendered)
+        self.finish_query(id, rendered)
     }
 
     fn render_as(&mut self, id: QueryId, view: LitView<'_>) -> Result<()> {
-        let State { current, last, .. } = &mut *self.tracer;
+        let current = &mut self.tracer.current;
         let colours = current.host_colours()?;
         let batch = Batch {
             ids: &[id],
             queries: &[view.query()],
         };
-        current.begin(self.time, batch, last)?;
-        let (Some(colours), Some(at)) = (colours, current.results.len().checked_sub(1)) else {
+        current.begin(self.time, batch)?;
+        let (Some(colours), Some(index)) = (colours, current.results.len().checked_sub(1)) else {
             return Ok(());
         };
-        let (hits, mut rgba) = (current.hits(at, last)?, Vec::new());
+        let (hits, mut rgba) = (current.hits(index)?, Vec::new());
         let surfaces = current.joined.surfaces(self.time, &colours)?;
         surfaces.shade(view, hits.of_backend(), &mut rgba);
-        if let Some(answer) = current.results.back_mut() {
-            answer.pixels = Some(rgba);
+        if let Some(result) = current.results.back_mut() {
+            result.pixels = Some(rgba);
         }
         Ok(())
     }
@@ -71,16 +72,11 @@ impl Tracer {
     /// # Errors
     /// [`Error::NoResult`] if the query belongs to another step, was dropped or is not a picture; [`Error::Device`].
     pub fn pixels(&self, step: StepId, picture: QueryId, rgba: &mut Vec<u8>) -> Result<()> {
-        let State {
-            current,
-            former,
-            last,
-            ..
-        } = &mut *self.shared_state();
-        let (loaded, at) = find(current, former, step, picture)?;
-        let ticket = loaded.results[at].ticket;
-        loaded.wait(ticket, last)?;
-        if let Some(shaded) = &loaded.results[at].pixels {
+        let mut state = self.shared_state();
+        let (loaded, index) = state.find(step, picture)?;
+        let ticket = loaded.results[index].ticket;
+        loaded.wait(ticket)?;
+        if let Some(shaded) = &loaded.results[index].pixels {
             rgba.clone_from(shaded);
             return Ok(());
         }
@@ -107,7 +103,7 @@ impl Loaded {
     }
 }
 
-impl Joined {
+impl JoinedScene {
     /// Returns the triangles of the last step, which was at `time`.
     pub(crate) fn surfaces<'a>(&'a self, time: f64, colours: &'a [Colour]) -> Result<Surfaces<'a>> {
         let time = if self.is_streamed() {

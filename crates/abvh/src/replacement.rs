@@ -1,13 +1,13 @@
 //! Replaces meshes while the scene is traced.
 
+use crate::builder::device_name;
+use crate::disposal::Disposal;
 use crate::loaded::Loaded;
-use crate::tracer::{State, name};
-use crate::{Error, Mesh, MeshId, Result, Tracer};
-use backend::Policy as Update;
-use geom::lock;
+use crate::state::TracerState;
+use crate::{Error, Mesh, MeshId, Result, Tracer, Update};
 use std::fmt;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 
 /// A replacement of a mesh in preparation: see [`Tracer::replace`]. Dropping it instead of [committing](Tracer::commit)
@@ -21,7 +21,7 @@ pub struct Replacement {
     commits: u64,
     /// Shared with the tracer, and identifies it.
     disposal: Arc<Disposal>,
-    is_given_up: Arc<AtomicBool>,
+    is_cancelled: Arc<AtomicBool>,
     /// `None` once the thread is joined.
     preparation: Option<JoinHandle<Result<Loaded>>>,
 }
@@ -52,7 +52,7 @@ impl Replacement {
 impl Drop for Replacement {
     fn drop(&mut self) {
         if let Some(preparation) = self.preparation.take() {
-            self.is_given_up.store(true, Ordering::Relaxed);
+            self.is_cancelled.store(true, Ordering::Relaxed);
             self.disposal.begin(move || drop(preparation.join()));
         }
     }
@@ -103,19 +103,18 @@ impl Tracer {
         let mut state = self.shared_state();
         let index = mesh.within(&state.current.joined.meshes)?;
         let prepare = state.preparation(index, with.clone())?;
-        let is_given_up = Arc::<AtomicBool>::default();
-        let heard = Arc::clone(&is_given_up);
+        let is_cancelled = Arc::<AtomicBool>::default();
+        let cancelled = Arc::clone(&is_cancelled);
         let thread = thread::Builder::new().name("abvh-replace".into());
-        let begun = thread.spawn(move || prepare(&heard));
-        let begun =
-            begun.map_err(|e| Error::Unsupported(format!("no thread to prepare it: {e}")))?;
+        let started = thread.spawn(move || prepare(&cancelled));
+        let no_thread = |e| Error::Unsupported(format!("no thread to prepare it: {e}"));
         Ok(Replacement {
             mesh,
             with,
             commits: state.commits,
             disposal: Arc::clone(&state.disposal),
-            is_given_up,
-            preparation: Some(begun),
+            is_cancelled,
+            preparation: Some(started.map_err(no_thread)?),
         })
     }
 
@@ -128,7 +127,7 @@ impl Tracer {
     ///
     /// # Errors
     /// [`Error::Conflict`] if the same mesh was replaced since this replacement was started.
-    /// [`Error::ForeignReplacement`]. The errors of [`Builder::build`](crate::Builder::build). After an error, the old
+    /// [`Error::ForeignReplacement`]. The errors of [`TracerBuilder::build`](crate::TracerBuilder::build). After an error, the old
     /// mesh remains.
     pub fn commit(&mut self, replacement: Replacement) -> Result<()> {
         let (mesh, state) = (replacement.mesh, self.state());
@@ -143,7 +142,7 @@ impl Tracer {
             replacement.wait()?
         } else {
             let prepare = state.preparation(mesh.index(), replacement.with.clone())?;
-            prepare(&replacement.is_given_up)?
+            prepare(&replacement.is_cancelled)?
         };
         next.follow(&mut state.current, mesh.index())?;
         let before = std::mem::replace(&mut state.current, next);
@@ -154,7 +153,7 @@ impl Tracer {
     }
 }
 
-impl State {
+impl TracerState {
     /// Returns a closure that loads the scene with another mesh and builds its first tree. It runs on the threads that
     /// build trees, since steps need the others.
     fn preparation(
@@ -166,7 +165,7 @@ impl State {
         let (builder, expected) = (self.builder.clone(), self.device.clone());
         // If this is `None`, the device is opened again.
         let share_device = current.share_device();
-        let parts = current.joined.parts();
+        let split = current.joined.splitter();
         let (newest, time) = (current.joined.newest()?, current.joined.time);
         let forms = current.traced_forms.clone();
         let threads = match current.update {
@@ -174,11 +173,11 @@ impl State {
             Update::Refit => builder.builders(self.kind, Update::Async)?,
             _ => current.builders.clone(),
         };
-        Ok(move |is_given_up: &AtomicBool| {
-            let stand = newest.to_vec();
+        Ok(move |is_cancelled: &AtomicBool| {
+            let positions = newest.to_vec();
             // Future steps reuse this memory.
             drop(newest);
-            let mut meshes = parts();
+            let mut meshes = split();
             let number = meshes[mesh].number;
             meshes[mesh] = Mesh { number, ..with };
             let update = builder.policy(&meshes);
@@ -186,7 +185,7 @@ impl State {
                 Some(open) => open().map_err(Error::of_backend)?,
                 None => builder.open(update)?,
             };
-            let found = name(backend.as_ref());
+            let found = device_name(backend.as_ref());
             if found != expected {
                 let why = format!("{expected} cannot be opened once more, only {found}");
                 return Err(Error::NoDevice(why));
@@ -194,39 +193,13 @@ impl State {
             let (options, shared) = (builder.options(update), threads.clone());
             threads.install(move || {
                 let mut loaded = Loaded::new(meshes, backend, options, shared)?;
-                loaded.joined.move_to(&stand, mesh);
-                if is_given_up.load(Ordering::Relaxed) {
+                loaded.joined.copy_moved_from(&positions, mesh);
+                if is_cancelled.load(Ordering::Relaxed) {
                     return Err(Error::Device("it was given up".to_owned()));
                 }
                 loaded.warm_up(time, &forms)?;
                 Ok(loaded)
             })
         })
-    }
-}
-
-/// Drops large objects on separate threads, because that takes long. Its own drop waits for these threads, because
-/// drivers may fail if the process exits meanwhile.
-#[derive(Debug, Default)]
-pub(crate) struct Disposal(Mutex<Vec<JoinHandle<()>>>);
-
-impl Disposal {
-    /// Runs `free` on a new thread. If no thread can be started, drops it on this thread.
-    pub(crate) fn begin(&self, free: impl FnOnce() + Send + 'static) {
-        let freeing = thread::Builder::new()
-            .name("abvh-dispose".into())
-            .spawn(free);
-        let mut threads = lock(&self.0);
-        threads.retain(|thread| !thread.is_finished());
-        threads.extend(freeing);
-    }
-}
-
-impl Drop for Disposal {
-    fn drop(&mut self) {
-        let threads = self.0.get_mut().unwrap_or_else(PoisonError::into_inner);
-        for thread in threads.drain(..) {
-            let _ = thread.join();
-        }
     }
 }

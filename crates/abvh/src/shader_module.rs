@@ -16,7 +16,7 @@
 //! Results are those of queries with [`Intersector::Watertight`](crate::Intersector::Watertight), bit for bit. The
 //! [accuracy guide](crate::guide::accuracy) defines extreme rays. Queries trace them, too.
 
-use crate::own_device::no_wgpu;
+use crate::loaded::no_wgpu;
 use crate::{Error, Result, Tracer};
 use gpu_wgpu::{SHADER_MODULE, traced_scene};
 

@@ -133,7 +133,7 @@ fn unit(v: Vec3) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use geom::{Animation, Camera};
+    use geom::{Animation, Camera, CameraPose};
 
     /// Shades a floor of one triangle, seen from above. All lengths scale with `size`, and all pixels hit the triangle.
     fn floor(size: f32) -> Vec<u8> {
@@ -141,7 +141,8 @@ mod tests {
         let corners = vec![[-s, 0.0, -s], [s, 0.0, -s], [0.0, 0.0, s]];
         let animation = Animation::new(vec![corners], vec![[0, 1, 2]]).unwrap();
         let eye = [0.0, s, 0.0];
-        let camera = Camera::look_at(eye, [0.0; 3], [0.0, 0.0, 1.0], 5.0, [4, 3]).unwrap();
+        let pose = CameraPose::new(eye, [0.0; 3]).with_fov(5.0);
+        let camera = Camera::look_at(pose.with_up([0.0, 0.0, 1.0]), [4, 3]).unwrap();
         let surfaces = Surfaces {
             moment: animation.at(0.0).unwrap(),
             colours: &[[200, 100, 50]],

@@ -1,41 +1,13 @@
 //! Steps: the positions of meshes at one time, and the queries traced there.
 
 use crate::loaded::Batch;
-use crate::motion::{Motion, moved};
-use crate::tracer::State;
-use crate::vertices::set;
-use crate::{Error, Matrix, MeshId, Point, Result};
-use backend::{QueryKind, Rays};
-use geom::{Camera, copy_in_parallel};
+use crate::motion::{MeshMotion, transform};
+use crate::query::{DeferredQuery, DeferredRays, QueryId, StepId};
+use crate::state::TracerState;
+use crate::{Error, Matrix, MeshId, Point, Query, Result};
+use backend::Rays;
+use geom::{copy_in_parallel, set_each};
 use std::sync::Arc;
-
-/// Kind of result for each ray.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Query {
-    /// The closest hit.
-    Closest,
-    /// Whether there is any hit. This is faster, and sufficient for shadows and line of sight.
-    Any,
-}
-
-impl Query {
-    /// Returns the size in bytes of a result in device memory.
-    #[cfg(any(feature = "vulkan", feature = "wgpu"))]
-    pub(crate) fn answer_bytes(self) -> usize {
-        match self {
-            Self::Closest => size_of::<geom::Hit>(),
-            Self::Any => size_of::<u32>(),
-        }
-    }
-
-    fn kind(self) -> QueryKind {
-        match self {
-            Self::Closest => QueryKind::Closest,
-            Self::Any => QueryKind::Any,
-        }
-    }
-}
 
 /// Source of a streamed mesh's vertices.
 #[derive(Clone, Copy, Debug)]
@@ -65,31 +37,20 @@ pub enum Source<'a> {
     },
 }
 
-/// Identifies a submitted step.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct StepId(pub(crate) u64);
-
-/// Identifies a query of a step.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct QueryId {
-    pub(crate) step: StepId,
-    pub(crate) query: u32,
-}
-
 /// A step in preparation: moves meshes and traces queries.
 ///
 /// Meshes that the step does not move keep their positions. A step that is dropped instead of [submitted](Step::submit)
 /// has moved its meshes, but its queries have no results, and it does not count as a step.
 #[derive(Debug)]
 pub struct Step<'t> {
-    pub(crate) tracer: &'t mut State,
+    pub(crate) tracer: &'t mut TracerState,
     pub(crate) id: StepId,
     /// Time in key frames.
     pub(crate) time: f64,
     /// Number of queries so far.
     pub(crate) queries: u32,
     /// Queries that are traced together when the step ends.
-    pub(crate) deferred: Vec<(QueryId, Deferred, Query)>,
+    pub(crate) deferred: Vec<DeferredQuery>,
     pub(crate) is_submitted: bool,
 }
 
@@ -101,49 +62,27 @@ impl Drop for Step<'_> {
     }
 }
 
-/// Rays that are read when the step ends.
-#[derive(Debug)]
-pub(crate) enum Deferred {
-    Camera(Camera),
-    #[cfg(feature = "wgpu")]
-    Nothing,
-    #[cfg(feature = "wgpu")]
-    Wgpu(gpu_wgpu::LentRays<wgpu::Buffer>, usize),
-}
-
-impl Deferred {
-    pub(crate) fn query(&self, query: Query) -> backend::Query<'_> {
-        let rays = match self {
-            Self::Camera(camera) => Rays::Camera(camera),
-            #[cfg(feature = "wgpu")]
-            Self::Nothing => Rays::List(&[]),
-            #[cfg(feature = "wgpu")]
-            &Self::Wgpu(_, count) => Rays::OnDevice(count),
-        };
-        let kind = query.kind();
-        backend::Query { rays, kind }
-    }
-}
-
 impl Step<'_> {
     /// Sets all vertices of a streamed mesh.
     ///
     /// # Errors
     /// [`Error::Count`]. [`Error::Misuse`] if a buffer cannot be read. The errors of [`Step::vertices_mut`].
     pub fn vertices(&mut self, mesh: MeshId, source: Source<'_>) -> Result<()> {
-        let index = self.may_stream(mesh)?;
+        let index = self.streamed_index(mesh)?;
         let current = &mut self.tracer.current;
         match source {
             Source::Host(vertices) => {
                 let expected = current.joined.range_of(index).len();
-                check(mesh, "vertices", expected, vertices.len())?;
+                Error::check_count(mesh, "vertices", expected, vertices.len())?;
                 copy_in_parallel(current.joined.vertices_of(index), vertices);
                 Ok(())
             }
             #[cfg(feature = "wgpu")]
-            Source::Wgpu(from) => current.bring_points((mesh, index), from),
+            Source::Wgpu(from) => current.set_wgpu_vertices(mesh, from),
             #[cfg(feature = "vulkan")]
-            Source::External { buffer, offset } => current.bring_external(index, (buffer, offset)),
+            Source::External { buffer, offset } => {
+                current.set_external_vertices(index, buffer, offset)
+            }
         }
     }
 
@@ -153,15 +92,15 @@ impl Step<'_> {
     /// # Errors
     /// [`Error::ForeignMesh`]. [`Error::Motion`] for meshes that are not streamed. [`Error::TooLate`] after a query.
     pub fn vertices_mut(&mut self, mesh: MeshId) -> Result<&mut [Point]> {
-        let index = self.may_stream(mesh)?;
+        let index = self.streamed_index(mesh)?;
         Ok(self.tracer.current.joined.vertices_of(index))
     }
 
-    fn may_stream(&self, mesh: MeshId) -> Result<usize> {
-        let index = self.may_move(mesh)?;
+    fn streamed_index(&self, mesh: MeshId) -> Result<usize> {
+        let index = self.movable_index(mesh)?;
         let motion = &*self.tracer.current.joined.meshes[index].motion;
         let what = "vertices";
-        let is_streamed = matches!(motion, Motion::Streamed(_));
+        let is_streamed = matches!(motion, MeshMotion::Streamed(_));
         (is_streamed.then_some(index)).ok_or(Error::Motion { mesh, what })
     }
 
@@ -172,10 +111,10 @@ impl Step<'_> {
     /// [`Error::Count`] for too few matrices. [`Error::ForeignMesh`]. [`Error::Motion`] for meshes that are not rigid.
     /// [`Error::TooLate`] after a query.
     pub fn poses(&mut self, mesh: MeshId, matrices: &[Matrix]) -> Result<()> {
-        let index = self.may_move(mesh)?;
+        let index = self.movable_index(mesh)?;
         let joined = &mut self.tracer.current.joined;
         let motion = Arc::clone(&joined.meshes[index].motion);
-        let Motion::Rigid {
+        let MeshMotion::Rigid {
             rest,
             part_of_vertex,
             parts,
@@ -185,14 +124,14 @@ impl Step<'_> {
             return Err(Error::Motion { mesh, what });
         };
         if matrices.len() < *parts {
-            check(mesh, "matrices", *parts, matrices.len())?;
+            Error::check_count(mesh, "matrices", *parts, matrices.len())?;
         }
         let matrix = |v: usize| &matrices[part_of_vertex[v] as usize];
-        set(joined.vertices_of(index), |v| moved(matrix(v), rest[v]));
+        set_each(joined.vertices_of(index), |v| transform(matrix(v), rest[v]));
         Ok(())
     }
 
-    fn may_move(&self, mesh: MeshId) -> Result<usize> {
+    fn movable_index(&self, mesh: MeshId) -> Result<usize> {
         let index = mesh.within(&self.tracer.current.joined.meshes)?;
         match self.queries {
             0 => Ok(index),
@@ -212,31 +151,29 @@ impl Step<'_> {
     pub fn trace<'r>(&mut self, rays: impl Into<Rays<'r>>, query: Query) -> Result<QueryId> {
         let rays = rays.into();
         if let Rays::Camera(camera) = rays {
-            return Ok(self.defer(Deferred::Camera(*camera), query));
+            return Ok(self.defer(DeferredRays::Camera(*camera), query));
         }
         let id = self.next_id();
-        let kind = query.kind();
-        let query = backend::Query { rays, kind };
         let batch = Batch {
             ids: &[id],
-            queries: &[query],
+            queries: &[query.of(rays)],
         };
-        let begun = self.tracer.begin(self.time, batch);
-        self.keep_if(id, begun)
+        let begun = self.tracer.current.begin(self.time, batch);
+        self.finish_query(id, begun)
     }
 
-    /// Removes the newest query if it failed. If it was the first, meshes can be moved again.
-    pub(crate) fn keep_if(&mut self, id: QueryId, begun: Result<()>) -> Result<QueryId> {
+    /// Returns the newest query, or removes it if it failed. If it was the first, meshes can be moved again.
+    pub(crate) fn finish_query(&mut self, id: QueryId, begun: Result<()>) -> Result<QueryId> {
         if begun.is_err() {
             self.queries -= 1;
-            (self.tracer.current.results).retain(|answer| answer.query != id);
+            (self.tracer.current.results).retain(|result| result.query != id);
         }
         begun.map(|()| id)
     }
 
-    pub(crate) fn defer(&mut self, rays: Deferred, query: Query) -> QueryId {
+    pub(crate) fn defer(&mut self, rays: DeferredRays, kind: Query) -> QueryId {
         let id = self.next_id();
-        self.deferred.push((id, rays, query));
+        self.deferred.push(DeferredQuery { id, rays, kind });
         id
     }
 
@@ -268,39 +205,24 @@ impl Step<'_> {
     }
 
     pub(crate) fn begin_deferred(&mut self) -> Result<()> {
-        let deferred = self.deferred.iter();
-        let queries = deferred.map(|(id, rays, query)| (*id, rays.query(*query)));
-        let (ids, queries): (Vec<_>, Vec<_>) = queries.unzip();
+        let current = &mut self.tracer.current;
         #[cfg(feature = "wgpu")]
-        self.tracer.current.lend_rays(&self.deferred);
-        if queries.is_empty() {
-            Ok(())
-        } else {
-            let batch = Batch {
-                ids: &ids,
-                queries: &queries,
-            };
-            self.tracer.begin(self.time, batch)
+        current.lend_rays(&self.deferred);
+        if self.deferred.is_empty() {
+            return Ok(());
         }
+        let ids: Vec<_> = self.deferred.iter().map(|query| query.id).collect();
+        let queries: Vec<_> = self.deferred.iter().map(DeferredQuery::query).collect();
+        let batch = Batch {
+            ids: &ids,
+            queries: &queries,
+        };
+        current.begin(self.time, batch)
     }
 }
 
-/// Returns an error unless rays and results are in separate buffers.
-#[cfg(any(feature = "vulkan", feature = "wgpu"))]
-pub(crate) fn apart(are_apart: bool) -> Result<()> {
-    let why = || Error::Misuse("answers would be written over rays".into());
-    are_apart.then_some(()).ok_or_else(why)
-}
-
-pub(crate) fn check(mesh: MeshId, what: &'static str, expected: usize, found: usize) -> Result<()> {
-    if expected == found {
-        Ok(())
-    } else {
-        Err(Error::Count {
-            mesh,
-            what,
-            expected,
-            found,
-        })
-    }
+/// Limits a time so that differences of times do not overflow. The limits are far beyond all key frames.
+pub(crate) fn clamp_time(time: f64) -> f64 {
+    let time = time.clamp(-1e100, 1e100);
+    if time.is_nan() { 0.0 } else { time }
 }

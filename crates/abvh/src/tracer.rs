@@ -1,220 +1,17 @@
 //! The tracer: a scene on a device, with the trees that follow its motion.
 
-use crate::loaded::{Batch, Loaded, find};
-use crate::replacement::Disposal;
-use crate::{
-    Device, Error, Hits, Intersector, Mesh, MeshId, QueryId, Result, Scene, Step, StepId, Update,
-};
-use backend::{Backend, DeviceKind};
+use crate::builder::{TracerBuilder, device_name};
+use crate::loaded::Loaded;
+use crate::query::{QueryId, StepId};
+use crate::state::TracerState;
+use crate::step::{Step, clamp_time};
+use crate::{Hits, MeshId, Result, Scene, Statistics};
+use backend::Backend;
 use geom::lock;
-use pipeline::{BuilderThreads, DriverOptions, Threads};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
-
-/// Configures and creates a [`Tracer`].
-#[derive(Clone, Debug)]
-pub struct Builder {
-    device: Device,
-    /// `None` leaves the choice to [`Builder::policy`].
-    update: Option<Update>,
-    pub(crate) intersector: Intersector,
-    threads: Option<usize>,
-    builder_threads: Option<usize>,
-    time_range: [f64; 2],
-    predict: bool,
-}
-
-impl Builder {
-    /// Sets the device. The default is [`Device::Auto`].
-    #[must_use]
-    pub fn device(self, device: Device) -> Self {
-        Self { device, ..self }
-    }
-
-    /// Sets how trees follow the motion. The default is [`Update::Refit`] if no mesh can move, else [`Update::Async`].
-    #[must_use]
-    pub fn update(self, update: Update) -> Self {
-        let update = Some(update);
-        Self { update, ..self }
-    }
-
-    /// Sets the ray-triangle test. The default is [`Intersector::Watertight`].
-    #[must_use]
-    pub fn intersector(self, intersector: Intersector) -> Self {
-        Self {
-            intersector,
-            ..self
-        }
-    }
-
-    /// Sets the number of host threads that trace or, if a GPU traces, build trees.
-    ///
-    /// By default, the host traces with one thread per core. For a GPU, one thread per two cores builds trees, which
-    /// leaves cores for the program. If the host traces and builds at the same time, a quarter of four or more cores
-    /// builds and the others trace. Threads that are set here all trace, and a quarter as many more threads build.
-    #[must_use]
-    pub fn threads(self, threads: usize) -> Self {
-        let threads = Some(threads.max(1));
-        Self { threads, ..self }
-    }
-
-    /// Sets the number of host threads that build trees. The default is described at [`Builder::threads`].
-    #[must_use]
-    pub fn builder_threads(mut self, threads: usize) -> Self {
-        self.builder_threads = Some(threads.max(1));
-        self
-    }
-
-    /// Sets the first and the last time of all future steps, in key frames. No tree is built for a time outside this
-    /// range. The default is all times from 0 on.
-    #[must_use]
-    pub fn time_range(self, time_range: [f64; 2]) -> Self {
-        Self { time_range, ..self }
-    }
-
-    /// Sets whether trees are built for the predicted positions, which is the default. Otherwise they are built for the
-    /// positions at their request, for comparison.
-    #[must_use]
-    pub fn predict(self, predict: bool) -> Self {
-        Self { predict, ..self }
-    }
-
-    /// Opens the device and loads the scene.
-    ///
-    /// # Errors
-    /// [`Error::NoDevice`]. [`Error::Unsupported`] if the scene exceeds the device's limits. [`Error::OutOfMemory`] if
-    /// the system is known to have too little memory for its trees (about 345 bytes per triangle). [`Error::Device`].
-    pub fn build(self, scene: Scene) -> Result<Tracer> {
-        let backend = self.open(self.policy(&scene.meshes))?;
-        self.build_on(backend, scene)
-    }
-
-    /// Loads the scene on the device of another tracer, whose kernels stay ready. Ignores [`Builder::device`], and also
-    /// [`Builder::threads`] if the host traces.
-    ///
-    /// # Errors
-    /// [`Error::Unsupported`], [`Error::Device`].
-    pub fn build_in_place_of(self, former: Tracer, scene: Scene) -> Result<Tracer> {
-        let former = former.state.into_inner();
-        let former = former.unwrap_or_else(PoisonError::into_inner);
-        self.build_on(former.current.driver.into_backend(), scene)
-    }
-
-    /// Loads the scene on an open backend, such as the program's own. The trait `Backend` is in a crate without
-    /// stability guarantees: it may change with each version. Only on a [`Device`] can meshes be
-    /// [replaced](Tracer::replace).
-    ///
-    /// # Errors
-    /// [`Error::Unsupported`], [`Error::Device`].
-    pub fn build_on(self, backend: Box<dyn Backend>, scene: Scene) -> Result<Tracer> {
-        let update = self.policy(&scene.meshes);
-        let (device, kind) = (name(backend.as_ref()), backend.device().kind);
-        let builders = self.builders(kind, update)?;
-        let steps = TRACERS.fetch_add(1, Ordering::Relaxed) << 40;
-        let state = State {
-            current: Loaded::new(scene.meshes, backend, self.options(update), builders)?,
-            former: Vec::new(),
-            builder: self,
-            commits: 0,
-            replaced: BTreeMap::new(),
-            device: device.clone(),
-            kind,
-            steps,
-            submitted: steps,
-            last: None,
-            disposal: Arc::default(),
-        };
-        Ok(Tracer {
-            device,
-            state: Mutex::new(state),
-        })
-    }
-
-    /// Returns the policy for a scene of `meshes`.
-    pub(crate) fn policy(&self, meshes: &[Mesh]) -> Update {
-        self.update.unwrap_or_else(|| {
-            let is_fixed = meshes.iter().all(|m| m.motion.is_fixed());
-            if is_fixed {
-                Update::Refit
-            } else {
-                Update::Async
-            }
-        })
-    }
-
-    /// Returns the options of the driver.
-    pub(crate) fn options(&self, update: Update) -> DriverOptions {
-        DriverOptions {
-            intersector: self.intersector,
-            update,
-            time_range: self.time_range,
-            predict: self.predict,
-        }
-    }
-
-    pub(crate) fn open(&self, update: Update) -> Result<Box<dyn Backend>> {
-        self.device
-            .open(self.share(DeviceKind::Cpu, update)?.render)
-    }
-
-    /// Creates the threads that build trees for a device of this kind.
-    pub(crate) fn builders(&self, kind: DeviceKind, update: Update) -> Result<BuilderThreads> {
-        let requested = self.threads.or(self.builder_threads);
-        let threads = match (requested, self.share(kind, update)?.build) {
-            // With more builder threads, steps wait for cores longer than better trees save.
-            (None, all) if kind == DeviceKind::Gpu => all.div_ceil(2),
-            (_, shared) => shared,
-        };
-        BuilderThreads::new(threads).map_err(Error::of_driver)
-    }
-
-    fn share(&self, kind: DeviceKind, update: Update) -> Result<Threads> {
-        let requested = [self.threads, self.builder_threads];
-        match requested.into_iter().flatten().max() {
-            Some(most) if most > MOST_THREADS => {
-                let why = format!("{most} threads are too many: {MOST_THREADS} may be asked for");
-                Err(Error::Unsupported(why))
-            }
-            _ => Ok(Threads::share(host::cores(), kind, update, requested)),
-        }
-    }
-}
-
-pub(crate) fn moment(time: f64) -> f64 {
-    // The limits are far beyond all key frames, and differences of times do not overflow.
-    let time = time.clamp(-1e100, 1e100);
-    if time.is_nan() { 0.0 } else { time }
-}
-
-/// Returns the name of a backend and its adapter.
-pub(crate) fn name(backend: &dyn Backend) -> String {
-    let device = backend.device();
-    format!("{} ({})", device.backend, device.adapter)
-}
-
-/// State of the tree and of the scene after the last finished query.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
-pub struct Statistics {
-    /// Number of trees so far, including the current tree.
-    pub generation: u64,
-    /// Number of queries since the query that requested the current tree.
-    pub age: u64,
-    /// Cost of the refitted tree by the surface area heuristic, relative to its cost when it was built. `None` if the
-    /// backend does not measure costs.
-    pub cost_ratio: Option<f64>,
-    /// Whether the next tree is being built, or is finished but not yet adopted.
-    pub building: bool,
-    /// Number of triangles with a vertex that is not finite. They are never hit.
-    pub inactive: u64,
-    /// Number of triangles without area. They are never hit.
-    pub degenerate: u64,
-}
-
-/// Maximum number of threads that may be requested. Many more would take minutes to start.
-const MOST_THREADS: usize = 4096;
 
 /// Number of tracers created so far.
 static TRACERS: AtomicU64 = AtomicU64::new(0);
@@ -225,43 +22,14 @@ static TRACERS: AtomicU64 = AtomicU64::new(0);
 pub struct Tracer {
     device: String,
     /// Steps have exclusive access and do not lock it.
-    state: Mutex<State>,
-}
-
-/// State that is changed by steps and by reading results.
-pub(crate) struct State {
-    pub(crate) current: Loaded,
-    /// Scenes from before replacements, while they have results.
-    pub(crate) former: Vec<Loaded>,
-    pub(crate) builder: Builder,
-    /// Number of committed replacements.
-    pub(crate) commits: u64,
-    /// Number of the newest committed replacement of each mesh, counted from 1.
-    pub(crate) replaced: BTreeMap<usize, u64>,
-    pub(crate) device: String,
-    pub(crate) kind: DeviceKind,
-    /// Number of the step begun last. Each tracer counts from a different number, so no two steps have the same number.
-    steps: u64,
-    /// Number of the step submitted last.
-    submitted: u64,
-    pub(crate) last: Option<Statistics>,
-    /// Shared with the replacements of this tracer.
-    pub(crate) disposal: Arc<Disposal>,
+    state: Mutex<TracerState>,
 }
 
 impl Tracer {
     /// Returns a builder with default options.
     #[must_use]
-    pub fn builder() -> Builder {
-        Builder {
-            device: Device::Auto,
-            update: None,
-            intersector: Intersector::Watertight,
-            threads: None,
-            builder_threads: None,
-            time_range: [0.0, f64::INFINITY],
-            predict: true,
-        }
+    pub fn builder() -> TracerBuilder {
+        TracerBuilder::new()
     }
 
     /// Returns the name of the device, such as `cpu (host (x86_64))`.
@@ -270,12 +38,12 @@ impl Tracer {
         &self.device
     }
 
-    pub(crate) fn state(&mut self) -> &mut State {
+    pub(crate) fn state(&mut self) -> &mut TracerState {
         self.state.get_mut().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Locks the state, to read results.
-    pub(crate) fn shared_state(&self) -> MutexGuard<'_, State> {
+    pub(crate) fn shared_state(&self) -> MutexGuard<'_, TracerState> {
         lock(&self.state)
     }
 
@@ -283,13 +51,13 @@ impl Tracer {
     /// if there is a tree.
     ///
     /// # Errors
-    /// [`Error::KeyFrame`] if a key frame cannot be read; [`Error::Device`].
+    /// [`Error::KeyFrame`](crate::Error::KeyFrame) if a key frame cannot be read; [`Error::Device`](crate::Error::Device).
     pub fn warm_up(&mut self, time: f64) -> Result<()> {
         let current = &mut self.state().current;
         if current.has_tree() {
             Ok(())
         } else {
-            current.warm_up(moment(time), &[])
+            current.warm_up(clamp_time(time), &[])
         }
     }
 
@@ -301,7 +69,7 @@ impl Tracer {
         Step {
             id: StepId(state.steps),
             tracer: state,
-            time: moment(time),
+            time: clamp_time(time),
             queries: 0,
             deferred: Vec::new(),
             is_submitted: false,
@@ -334,17 +102,12 @@ impl Tracer {
     /// ```
     ///
     /// # Errors
-    /// [`Error::NoResult`] if the query belongs to another step or tracer, or its result was dropped;
-    /// [`Error::Device`].
+    /// [`Error::NoResult`](crate::Error::NoResult) if the query belongs to another step or tracer, or its result was dropped;
+    /// [`Error::Device`](crate::Error::Device).
     pub fn hits(&self, step: StepId, query: QueryId) -> Result<Hits> {
-        let State {
-            current,
-            former,
-            last,
-            ..
-        } = &mut *self.shared_state();
-        let (loaded, at) = find(current, former, step, query)?;
-        loaded.hits(at, last)
+        let mut state = self.shared_state();
+        let (loaded, index) = state.find(step, query)?;
+        loaded.hits(index)
     }
 
     /// Returns whether a query is done, so that [`Tracer::hits`] would not wait. Never blocks. Also returns `false`
@@ -358,11 +121,8 @@ impl Tracer {
             Err(TryLockError::Poisoned(e)) => e.into_inner(),
             Err(TryLockError::WouldBlock) => return Ok(false),
         };
-        let State {
-            current, former, ..
-        } = &mut *state;
-        let (loaded, at) = find(current, former, step, query)?;
-        loaded.is_done(at)
+        let (loaded, index) = state.find(step, query)?;
+        loaded.is_done(index)
     }
 
     /// Returns the index of a mesh's first triangle among the triangles of all meshes. [`Hits::in_scene`] and results
@@ -370,7 +130,7 @@ impl Tracer {
     /// steps keep the former indices.
     ///
     /// # Errors
-    /// [`Error::ForeignMesh`].
+    /// [`Error::ForeignMesh`](crate::Error::ForeignMesh).
     pub fn first_triangle(&self, mesh: MeshId) -> Result<u32> {
         let joined = &self.shared_state().current.joined;
         let index = mesh.within(&joined.meshes)?;
@@ -380,34 +140,63 @@ impl Tracer {
     /// Returns the statistics of the last finished query; `None` before the first.
     #[must_use]
     pub fn statistics(&self) -> Option<Statistics> {
-        self.shared_state().last
+        self.shared_state().statistics()
     }
 }
 
-impl State {
-    pub(crate) fn begin(&mut self, time: f64, batch: Batch<'_>) -> Result<()> {
-        self.current.begin(time, batch, &mut self.last)
+impl TracerBuilder {
+    /// Opens the device and loads the scene.
+    ///
+    /// # Errors
+    /// [`Error::NoDevice`](crate::Error::NoDevice). [`Error::Unsupported`](crate::Error::Unsupported) if the scene exceeds the device's limits. [`Error::OutOfMemory`](crate::Error::OutOfMemory) if
+    /// the system is known to have too little memory for its trees (about 345 bytes per triangle). [`Error::Device`](crate::Error::Device).
+    pub fn build(self, scene: Scene) -> Result<Tracer> {
+        let backend = self.open(self.policy(&scene.meshes))?;
+        self.load(backend, scene)
     }
 
-    /// Drops the results of all steps except `step`, which is submitted now, and the step submitted before it.
-    pub(crate) fn submitted(&mut self, step: StepId) {
-        let before = std::mem::replace(&mut self.submitted, step.0);
-        self.keep_from(before);
+    /// Loads the scene on the device of another tracer, whose kernels stay ready. Ignores [`TracerBuilder::device`], and also
+    /// [`TracerBuilder::threads`] if the host traces.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`](crate::Error::Unsupported), [`Error::Device`](crate::Error::Device).
+    pub fn build_in_place_of(self, former: Tracer, scene: Scene) -> Result<Tracer> {
+        let former = former.state.into_inner();
+        let former = former.unwrap_or_else(PoisonError::into_inner);
+        self.load(former.current.driver.into_backend(), scene)
     }
 
-    /// Drops the results of steps before `oldest`, and former scenes without other results.
-    pub(crate) fn keep_from(&mut self, oldest: u64) {
-        self.current.keep_from(oldest);
-        let is_done = |loaded: &mut Loaded| !loaded.keep_from(oldest);
-        for done in self.former.extract_if(.., is_done) {
-            self.disposal.begin(move || drop(done));
-        }
+    /// Loads the scene on an open backend. Meshes can be [replaced](Tracer::replace) if the builder's device is that of
+    /// the backend.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`](crate::Error::Unsupported), [`Error::Device`](crate::Error::Device).
+    #[cfg(feature = "unstable")]
+    pub fn build_on(self, backend: Box<dyn Backend>, scene: Scene) -> Result<Tracer> {
+        self.load(backend, scene)
     }
-}
 
-impl fmt::Debug for State {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "State of a tracer on {}", self.device)
+    fn load(self, backend: Box<dyn Backend>, scene: Scene) -> Result<Tracer> {
+        let update = self.policy(&scene.meshes);
+        let (device, kind) = (device_name(backend.as_ref()), backend.device().kind);
+        let builders = self.builders(kind, update)?;
+        let steps = TRACERS.fetch_add(1, Ordering::Relaxed) << 40;
+        let state = TracerState {
+            current: Loaded::new(scene.meshes, backend, self.options(update), builders)?,
+            former: Vec::new(),
+            builder: self,
+            commits: 0,
+            replaced: BTreeMap::new(),
+            device: device.clone(),
+            kind,
+            steps,
+            submitted: steps,
+            disposal: Arc::default(),
+        };
+        Ok(Tracer {
+            device,
+            state: Mutex::new(state),
+        })
     }
 }
 

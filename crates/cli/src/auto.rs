@@ -5,7 +5,7 @@ use crate::tracer_settings::{ChosenPolicy, TracerSettings, Workload};
 use backend::{Backend, DeviceKind, Policy};
 use geom::Animation;
 use output::Taken;
-use pipeline::{ExpectedMemory, RefitDecay, RunFacts};
+use pipeline::{DriverOptions, ExpectedMemory, RefitDecay, RunFacts};
 
 /// Returns the choice of one option with its reason, or `None` if the user named the value.
 pub(crate) fn choice(option: &str, value: &str, why: Option<String>) -> Option<Taken> {
@@ -58,8 +58,13 @@ fn facts(
     let times: Vec<f64> = workload.frames.iter().map(|f| f.time).collect();
     let rays = workload.rays;
     let threads = settings.share(device, Policy::Async);
-    let method = (settings.intersector, Policy::DeviceRebuild);
-    let memory = ExpectedMemory::of(animation, device, method, rays);
+    let options = DriverOptions {
+        intersector: settings.intersector,
+        update: Policy::DeviceRebuild,
+        time_range: workload.time_range(),
+        predict: settings.predict,
+    };
+    let memory = ExpectedMemory::of(animation, device, &options, rays);
     Ok(RunFacts {
         frames: times.len(),
         step: match *times {

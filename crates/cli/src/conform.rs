@@ -131,13 +131,13 @@ impl ConformSettings {
             (None, cases) => 0..=cases - 1,
         };
         let cases = Cases::new(self.seed, numbers);
-        let reference = backends::open_reference();
+        let reference = abvh::backends::open_reference();
         let mut reference = Reference::new(reference.map_err(|e| Stop::bad(e.to_string()))?);
         let mut progress = Progress::new(total as u64, self.test.quiet);
         let mut rows = Vec::new();
         for backend in &mut *backends {
             let name = backend.device().backend;
-            let subject = backends::inspect(backend.as_mut());
+            let subject = abvh::backends::inspect(backend.as_mut());
             let subject = subject.expect("the program opens only known backends");
             for property in properties() {
                 let begun = Instant::now();

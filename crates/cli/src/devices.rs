@@ -2,8 +2,8 @@
 
 use crate::parsers::{self, AUTO};
 use crate::stop::Stop;
+use abvh::backends::{BACKENDS, find_backend, open_best};
 use backend::{AdapterInfo, Backend, BackendName, Intersector};
-use backends::{KNOWN, known};
 use clap::Args;
 use serde::{Serialize, Serializer};
 use serde_json::json;
@@ -97,19 +97,19 @@ impl DeviceRequest {
         let adapter = self.adapter.as_deref();
         if let Some(name) = self.backend {
             let absent = || Stop::bad(format!("this program was built without backend {name}"));
-            let known = known(name).ok_or_else(absent)?;
-            let opened = known.open(adapter, self.threads).map_err(Stop::bad)?;
+            let entry = find_backend(name).ok_or_else(absent)?;
+            let opened = entry.open(adapter, self.threads).map_err(Stop::bad)?;
             let value = ready(opened)?;
             return Ok(Selected { value, why: None });
         }
-        match backends::open_best((adapter, self.threads), ready) {
+        match open_best(adapter, self.threads, ready) {
             Ok((value, why)) => Ok(Selected {
                 value,
                 why: Some(why),
             }),
-            Err(vain) => Err(match vain.broken {
-                Some(Stop::Failed(_)) => Stop::failed(vain.why),
-                _ => Stop::bad(vain.why),
+            Err(none) => Err(match none.last_error {
+                Some(Stop::Failed(_)) => Stop::failed(none.reason),
+                _ => Stop::bad(none.reason),
             }),
         }
     }
@@ -209,10 +209,10 @@ fn serialize<S: Serializer>(all: &[AdapterInfo], to: S) -> Result<S::Ok, S::Erro
 
 /// Returns all backends, available or not, in the order in which `auto` tries them.
 pub(crate) fn presences() -> impl DoubleEndedIterator<Item = BackendPresence> {
-    KNOWN.iter().map(|known| {
-        let found = known.adapters();
+    BACKENDS.iter().map(|entry| {
+        let found = entry.adapters();
         BackendPresence {
-            backend: known.name,
+            backend: entry.name,
             absent: found.as_ref().err().map(ToString::to_string),
             adapters: found.unwrap_or_default(),
             intersectors: Intersector::ALL.map(Intersector::name).to_vec(),

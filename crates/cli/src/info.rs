@@ -60,7 +60,7 @@ impl RunCommand for DoctorSettings {
             return console::print(&format!("can be used: {}\n", found.gpus.join(", ")));
         }
         let each = found.problems.iter();
-        let lines = each.map(|p| format!("missing: {}\n  mend: {}\n", p.what, p.mend));
+        let lines = each.map(|p| format!("missing: {}\n  mend: {}\n", p.what, p.fix));
         console::print(&lines.collect::<String>())?;
         let why = "no GPU can be used here; the host's cores can";
         Err(Stop::failed(why))

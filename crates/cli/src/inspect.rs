@@ -16,7 +16,7 @@ use crate::tracer_settings::{TracerSettings, Workload};
 use backend::Intersector;
 use clap::Args;
 use output::Taken;
-use pipeline::{Decay, Motion, Spread};
+use pipeline::{CountRange, Decay, MotionStats};
 use reduce_keys::Tolerance;
 use scene::Scene;
 use serde::Serialize;
@@ -49,9 +49,9 @@ pub(crate) struct InspectSettings {
 struct Inspection {
     scene: Value,
     bounds: Option<Value>,
-    motion: Motion,
-    inactive: Spread,
-    degenerate: Spread,
+    motion: MotionStats,
+    inactive: CountRange,
+    degenerate: CountRange,
     decay: Vec<Decay>,
     auto: Vec<Taken>,
 }

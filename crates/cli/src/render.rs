@@ -19,7 +19,7 @@ use crate::stop::Stop;
 use crate::table;
 use crate::tracer_settings::{TracerSettings, Workload};
 use abvh::Tracer;
-use abvh::frames::{Frame, Wanted};
+use abvh::frames::{Frame, OutputSelection};
 use clap::Args;
 use files::FrameFiles;
 use frame_writer::{FrameLog, FrameWriter, Rendered};
@@ -224,7 +224,7 @@ fn run(settings: &RenderSettings) -> Result<(), Stop> {
     let Started { mut tracer, setup } =
         setup::start_tracer(&scene, &settings.tracer, workload, opening)?;
     passed("open the device, load the scene");
-    let mut wanted = Wanted {
+    let mut wanted = OutputSelection {
         hits: files.has_hits(),
         pixels: files.has_pictures() || files.video.any(),
     };

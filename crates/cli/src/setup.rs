@@ -48,7 +48,7 @@ pub(crate) struct Started<T> {
 /// Starts to open the backend while the scene is read, if opening takes long.
 pub(crate) fn begin(settings: &TracerSettings) -> Opening {
     if settings.device.no_cache {
-        backends::keep_no_kernels();
+        abvh::backends::disable_kernel_cache();
     }
     let is_on_host = settings.device.backend.is_some_and(BackendName::is_on_host);
     if is_on_host {
@@ -158,7 +158,13 @@ fn resolve(
         request.open()?
     };
     let (kind, rays) = (capabilities.device, workload.rays);
-    let memory = ExpectedMemory::of(animation, kind, (settings.intersector, policy), rays);
+    let options = DriverOptions {
+        intersector: settings.intersector,
+        update: policy,
+        time_range: workload.time_range(),
+        predict: settings.predict,
+    };
+    let memory = ExpectedMemory::of(animation, kind, &options, rays);
     check_device(backend.as_ref(), animation.triangle_count(), memory)?;
     let device = backend.device().clone();
     let choice = auto::choice("update", policy.name(), why_policy);
@@ -177,12 +183,6 @@ fn resolve(
         caption: String::new(),
     };
     setup.caption = setup.in_one_line(device.threads);
-    let options = DriverOptions {
-        intersector: settings.intersector,
-        update: policy,
-        time_range: workload.time_range(),
-        predict: settings.predict,
-    };
     Ok(Resolved {
         backend,
         options,

@@ -13,8 +13,8 @@ use crate::stop::Stop;
 use crate::table::{Cells, TRIANGLES, counted, ms, table};
 use crate::tested_backends::TestSettings;
 use abvh::{
-    Builder, Device, Intersector, Mesh, MeshId, Query, QueryId, Ray, SceneHit, Source, StepId,
-    Tracer,
+    Device, Intersector, Mesh, MeshId, Query, QueryId, Ray, SceneHit, Source, StepId, Tracer,
+    TracerBuilder,
 };
 use backend::{BackendName, Policy};
 use clap::Args;
@@ -193,7 +193,11 @@ impl<'a> StreamedMotion<'a> {
     }
 
     /// Loads this scene as one streamed mesh.
-    fn start(&self, builder: Builder, source: VertexSource) -> Result<StreamedTracer<'_>, Stop> {
+    fn start(
+        &self,
+        builder: TracerBuilder,
+        source: VertexSource,
+    ) -> Result<StreamedTracer<'_>, Stop> {
         let mut scene = abvh::Scene::new();
         let mesh = scene.add(Mesh::streamed(&self.poses[0], self.animation.triangles())?);
         Ok(StreamedTracer {

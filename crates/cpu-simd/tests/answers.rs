@@ -7,7 +7,7 @@ use conformance::stage::{ask, stand, tree_at};
 use conformance::{Cases, PROPERTIES, Reference, hold, nth_case, record};
 use cpu_ref::CpuBackend;
 use cpu_simd::{Level, open_at};
-use geom::{Animation, Camera, Point, Ray};
+use geom::{Animation, Camera, CameraPose, Point, Ray};
 use proptest::prelude::*;
 use std::sync::Arc;
 
@@ -69,11 +69,12 @@ fn cameras() -> impl Strategy<Value = Camera> {
     let length =
         prop_oneof![2 => Just(1.0_f32), 1 => 0.1_f32..30.0, 1 => Just(1e25), 1 => Just(1e-25)];
     (eye, at, fov, length, [1_u32..70, 1_u32..40]).prop_map(|(eye, at, fov, length, size)| {
-        let up = [0.1, 1.0, 0.2];
-        let camera = Camera::look_at(eye, at, up, fov, size);
-        let camera = camera.unwrap_or_else(|| {
-            Camera::look_at([0.0, 0.0, 5.0], [0.0; 3], up, fov, size).expect("it sees")
-        });
+        let camera = |eye, target| {
+            let pose = CameraPose::new(eye, target).with_fov(fov);
+            Camera::look_at(pose.with_up([0.1, 1.0, 0.2]), size)
+        };
+        let camera = camera(eye, at).or_else(|| camera([0.0, 0.0, 5.0], [0.0; 3]));
+        let camera = camera.expect("it sees");
         Camera {
             corner: camera.corner.map(|x| x * length),
             across: camera.across.map(|x| x * length),
@@ -272,8 +273,9 @@ proptest! {
 #[test]
 fn prebuilt_blocks_do_not_change_hits() {
     let animation = ball(1.0);
-    let camera = Camera::look_at([3.0, 2.0, 4.0], [0.0; 3], [0.0, 1.0, 0.0], 50.0, [40, 30]);
-    let rays: Vec<Ray> = camera.unwrap().rays().collect();
+    let pose = CameraPose::new([3.0, 2.0, 4.0], [0.0; 3]).with_fov(50.0);
+    let camera = Camera::look_at(pose, [40, 30]).unwrap();
+    let rays: Vec<Ray> = camera.rays().collect();
     let intersector = Intersector::Watertight;
     let [good, bad] = trees(&animation);
     for (old, new) in [(&good, &bad), (&bad, &good)] {

@@ -21,22 +21,59 @@ pub struct Camera {
     pub down: Point,
 }
 
+/// Position, orientation and field of view of a camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CameraPose {
+    eye: Point,
+    /// Point in the middle of the image.
+    target: Point,
+    up: Point,
+    fov_degrees: f32,
+}
+
+impl CameraPose {
+    /// Creates the pose of a camera at `eye` whose image has `target` in its middle. The y axis points up, and the
+    /// vertical field of view is 40 degrees.
+    #[must_use]
+    pub fn new(eye: Point, target: Point) -> Self {
+        Self {
+            eye,
+            target,
+            up: [0.0, 1.0, 0.0],
+            fov_degrees: 40.0,
+        }
+    }
+
+    /// Sets the up direction.
+    #[must_use]
+    pub fn with_up(self, up: Point) -> Self {
+        Self { up, ..self }
+    }
+
+    /// Sets the vertical field of view in degrees.
+    #[must_use]
+    pub fn with_fov(self, fov_degrees: f32) -> Self {
+        Self {
+            fov_degrees,
+            ..self
+        }
+    }
+}
+
 impl Camera {
-    /// Creates a camera at `eye` that looks at `target`. `fov_degrees` is the vertical field of view.
-    ///
-    /// Returns `None` if no image is defined:
+    /// Creates a camera for an image of `width` times `height` pixels. Returns `None` if no image is defined:
     ///
     /// - `eye` equals `target`, or `up` is parallel to the line of sight;
     /// - the field of view is outside `0..180`, or the image has no pixels;
     /// - a number is not finite.
     #[must_use]
-    pub fn look_at(
-        eye: Point,
-        target: Point,
-        up: Point,
-        fov_degrees: f32,
-        [width, height]: [u32; 2],
-    ) -> Option<Self> {
+    pub fn look_at(pose: CameraPose, [width, height]: [u32; 2]) -> Option<Self> {
+        let CameraPose {
+            eye,
+            target,
+            up,
+            fov_degrees,
+        } = pose;
         let [from, to, up] = [eye, target, up].map(|p| p.map(f64::from));
         let forward = unit(std::array::from_fn(|i| to[i] - from[i]))?;
         let right = unit(cross(forward, unit(up)?))?;
@@ -108,7 +145,8 @@ mod tests {
 
     #[test]
     fn pixel_origin_is_top_left() {
-        let c = Camera::look_at([0.0; 3], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0], 90.0, [4, 2]).unwrap();
+        let pose = CameraPose::new([0.0; 3], [0.0, 0.0, -1.0]).with_fov(90.0);
+        let c = Camera::look_at(pose, [4, 2]).unwrap();
         let d = c.ray(0, 0).direction;
         assert!(d[0] < 0.0 && d[1] > 0.0 && d[2] < 0.0);
         let d = c.ray(3, 1).direction;
@@ -117,10 +155,16 @@ mod tests {
 
     #[test]
     fn look_at_rejects_degenerate_views() {
-        let up = [0.0, 1.0, 0.0];
-        assert!(Camera::look_at([1.0; 3], [1.0; 3], up, 40.0, [8, 8]).is_none());
-        assert!(Camera::look_at([0.0; 3], up, up, 40.0, [8, 8]).is_none());
-        assert!(Camera::look_at([0.0; 3], [0.0, 0.0, 1.0], up, f32::NAN, [8, 8]).is_none());
-        assert!(Camera::look_at([0.0; 3], [0.0, 0.0, 1.0], up, 40.0, [0, 8]).is_none());
+        let ahead = CameraPose::new([0.0; 3], [0.0, 0.0, 1.0]);
+        assert!(Camera::look_at(ahead, [8, 8]).is_some());
+        for pose in [
+            CameraPose::new([1.0; 3], [1.0; 3]),
+            CameraPose::new([0.0; 3], [0.0, 1.0, 0.0]),
+            ahead.with_up([0.0, 0.0, -2.0]),
+            ahead.with_fov(f32::NAN),
+        ] {
+            assert!(Camera::look_at(pose, [8, 8]).is_none(), "{pose:?}");
+        }
+        assert!(Camera::look_at(ahead, [0, 8]).is_none());
     }
 }

@@ -22,7 +22,7 @@ mod triangle;
 
 pub use aabb::Aabb;
 pub use animation::Animation;
-pub use camera::Camera;
+pub use camera::{Camera, CameraPose};
 pub use key_frame::{KeyFrame, KeyFrameError, KeySource, PointBuffer, SharedMemory, read_key};
 pub use moment::Moment;
 pub use pose::Pose;
@@ -30,8 +30,8 @@ pub use range::Range;
 pub use ray::{Hit, Ray};
 pub use survey::StaticParts;
 pub use threads::{
-    convert_in_parallel, copy_in_parallel, in_parallel, in_parallel_scope, lock, own_pool,
-    parallelism, run_in, set_each, share_parts, use_global_pool,
+    convert_in_parallel, copy_in_parallel, in_parallel, lock, own_pool, parallelism, run_in,
+    set_each, share_parts, use_global_pool,
 };
 pub use triangle::{Triangle, is_active, is_degenerate, normal_signs, side_of};
 

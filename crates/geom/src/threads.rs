@@ -67,10 +67,7 @@ pub fn in_parallel<T: Send>(work: impl FnOnce() -> T + Send) -> T {
 }
 
 /// Runs parallel `work` like [`in_parallel`], but the calling thread takes part in the tasks that it spawns.
-///
-/// # Panics
-/// If `work` panics.
-pub fn in_parallel_scope<'s, T: Send>(work: impl FnOnce(&Scope<'s>) -> T + Send) -> T {
+fn in_parallel_scope<'s, T: Send>(work: impl FnOnce(&Scope<'s>) -> T + Send) -> T {
     match foreign_pool() {
         Some(pool) => off_worker(|| pool.in_place_scope(work)),
         None => rayon::in_place_scope(work),

@@ -2,7 +2,7 @@
 
 use crate::{OutputError, write_whole};
 use backend::{DeviceBytes, FrameReport, rounded};
-use pipeline::{Frame, FrameRecord, TreeStats};
+use pipeline::{Frame, FrameRecord, FrameTreeStats};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt;
@@ -24,7 +24,7 @@ pub struct FrameStats {
     pub report: FrameReport,
     /// Facts about the tree.
     #[serde(flatten)]
-    pub tree: TreeStats,
+    pub tree: FrameTreeStats,
     /// See [`FrameRecord::wall_ms`].
     #[serde(serialize_with = "rounded")]
     pub wall_ms: Option<f64>,

@@ -12,7 +12,7 @@
 
 use crate::{OutputError, write_with};
 use backend::StageTimes;
-use pipeline::{Adopted, FrameRecord, Span, Submission, place_on_host};
+use pipeline::{Adopted, FrameRecord, Span, TimedSubmission, place_on_host};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::io::{self, Write};
@@ -95,7 +95,7 @@ impl RunTimeline {
             }
         }
         trace.files(&self.files);
-        let (frames, submissions): (Vec<u64>, Vec<Submission>) = self.submissions().unzip();
+        let (frames, submissions): (Vec<u64>, Vec<TimedSubmission>) = self.submissions().unzip();
         let spans = place_on_host(trace.origin, &submissions);
         for ((frame, submission), span) in frames.iter().zip(&submissions).zip(&spans) {
             trace.device(*frame, &submission.times, *span);
@@ -104,7 +104,7 @@ impl RunTimeline {
     }
 
     /// Returns all submissions in order, each with the index of its frame.
-    fn submissions(&self) -> impl Iterator<Item = (u64, Submission)> {
+    fn submissions(&self) -> impl Iterator<Item = (u64, TimedSubmission)> {
         self.frames.iter().flat_map(|TracedFrame { record, .. }| {
             let both = record.fetched.into_iter().chain([record.traced]);
             both.map(|s| (record.frame.index, s))

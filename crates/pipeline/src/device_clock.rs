@@ -12,7 +12,7 @@
 //! the latest possible time. Submissions run one after another, so work that would overlap the next submission is moved
 //! before it.
 
-use crate::frame::Submission;
+use crate::frame::TimedSubmission;
 use std::time::Instant;
 
 /// Interval on the host's clock, in milliseconds since some origin.
@@ -26,8 +26,8 @@ pub struct Span {
 
 /// Returns the intervals from the first stage's start to the last stage's end of each submission, in milliseconds since
 /// `origin` on the host's clock. `submissions` must be in submission order. The intervals do not overlap.
-pub fn place_on_host(origin: Instant, submissions: &[Submission]) -> Vec<Span> {
-    let bounds: Vec<Bounds> = submissions.iter().map(|s| bounds(origin, s)).collect();
+pub fn place_on_host(origin: Instant, submissions: &[TimedSubmission]) -> Vec<Span> {
+    let bounds: Vec<OffsetBounds> = submissions.iter().map(|s| bounds(origin, s)).collect();
     let mut offsets = vec![0.0; bounds.len()];
     find_offsets(&bounds, &mut offsets);
     let mut spans: Vec<Span> = submissions
@@ -56,12 +56,12 @@ pub fn place_on_host(origin: Instant, submissions: &[Submission]) -> Vec<Span> {
 }
 
 /// Minimum and maximum of `host - device`, in milliseconds.
-type Bounds = [f64; 2];
+type OffsetBounds = [f64; 2];
 
-const UNBOUNDED: Bounds = [f64::NEG_INFINITY, f64::INFINITY];
+const UNBOUNDED: OffsetBounds = [f64::NEG_INFINITY, f64::INFINITY];
 
 /// Returns the bounds from one submission: infinite without a start time on the device's clock.
-fn bounds(origin: Instant, submission: &Submission) -> Bounds {
+fn bounds(origin: Instant, submission: &TimedSubmission) -> OffsetBounds {
     let times = submission.times;
     times.begun_ms.map_or(UNBOUNDED, |begun| {
         let least = host_ms(origin, submission.handed_in) - begun;
@@ -71,8 +71,8 @@ fn bounds(origin: Instant, submission: &Submission) -> Bounds {
 }
 
 /// Computes the offsets: one for the whole run if its bounds allow, otherwise separately for each half.
-fn find_offsets(bounds: &[Bounds], offsets: &mut [f64]) {
-    let both = |a: Bounds, b: &Bounds| [a[0].max(b[0]), a[1].min(b[1])];
+fn find_offsets(bounds: &[OffsetBounds], offsets: &mut [f64]) {
+    let both = |a: OffsetBounds, b: &OffsetBounds| [a[0].max(b[0]), a[1].min(b[1])];
     let [least, most] = bounds.iter().fold(UNBOUNDED, both);
     if least <= most || bounds.len() < 2 {
         let middle = f64::midpoint(least, most);
@@ -98,9 +98,13 @@ mod tests {
     use proptest::prelude::*;
     use std::time::Duration;
 
-    fn submission(origin: Instant, [handed_in, seen]: [f64; 2], times: StageTimes) -> Submission {
+    fn submission(
+        origin: Instant,
+        [handed_in, seen]: [f64; 2],
+        times: StageTimes,
+    ) -> TimedSubmission {
         let at = |ms: f64| origin + Duration::from_secs_f64(ms * 1e-3);
-        Submission {
+        TimedSubmission {
             handed_in: at(handed_in),
             seen: at(seen),
             times,
@@ -109,7 +113,11 @@ mod tests {
 
     /// Simulates frames on a device whose clock has the offset `zero` and drifts by `drift`. Also returns the true
     /// start times.
-    fn run(zero: f64, drift: f64, frames: &[[f64; 4]]) -> (Instant, Vec<Submission>, Vec<f64>) {
+    fn run(
+        zero: f64,
+        drift: f64,
+        frames: &[[f64; 4]],
+    ) -> (Instant, Vec<TimedSubmission>, Vec<f64>) {
         let origin = Instant::now();
         let mut free = 0.0;
         let (mut all, mut truth) = (Vec::new(), Vec::new());

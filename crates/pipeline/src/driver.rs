@@ -20,12 +20,12 @@ use backend::{
 };
 use geom::{Animation, Point, Pose};
 use next_tree::Event;
-pub use run::{Answers, LOOK_AHEAD, Wanted};
+pub use run::{FrameOutputs, LOOK_AHEAD, OutputSelection};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
 use trees::{CurrentTree, FIRST, Trees};
-pub use warm_up::{WarmUp, Warmed, warm_up};
+pub use warm_up::{WarmUp, Warmed};
 
 /// Options of a [`Driver`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,15 +42,15 @@ pub struct DriverOptions {
 }
 
 /// A submitted frame whose results have not been returned yet.
-struct Pending {
+struct PendingFrame {
     ticket: Ticket,
     record: FrameRecord,
-    /// Divisor of the refitted cost in [`TreeStats::sah_ratio`](crate::TreeStats::sah_ratio); `None` if the tree was built for the frame's pose.
+    /// Divisor of the refitted cost in [`FrameTreeStats::sah_ratio`](crate::FrameTreeStats::sah_ratio); `None` if the tree was built for the frame's pose.
     cost_before: Option<f64>,
 }
 
 /// The frame that is being recorded.
-struct Recording {
+struct FrameRecording {
     /// Number of frames begun before it.
     number: u64,
     /// Pose of the backend's positions; `None` if unknown.
@@ -73,8 +73,8 @@ pub struct Driver {
     predictor: LatencyPredictor,
     builder: HostBuilder,
     trees: Trees,
-    recording: Recording,
-    pending: VecDeque<Pending>,
+    recording: FrameRecording,
+    pending: VecDeque<PendingFrame>,
 }
 
 impl Driver {
@@ -101,7 +101,7 @@ impl Driver {
             options,
             knows_key_frames: true,
             trees: Trees::default(),
-            recording: Recording {
+            recording: FrameRecording {
                 number: 0,
                 pose: None,
                 light: None,
@@ -145,7 +145,7 @@ impl Driver {
     ///
     /// The next frame uploads positions again. A build that waits for positions is cancelled. A finished tree is
     /// evaluated again, because the device dropped its boxes.
-    pub fn give_up(&mut self, dropped: &[Ticket]) {
+    pub fn abandon(&mut self, dropped: &[Ticket]) {
         self.pending
             .retain(|frame| !dropped.contains(&frame.ticket));
         self.recording.pose = None;
@@ -236,7 +236,7 @@ impl Driver {
         record.tree.generation = tree.generation;
         record.tree.age_frames = recording.number - tree.frame;
         record.moments.submitted = Instant::now();
-        self.pending.push_back(Pending {
+        self.pending.push_back(PendingFrame {
             ticket,
             cost_before: (Some(tree.pose) != recording.pose).then_some(tree.cost),
             record,

@@ -23,7 +23,7 @@ pub struct FrameRecord {
     /// Report of the backend.
     pub report: FrameReport,
     /// Facts about the tree that the frame was traced with.
-    pub tree: TreeStats,
+    pub tree: FrameTreeStats,
     /// Milliseconds that the driver spent on the frame: from its start to the end of its submission, plus the wait for
     /// its results.
     pub wall_ms: f64,
@@ -41,9 +41,9 @@ pub struct FrameRecord {
     /// Times of the driver's steps.
     pub moments: FrameMoments,
     /// Submission that read back vertices for the frame's own tree, if any.
-    pub fetched: Option<Submission>,
+    pub fetched: Option<TimedSubmission>,
     /// Submission that traced the frame.
-    pub traced: Submission,
+    pub traced: TimedSubmission,
 }
 
 impl FrameRecord {
@@ -52,7 +52,7 @@ impl FrameRecord {
         Self {
             frame,
             report: FrameReport::default(),
-            tree: TreeStats::default(),
+            tree: FrameTreeStats::default(),
             wall_ms: 0.0,
             build_wait_ms: 0.0,
             requested: None,
@@ -67,7 +67,7 @@ impl FrameRecord {
                 read: begun,
             },
             fetched: None,
-            traced: Submission {
+            traced: TimedSubmission {
                 handed_in: begun,
                 seen: begun,
                 times: StageTimes::default(),
@@ -93,7 +93,7 @@ impl FrameRecord {
 
 /// Facts about the tree of a frame. The program writes them to its statistics file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct TreeStats {
+pub struct FrameTreeStats {
     /// Generation of the tree that the frame was traced with.
     #[serde(rename = "tree_generation")]
     pub generation: Generation,
@@ -143,7 +143,7 @@ pub struct FrameMoments {
 
 /// One submission, timed by the host and by the device.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Submission {
+pub struct TimedSubmission {
     /// The host started to submit it. The device started later.
     pub handed_in: Instant,
     /// The host saw that it was finished. The device had finished earlier.

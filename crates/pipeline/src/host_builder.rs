@@ -12,7 +12,7 @@ use std::sync::Arc;
 pub(crate) struct HostBuilder {
     animation: Arc<Animation>,
     pool: Arc<BuilderPool>,
-    thread: BuilderThread,
+    pub(crate) thread: BuilderThread,
     /// Memory of a topology that is not used any more, for the next build.
     spare: Spare,
     /// Whether the thread's last tree was dropped unused. The next job reports this to the thread.
@@ -59,16 +59,6 @@ impl HostBuilder {
         })
     }
 
-    /// Returns the thread's result, if it has finished. Never blocks.
-    pub(crate) fn try_take(&mut self) -> Option<BuildResult<Built>> {
-        self.thread.try_take()
-    }
-
-    /// Waits for the thread's result.
-    pub(crate) fn take(&mut self) -> BuildResult<Built> {
-        self.thread.take()
-    }
-
     /// Builds a tree from scratch while the caller waits.
     pub(crate) fn build_now(
         &mut self,
@@ -101,11 +91,5 @@ impl HostBuilder {
         let warmed = |builder: &mut TreeBuilder| builder.warm_up(animation, pose, &Cancel::new());
         // The trees are dropped, so an error does not matter. The next build reports it again.
         let _ = self.pool.with(warmed);
-    }
-
-    /// Returns whether the thread was ever started.
-    #[cfg(test)]
-    pub(crate) fn is_open(&self) -> bool {
-        self.thread.is_open()
     }
 }

@@ -126,7 +126,7 @@ impl LatencyPredictor {
     }
 
     /// Returns whether a tree requested now would arrive before one for the time `new` should be adopted.
-    pub(crate) fn newer_tree_due_first(&self, last: f64, new: f64) -> bool {
+    pub(crate) fn newer_tree_arrives_first(&self, last: f64, new: f64) -> bool {
         let ripe = f64::midpoint(last, new);
         (ripe - self.time) / self.step > self.expected()
     }
@@ -245,7 +245,7 @@ mod tests {
         let at = |times: &[f64], latency| {
             let mut f = watching([0.0, 100.0], None, times);
             f.observe_latency(latency, BuildStrategy::Scratch);
-            f.newer_tree_due_first(1.0, 41.0)
+            f.newer_tree_arrives_first(1.0, 41.0)
         };
         // The tree should be adopted at time 21: in 19 frames, or in 38.
         assert!(at(&[1.0, 2.0], 18));

@@ -21,10 +21,16 @@ mod tree_builder;
 
 pub use builder_thread::BuilderThreads;
 pub use device_clock::{Span, place_on_host};
-pub use driver::{Answers, Driver, DriverOptions, LOOK_AHEAD, Wanted, WarmUp, Warmed, warm_up};
+pub use driver::{
+    Driver, DriverOptions, FrameOutputs, LOOK_AHEAD, OutputSelection, WarmUp, Warmed,
+};
 pub use error::PipelineError;
-pub use frame::{Adopted, Frame, FrameMoments, FrameRecord, Submission, TreeMoments, TreeStats};
-pub use motion::{Decay, Motion, RefitDecay, Spread, decay, motion, unhittable, unhittable_at};
+pub use frame::{
+    Adopted, Frame, FrameMoments, FrameRecord, FrameTreeStats, TimedSubmission, TreeMoments,
+};
+pub use motion::{
+    CountRange, Decay, MotionStats, RefitDecay, decay, motion, unhittable, unhittable_at,
+};
 pub use policy::RunFacts;
 pub use resources::{ExpectedMemory, TREE_BYTES, Threads, trees_bytes};
 pub use tree_builder::BuildMoments;

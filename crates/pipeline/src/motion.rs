@@ -7,7 +7,7 @@ use serde::Serialize;
 
 /// Motion of a scene's vertices.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Motion {
+pub struct MotionStats {
     /// Share of the vertices that have another position in some key frame than in the first.
     pub moving: f64,
     /// Mean distance that a vertex moves per key frame, divided by the diagonal of the bounds.
@@ -18,7 +18,7 @@ pub struct Motion {
 
 /// Minimum and maximum over all key frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub struct Spread {
+pub struct CountRange {
     /// Minimum.
     pub min: usize,
     /// Maximum.
@@ -42,7 +42,7 @@ pub struct Decay {
 ///
 /// # Errors
 /// A key frame cannot be read.
-pub fn motion(animation: &Animation) -> Result<Motion, KeyFrameError> {
+pub fn motion(animation: &Animation) -> Result<MotionStats, KeyFrameError> {
     let bits = |p: &Point| p.map(f32::to_bits);
     let mut moves = vec![false; animation.vertex_count()];
     let (mut sum, mut max, mut count) = (0.0, 0.0, 0_usize);
@@ -65,7 +65,7 @@ pub fn motion(animation: &Animation) -> Result<Motion, KeyFrameError> {
     }
     let moving = moves.iter().filter(|&&moves| moves).count();
     let diagonal = animation.bounds().diagonal();
-    Ok(Motion {
+    Ok(MotionStats {
         moving: share(moving as f64, animation.vertex_count() as f64),
         mean_step: share(sum, count as f64 * diagonal),
         max_step: share(max, diagonal),
@@ -76,7 +76,7 @@ pub fn motion(animation: &Animation) -> Result<Motion, KeyFrameError> {
 ///
 /// # Errors
 /// A key frame cannot be read.
-pub fn unhittable(animation: &Animation) -> Result<[Spread; 2], KeyFrameError> {
+pub fn unhittable(animation: &Animation) -> Result<[CountRange; 2], KeyFrameError> {
     let count = |key: usize| -> Result<_, KeyFrameError> {
         let pose = Pose {
             key: key as u32,
@@ -86,7 +86,7 @@ pub fn unhittable(animation: &Animation) -> Result<[Spread; 2], KeyFrameError> {
     };
     let counts = (0..animation.key_count()).map(count);
     let counts = counts.collect::<Result<Vec<[usize; 2]>, _>>()?;
-    Ok([0, 1].map(|i| Spread {
+    Ok([0, 1].map(|i| CountRange {
         min: counts.iter().map(|c| c[i]).min().unwrap_or(0),
         max: counts.iter().map(|c| c[i]).max().unwrap_or(0),
     }))
@@ -208,7 +208,7 @@ mod tests {
         let m = motion(&a).unwrap();
         assert_eq!((m.moving, m.max_step), (0.25, 0.2));
         assert!((m.mean_step - 1.0 / 6.0 / 5.0).abs() < 1e-12);
-        assert_eq!(unhittable(&a).unwrap(), [Spread { min: 1, max: 1 }; 2]);
+        assert_eq!(unhittable(&a).unwrap(), [CountRange { min: 1, max: 1 }; 2]);
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Divides cores between rendering and building, and estimates the memory of a run.
 
+use crate::DriverOptions;
 use backend::{DeviceKind, Intersector, Policy};
 use geom::{Animation, Point};
 use serde::Serialize;
@@ -19,7 +20,7 @@ const DEVICE_REBUILD_BYTES: u64 = 260;
 const CANDIDATE_BYTES: u64 = 130;
 /// Bytes of device buffers whose size is constant.
 const DEVICE_BASE_BYTES: u64 = 1 << 20;
-/// Constant part of the buffers in which `exact` settles rays, in bytes.
+/// Constant part of the buffers in which `exact` decides rays, in bytes.
 const EXACT_BASE_BYTES: u64 = 4 * (3 << 16) + 4 * 64 * 2048;
 /// Number of frames whose rays a device stores at a time.
 const TRACES: u64 = backend::FRAMES_IN_FLIGHT as u64 + 1;
@@ -39,17 +40,17 @@ impl ExpectedMemory {
     pub fn of(
         animation: &Animation,
         device: DeviceKind,
-        (intersector, update): (Intersector, Policy),
+        options: &DriverOptions,
         rays: usize,
     ) -> Self {
         let keys = keys_bytes(animation);
         let trees = trees_bytes(animation.triangle_count(), rays);
-        let candidate = candidate_bytes(animation, update);
+        let candidate = candidate_bytes(animation, options.update);
         let on_host = match device {
             DeviceKind::Cpu => candidate,
             DeviceKind::Gpu | DeviceKind::Software => 0,
         };
-        let on_device = || device_bytes(animation, (intersector, update), rays) + candidate;
+        let on_device = || device_bytes(animation, options, rays) + candidate;
         Self {
             host_bytes: BASE_BYTES + keys + trees + on_host,
             device_bytes: (device != DeviceKind::Cpu).then(on_device),
@@ -78,23 +79,19 @@ pub fn trees_bytes(triangles: usize, rays: usize) -> u64 {
     trees.saturating_add((rays as u64).saturating_mul(RAY_BYTES))
 }
 
-fn device_bytes(
-    animation: &Animation,
-    (intersector, update): (Intersector, Policy),
-    rays: usize,
-) -> u64 {
+fn device_bytes(animation: &Animation, options: &DriverOptions, rays: usize) -> u64 {
     const POINT: u64 = size_of::<Point>() as u64;
     let vertices = animation.vertex_count() as u64;
     let triangles = animation.triangle_count() as u64;
     // Positions of two frames, the list of moving vertices, and the triangles' indices.
     let scene = keys_bytes(animation) + vertices * (2 * POINT + 4) + triangles * 12;
-    let tree = if update.builds_on_device() {
+    let tree = if options.update.builds_on_device() {
         DEVICE_REBUILD_BYTES
     } else {
         DEVICE_TREE_BYTES
     };
-    // A hit, a shadow and, for `exact`, space for rays to settle.
-    let answers = match intersector {
+    // A hit, a shadow and, for `exact`, space for undecided rays.
+    let answers = match options.intersector {
         Intersector::Exact => rays as u64 * 40 + EXACT_BASE_BYTES,
         _ => rays as u64 * 20,
     };

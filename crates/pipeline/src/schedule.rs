@@ -71,7 +71,7 @@ mod tests {
 
     #[test]
     fn schedules_one_build_at_a_time() {
-        for (policy, frame, [none, under_way, adoptable]) in [
+        for (policy, frame, [none, in_flight, adoptable]) in [
             (FREE, 6, ["r", "", "sr"]),
             (FREE, 99, ["r", "", "sr"]),
             (LOCKSTEP, 7, ["r", "", ""]),
@@ -83,7 +83,7 @@ mod tests {
         ] {
             let found =
                 [None, Some(false), Some(true)].map(|adoptable| letters(policy, frame, adoptable));
-            assert_eq!(found, [none, under_way, adoptable], "{policy:?} {frame}");
+            assert_eq!(found, [none, in_flight, adoptable], "{policy:?} {frame}");
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Automatic camera and light for any motion.
 
-use geom::{Aabb, Animation, Camera, Point};
+use geom::{Aabb, Animation, Camera, CameraPose, Point};
 use glam::{DVec2, DVec3, dvec2, dvec3};
 use rayon::prelude::*;
 
@@ -57,7 +57,8 @@ impl Viewpoint {
     /// Returns the camera for a picture of `size` (width, height), or `None` if [`Camera::look_at`] does.
     #[must_use]
     pub fn camera(&self, size: [u32; 2]) -> Option<Camera> {
-        Camera::look_at(self.eye, self.look_at, self.up, self.fov_degrees, size)
+        let pose = CameraPose::new(self.eye, self.look_at).with_up(self.up);
+        Camera::look_at(pose.with_fov(self.fov_degrees), size)
     }
 }
 

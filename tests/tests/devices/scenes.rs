@@ -4,7 +4,7 @@ use backend::{
     Backend, FrameReport, Generation, Hits, Intersector, QueryKind, Rays, Snapshot, Ticket,
 };
 use conformance::stage::{self, next_positions};
-use geom::{Animation, Camera, Point, Ray};
+use geom::{Animation, Camera, CameraPose, Point, Ray};
 use std::sync::Arc;
 
 pub(crate) use conformance::stage::{tree_at, vertices as positions};
@@ -121,7 +121,7 @@ pub(crate) fn check_picture(
 }
 
 pub(crate) fn look(eye: Point, target: Point, (fov, size): (f32, [u32; 2])) -> Camera {
-    Camera::look_at(eye, target, [0.0, 1.0, 0.0], fov, size).unwrap()
+    Camera::look_at(CameraPose::new(eye, target).with_fov(fov), size).unwrap()
 }
 
 /// Size of most pictures, in pixels.

@@ -286,7 +286,7 @@ pub(crate) fn unencodable_steps_are_refused() {
     let mut own = Encoded::new(Update::Async);
     let device = |own: &Encoded| Device::from(own.own.device.clone());
     let on = |device| Tracer::builder().device(device).threads(2);
-    let build = |builder: abvh::Builder| builder.build(two_sheets().0).unwrap();
+    let build = |builder: abvh::TracerBuilder| builder.build(two_sheets().0).unwrap();
     let is_unsupported = |said| matches!(said, Some(Error::Unsupported(_)));
     // There is no tree yet.
     let mut first = build(on(device(&own)));

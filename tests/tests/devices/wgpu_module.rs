@@ -161,7 +161,7 @@ pub(crate) fn shader_hits_match_queries() {
 
 pub(crate) fn untraceable_scene_is_an_error() {
     let own = Own::open(Update::Async);
-    let refused = |builder: abvh::Builder, warm: bool| {
+    let refused = |builder: abvh::TracerBuilder, warm: bool| {
         let builder = builder.device(Device::from(own.device.clone())).threads(2);
         let mut tracer = builder.build(two_sheets().0).unwrap();
         if warm {

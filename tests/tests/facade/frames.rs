@@ -3,7 +3,7 @@
 use crate::pictures::{LAMP, Shown, shown};
 use crate::pool::{self, Pooled};
 use crate::{Demo, demo, of_keys, scene_of, seen, still};
-use abvh::frames::{Frame, LitView, Wanted};
+use abvh::frames::{Frame, LitView, OutputSelection};
 use abvh::{Device, Error, Mesh, Point, Query, Source, Tracer, Update};
 use integration::stage::{camera, colours};
 use std::sync::Arc;
@@ -46,7 +46,7 @@ pub(crate) fn as_steps(device: &Device) {
         camera: &camera,
         light: LAMP,
     };
-    let wanted = Wanted {
+    let wanted = OutputSelection {
         hits: true,
         pixels: true,
     };

@@ -13,8 +13,8 @@ mod results;
 mod runtimes;
 
 use abvh::{
-    Camera, Device, Error, Hit, Hits, Mesh, MeshId, Point, Query, Ray, Rays, Replacement, Scene,
-    Source, Step, Tracer, Update,
+    Camera, CameraPose, Device, Error, Hit, Hits, Mesh, MeshId, Point, Query, Ray, Rays,
+    Replacement, Scene, Source, Step, Tracer, Update,
 };
 use geom::Animation;
 use integration::stage::pixels;
@@ -23,9 +23,9 @@ use libtest_mimic::Trial;
 use pool::{Pooled, tracer};
 use std::sync::Arc;
 
-type Law = fn(&Device);
+type Property = fn(&Device);
 
-const LAWS: [(&str, Law); 32] = [
+const PROPERTIES: [(&str, Property); 32] = [
     ("streamed_steps_match_key_frames", streamed),
     ("unmoved_meshes_keep_their_positions", stay),
     ("long_lists_match_separate_queries", long_list),
@@ -67,7 +67,7 @@ const LAWS: [(&str, Law); 32] = [
 ];
 
 /// Tests on a backend or a wgpu device that the program opened, and tests of one device only.
-const OWN: &[(&str, (&str, Law))] = &[
+const OWN: &[(&str, (&str, Property))] = &[
     ("cpu", ("traces_on_a_caller_backend", frames::on_backend)),
     ("wgpu", ("replaces_meshes_on_caller_device", replace::own)),
     #[cfg(target_os = "linux")]
@@ -95,12 +95,12 @@ fn main() {
         let absent = Tracer::builder().device(device.clone()).build(Scene::new());
         let absent = absent.err().map(|e| e.to_string());
         let own = OWN.iter().filter(|(of, _)| *of == name);
-        for &(law, holds) in LAWS.iter().chain(own.map(|(_, law)| law)) {
+        for &(property, check) in PROPERTIES.iter().chain(own.map(|(_, property)| property)) {
             let (device, why) = (device.clone(), absent.clone());
-            let trial = Trial::test(format!("{name}::{law}"), move || match why {
+            let trial = Trial::test(format!("{name}::{property}"), move || match why {
                 Some(why) => Err(why.into()),
                 None => {
-                    holds(&device);
+                    check(&device);
                     Ok(())
                 }
             });
@@ -339,8 +339,8 @@ fn misuse(device: &Device) {
     step.submit().unwrap();
     let found = other.hits(done, query);
     assert!(matches!(found.map(drop), Err(Error::NoResult)));
-    let (eye, up) = ([0.0, 0.0, 3.0], [0.0, 1.0, 0.0]);
-    let camera = Camera::look_at(eye, [0.0; 3], up, 50.0, [2, 2]).unwrap();
+    let pose = CameraPose::new([0.0, 0.0, 3.0], [0.0; 3]);
+    let camera = Camera::look_at(pose, [2, 2]).unwrap();
     let camera = Camera {
         width: u32::MAX,
         height: u32::MAX,

@@ -2,7 +2,9 @@
 
 use crate::{Demo, Found, bits, demo, of_keys, pool, scene_of};
 use abvh::frames::LitView;
-use abvh::{Camera, Device, Error, Hits, Intersector, Mesh, Point, Query, Scene, Source, Tracer};
+use abvh::{
+    Camera, CameraPose, Device, Error, Hits, Intersector, Mesh, Point, Query, Scene, Source, Tracer,
+};
 use cpu_ref::CpuBackend;
 use geom::Animation;
 use integration::stage::{Stage, camera, colours};
@@ -125,7 +127,8 @@ fn still(device: &Device, mesh: (Vec<Point>, &[[u32; 3]]), shots: &[(Point, f32,
     let mut tracer = pool::tracer(scene_of([mesh.with_colours(&own).unwrap()]).0, device);
     let animation = Arc::new(Animation::new(vec![vertices], triangles.to_vec()).unwrap());
     for &(eye, fov, light) in shots {
-        let camera = Camera::look_at(eye, [0.0; 3], [0.0, 1.0, 0.0], fov, [66, 62]).unwrap();
+        let camera =
+            Camera::look_at(CameraPose::new(eye, [0.0; 3]).with_fov(fov), [66, 62]).unwrap();
         let view = LitView {
             camera: &camera,
             light,
@@ -232,7 +235,8 @@ pub(crate) fn together(device: &Device) {
 
 /// Tests pictures of the sky alone, pictures without pixels, and colours that are too few.
 pub(crate) fn odd(device: &Device) {
-    let look = |size| Camera::look_at([0.0, 1.0, 4.0], [0.0; 3], [0.0, 1.0, 0.0], 50.0, size);
+    let pose = CameraPose::new([0.0, 1.0, 4.0], [0.0; 3]).with_fov(50.0);
+    let look = |size| Camera::look_at(pose, size);
     let camera = look([8, 6]).unwrap();
     let nowhere = [[f32::NAN; 3]; 3];
     let mesh = Mesh::fixed(&nowhere, &[[0, 1, 2]]).unwrap();

@@ -1,6 +1,6 @@
 //! A pool of tracers, so that a device stays open for later tests: its driver compiles kernels only once.
 
-use abvh::{Builder, Device, Scene, Tracer};
+use abvh::{Device, Scene, Tracer, TracerBuilder};
 use std::ops::{Deref, DerefMut};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread;
@@ -24,7 +24,7 @@ pub(crate) fn tracer(scene: Scene, device: &Device) -> Pooled {
 }
 
 /// Returns a tracer of a scene, with two threads and the other settings of `builder`.
-pub(crate) fn build(builder: Builder, scene: Scene, device: &Device) -> Pooled {
+pub(crate) fn build(builder: TracerBuilder, scene: Scene, device: &Device) -> Pooled {
     let builder = builder.threads(2).device(device.clone());
     let former = {
         let mut idle = idle();

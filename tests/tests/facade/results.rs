@@ -3,8 +3,8 @@
 use crate::pool::{self, Pooled};
 use crate::{Found, bits, demo, scene_of, tracer};
 use abvh::{
-    Camera, Device, Error, Hits, Mesh, MeshId, Query, QueryId, Ray, SceneHit, Source, StepId,
-    Tracer, Update,
+    Camera, CameraPose, Device, Error, Hits, Mesh, MeshId, Query, QueryId, Ray, SceneHit, Source,
+    StepId, Tracer, Update,
 };
 use std::thread;
 use std::time::{Duration, Instant};
@@ -67,8 +67,8 @@ impl Moving {
 
     /// Submits a query that is refused, because no device has memory for its results.
     fn refuse(&mut self, i: usize) {
-        let (eye, up) = ([0.0, 0.0, 3.0], [0.0, 1.0, 0.0]);
-        let camera = Camera::look_at(eye, [0.0; 3], up, 50.0, [2, 2]).unwrap();
+        let pose = CameraPose::new([0.0, 0.0, 3.0], [0.0; 3]);
+        let camera = Camera::look_at(pose, [2, 2]).unwrap();
         let camera = Camera {
             width: u32::MAX,
             height: u32::MAX,

@@ -1,7 +1,7 @@
 //! Tests the library inside the program's own threads: rayon, tokio, and readers of key frames.
 
 use crate::{demo, scene_of, still};
-use abvh::{Camera, Device, Mesh, Point, Query, Ray, Source, Tracer};
+use abvh::{Camera, CameraPose, Device, Mesh, Point, Query, Ray, Source, Tracer};
 use integration::is_full;
 use rayon::ThreadPool;
 use rayon::prelude::*;
@@ -182,8 +182,8 @@ fn tour(device: &Device, between: &dyn Fn()) {
     between();
     let other = Mesh::fixed(&high, &triangles).unwrap();
     let replacement = tracer.replace(keyed, other).unwrap();
-    let (eye, up) = ([0.0, 9.0, 0.1], [0.0, 0.0, 1.0]);
-    let camera = Camera::look_at(eye, [0.0; 3], up, 50.0, [40, 30]).unwrap();
+    let pose = CameraPose::new([0.0, 9.0, 0.1], [0.0; 3]).with_fov(50.0);
+    let camera = Camera::look_at(pose.with_up([0.0, 0.0, 1.0]), [40, 30]).unwrap();
     for time in [0.25, 0.5] {
         let mut step = tracer.step(time);
         between();

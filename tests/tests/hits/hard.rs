@@ -5,7 +5,7 @@ use backend::{Backend, Hits, Intersector, QueryKind, Rays};
 use conformance::oracle::Oracle;
 use conformance::stage::triangles;
 use conformance::{Target, aimed};
-use geom::{Animation, Camera, Hit, Point, Ray};
+use geom::{Animation, Camera, CameraPose, Hit, Point, Ray};
 use integration::stage::{Stage, camera, light};
 use libtest_mimic::Trial;
 use std::f32::consts::TAU;
@@ -208,8 +208,8 @@ fn pictures() -> Vec<Picture> {
 fn camera_at(distance: f32, animation: &Animation) -> Camera {
     let size = animation.bounds().extent().into_iter().fold(0.0, f32::max);
     let angle = (size / distance).min(1.0).to_degrees();
-    let (eye, up) = ([0.0, distance, 0.0], [0.0, 0.0, 1.0]);
-    Camera::look_at(eye, [0.0; 3], up, angle, [16, 12]).expect("a picture")
+    let pose = CameraPose::new([0.0, distance, 0.0], [0.0; 3]).with_fov(angle);
+    Camera::look_at(pose.with_up([0.0, 0.0, 1.0]), [16, 12]).expect("a picture")
 }
 
 /// Doubles every triangle, and adds every third one again with rotated vertices. So every hit is a tie, which a

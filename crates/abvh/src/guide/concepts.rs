@@ -1,6 +1,6 @@
 //! Scenes, steps, queries, hits, trees.
 //!
-//! A [`Scene`](crate::Scene) is a list of meshes. [`Builder::build`](crate::Builder::build) moves it into a
+//! A [`Scene`](crate::Scene) is a list of meshes. [`TracerBuilder::build`](crate::TracerBuilder::build) moves it into a
 //! [`Tracer`](crate::Tracer), which uploads it to a [`Device`](crate::Device). After that no mesh can be added, but
 //! each can be [replaced](crate::Tracer::replace).
 //!

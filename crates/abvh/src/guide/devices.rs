@@ -18,8 +18,7 @@
 //! [`doctor`](crate::doctor()) reports why no GPU can be used, and how to fix it.
 //!
 //! Opening a device takes longer than loading a scene.
-//! [`Builder::build_in_place_of`](crate::Builder::build_in_place_of) loads another scene on an open device.
-//! [`Builder::build_on`](crate::Builder::build_on) loads a scene on the program's own backend.
+//! [`TracerBuilder::build_in_place_of`](crate::TracerBuilder::build_in_place_of) loads another scene on an open device.
 //!
 //! ```
 //! use abvh::{Device, Mesh, Scene, Tracer};
@@ -36,7 +35,7 @@
 //! assert!(tracer.device().starts_with("cpu"));
 //! let found = abvh::doctor();
 //! for problem in &found.problems {
-//!     println!("{}: {}", problem.what, problem.mend);
+//!     println!("{}: {}", problem.what, problem.fix);
 //! }
 //! assert!(!found.gpus.is_empty() || !found.problems.is_empty());
 //! # Ok::<_, abvh::Error>(())
@@ -56,8 +55,8 @@
 //!
 //! # Threads
 //!
-//! [`Builder::threads`](crate::Builder::threads) sets the number of threads that trace on the host or, if a GPU traces,
-//! build trees. [`Builder::builder_threads`](crate::Builder::builder_threads) sets the number that build trees. By
+//! [`TracerBuilder::threads`](crate::TracerBuilder::threads) sets the number of threads that trace on the host or, if a GPU traces,
+//! build trees. [`TracerBuilder::builder_threads`](crate::TracerBuilder::builder_threads) sets the number that build trees. By
 //! default, if the host has four or more cores, a quarter builds while the others trace. For a GPU, one thread per
 //! two cores builds. A [`Tracer`](crate::Tracer) can be sent to another thread, and a program can have several tracers.
 //! Each has its own device and trees.

@@ -6,11 +6,11 @@
 //!
 //! | there | here |
 //! |---|---|
-//! | `rtcNewDevice`, `Device::try_new` | [`Tracer::builder`](crate::Tracer::builder), [`Builder::device`](crate::Builder::device), [`Builder::threads`](crate::Builder::threads) |
+//! | `rtcNewDevice`, `Device::try_new` | [`Tracer::builder`](crate::Tracer::builder), [`TracerBuilder::device`](crate::TracerBuilder::device), [`TracerBuilder::threads`](crate::TracerBuilder::threads) |
 //! | `rtcNewScene`, `Scene::try_new` | [`Scene::new`](crate::Scene::new) |
 //! | `rtcNewGeometry`, `rtcSetNewGeometryBuffer`, `TriangleMeshGeometry::try_new` | [`Mesh::fixed`](crate::Mesh::fixed), [`Mesh::streamed`](crate::Mesh::streamed) |
 //! | `rtcAttachGeometry`, `Scene::attach_geometry` | [`Scene::add`](crate::Scene::add) |
-//! | `rtcCommitScene`, `Scene::commit`: the first | [`Builder::build`](crate::Builder::build) |
+//! | `rtcCommitScene`, `Scene::commit`: the first | [`TracerBuilder::build`](crate::TracerBuilder::build) |
 //! | `rtcUpdateGeometryBuffer`, `rtcCommitGeometry`, `rtcCommitScene`: later ones | [`Step::vertices`](crate::Step::vertices); no step waits for a build |
 //! | `rtcSetNewGeometryBuffer` of a geometry in use, `rtcCommitScene` | [`Tracer::replace`](crate::Tracer::replace), [`Tracer::commit`](crate::Tracer::commit) |
 //! | `rtcSetGeometryTransform` of an instance | [`Step::poses`](crate::Step::poses) of a [`Mesh::rigid`](crate::Mesh::rigid); each instance has its own vertices |
@@ -26,7 +26,7 @@
 //!
 //! | there | here |
 //! |---|---|
-//! | `BHShape`, `Bounded` of your shapes; `Bvh::build`, `Bvh::build_par` | [`Mesh`](crate::Mesh), [`Builder::build`](crate::Builder::build) |
+//! | `BHShape`, `Bounded` of your shapes; `Bvh::build`, `Bvh::build_par` | [`Mesh`](crate::Mesh), [`TracerBuilder::build`](crate::TracerBuilder::build) |
 //! | `Ray::new`, which normalizes the direction | [`Ray::new`](crate::Ray::new), which does not: `t` is in units of its length |
 //! | `Bvh::traverse`, then `Ray::intersects_triangle`, which misses back faces | [`Step::trace`](crate::Step::trace), which hits both faces |
 //! | `Bvh::update_shapes` | [`Step::vertices`](crate::Step::vertices) |
@@ -36,7 +36,7 @@
 //!
 //! | there | here |
 //! |---|---|
-//! | `build_bvh2_from_tris`, `build_cwbvh_from_tris`, `BvhBuildParams` | [`Builder::build`](crate::Builder::build) |
+//! | `build_bvh2_from_tris`, `build_cwbvh_from_tris`, `BvhBuildParams` | [`TracerBuilder::build`](crate::TracerBuilder::build) |
 //! | `Ray::new(origin, direction, min, max)`, `Ray::new_inf` | [`Ray`](crate::Ray) with `t_min`, `t_max`; [`Ray::new`](crate::Ray::new) |
 //! | `ray_traverse`, then `primitive_indices`; `ray_traverse_miss` | [`Query::Closest`](crate::Query::Closest); [`Query::Any`](crate::Query::Any) |
 //! | `Bvh2Node::set_aabb`, `Bvh2::refit_all` | [`Step::vertices`](crate::Step::vertices) with [`Update::Refit`](crate::Update::Refit) |

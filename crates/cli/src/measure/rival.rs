@@ -11,7 +11,7 @@ use backend::{
 };
 use geom::Animation;
 use output::FrameStats;
-use pipeline::{Frame, TreeStats, WarmUp, Warmed, unhittable_at};
+use pipeline::{Frame, FrameTreeStats, WarmUp, Warmed, unhittable_at};
 use rivals::{Known, Rival, Upkeep};
 use std::fmt;
 use std::sync::Arc;
@@ -60,7 +60,7 @@ impl RunningRival {
             None => None,
             Some(part) => {
                 let list = rival.adapters().map_err(absent)?;
-                let found = backends::find_adapter(name, &list, part);
+                let found = abvh::backends::find_adapter(name, &list, part);
                 Some(found.map_err(Stop::bad)?.index)
             }
         };
@@ -125,11 +125,11 @@ impl RunningRival {
         let is_new = number == 0 || self.upkeep == Upkeep::Rebuild;
         let age = if is_new { 0 } else { number as u64 };
         FrameStats {
-            tree: TreeStats {
+            tree: FrameTreeStats {
                 generation: Generation(number as u64 + 1 - age),
                 age_frames: age,
                 adopted: is_new,
-                ..TreeStats::default()
+                ..FrameTreeStats::default()
             },
             device_bytes: self.rival.device_bytes().map(DeviceBytes::total),
             ..stats

@@ -3,7 +3,7 @@
 use crate::stop::Stop;
 use backend::{DeviceBytes, Hits, Query};
 use output::FrameStats;
-use pipeline::{Answers, Driver, Frame, FrameRecord, Wanted, Warmed, warm_up};
+use pipeline::{Driver, Frame, FrameOutputs, FrameRecord, OutputSelection, Warmed};
 
 /// Frames to time.
 #[derive(Clone, Copy)]
@@ -31,9 +31,11 @@ pub(super) fn time_frames(driver: &mut Driver, plan: TimingPlan<'_>) -> Result<T
         held = both.max_by_key(|bytes| bytes.total());
         Ok::<(), Stop>(())
     };
-    let (warm_up, rest) = warm_up(plan.warm_up, driver, frames, query, &mut note)?;
+    let (warm_up, rest) = driver.warm_up(plan.warm_up, frames, query, &mut note)?;
     let rest = rest.iter().copied();
-    driver.run(rest, query, Wanted::default(), |frame, _| note(frame))?;
+    driver.run(rest, query, OutputSelection::default(), |frame, _| {
+        note(frame)
+    })?;
     Ok(TimedFrames {
         warm_up,
         stats,
@@ -47,8 +49,8 @@ pub(super) fn trace_frame(
     frame: Frame,
     query: Query<'_>,
 ) -> Result<Hits, Stop> {
-    let mut found = Answers::default();
+    let mut found = FrameOutputs::default();
     driver.begin(frame, &[query])?;
-    driver.finish(Wanted::HITS, &mut found)?;
+    driver.finish(OutputSelection::HITS, &mut found)?;
     Ok(found.hits)
 }

@@ -5,7 +5,7 @@ use crate::camera::LitCamera;
 use crate::console::Progress;
 use crate::signals;
 use crate::stop::Stop;
-use abvh::frames::{Answers, Frame, FrameRecord, Wanted};
+use abvh::frames::{Frame, FrameOutputs, FrameRecord, OutputSelection};
 use geom::lock;
 use output::{FrameStats, HitArrays, Journal, Planes, RunTimeline, Video};
 use rayon::Scope;
@@ -28,7 +28,7 @@ pub(super) struct Rendered<'a> {
     pub(super) scene: &'a Scene,
     pub(super) shot: &'a LitCamera,
     pub(super) files: &'a FrameFiles,
-    pub(super) wanted: Wanted,
+    pub(super) wanted: OutputSelection,
 }
 
 /// Writes the files of frames, and collects the results of written frames.
@@ -55,7 +55,7 @@ pub(super) struct FrameLog<'a> {
 /// Buffers of a frame that is being written.
 #[derive(Default)]
 struct FrameBuffers {
-    answers: Answers,
+    answers: FrameOutputs,
     rgb: Vec<u8>,
     /// Empty without a video.
     planes: Planes,
@@ -119,7 +119,7 @@ impl<'a> FrameWriter<'a> {
         scope: &Scope<'s>,
         place: usize,
         frame: &FrameRecord,
-        answers: &mut Answers,
+        answers: &mut FrameOutputs,
     ) -> Result<(), Stop> {
         signals::check()?;
         self.check()?;
@@ -181,7 +181,7 @@ impl<'a> FrameWriter<'a> {
         let Rendered {
             scene, shot, files, ..
         } = self.rendered;
-        let Answers { hits, pixels } = &buffers.answers;
+        let FrameOutputs { hits, pixels } = &buffers.answers;
         let [width, height] = [shot.camera.width, shot.camera.height];
         if files.has_pictures() {
             output::drop_alpha(pixels, &mut buffers.rgb);

@@ -6,7 +6,7 @@ use super::scenes::{KEYS, MovingMesh, SceneKind, scenes, unit};
 use super::strategies::{Precision, each, precision, runner, steps, tree};
 use super::topologies::TreeDescription;
 use crate::compare::ray_text;
-use geom::{Animation, Camera, Point, Ray};
+use geom::{Animation, Camera, CameraPose, Point, Ray};
 use proptest::prelude::*;
 use proptest::sample::select;
 use proptest::strategy::ValueTree;
@@ -332,10 +332,9 @@ impl ScenePlacement {
     /// Returns a camera that sees the scene. GPUs trace the rays of the smaller picture one by one, if triangles are many.
     pub(crate) fn camera(&self, unit: Point) -> Camera {
         let eye = self.put([2.5 + unit[0], 1.5 + unit[1], 3.0 + unit[2]]);
-        let target = self.put([0.0; 3]);
-        let up = [0.0, 1.0, 0.0];
+        let pose = CameraPose::new(eye, self.put([0.0; 3])).with_fov(50.0);
         let width = if unit[0] < 0.0 { 24 } else { 15 };
-        Camera::look_at(eye, target, up, 50.0, [width, 17]).expect("the camera sees the scene")
+        Camera::look_at(pose, [width, 17]).expect("the camera sees the scene")
     }
 }
 

@@ -8,7 +8,7 @@
 //! 4. A tree that costs more is rejected. But if time still approaches its target, it is evaluated again each time the
 //!    distance has halved.
 
-use super::next_tree::{Candidate, Evaluation, Event, Verdict};
+use super::next_tree::{CandidateTree, Evaluation, Event, Verdict};
 use crate::latency::LatencyPredictor;
 use backend::{FrameReport, Policy};
 use geom::Pose;
@@ -35,7 +35,7 @@ impl AdoptionRule {
     /// `None` if the tree keeps waiting.
     pub(super) fn review(
         self,
-        tree: &Candidate,
+        tree: &CandidateTree,
         current: f64,
         predictor: &LatencyPredictor,
     ) -> Option<Event> {
@@ -45,7 +45,7 @@ impl AdoptionRule {
         }
         if self.builds_ahead && !predictor.is_nearer_than(current, target) {
             return predictor
-                .newer_tree_due_first(current, target)
+                .newer_tree_arrives_first(current, target)
                 .then_some(Event::Superseded);
         }
         let is_due = predictor.has_halved(target, tree.costlier_at);

@@ -43,7 +43,7 @@ pub(super) struct VerticesArrived {
 
 /// A finished tree that is neither adopted nor rejected yet.
 #[derive(Debug)]
-pub(super) struct Candidate {
+pub(super) struct CandidateTree {
     pub(super) request: Request,
     pub(super) vertices: VerticesArrived,
     pub(super) built: Built,
@@ -55,7 +55,7 @@ pub(super) struct Candidate {
     pub(super) cost_ratio: Option<f64>,
 }
 
-impl Candidate {
+impl CandidateTree {
     pub(super) fn new(mut request: Request, vertices: VerticesArrived, built: Built) -> Self {
         if built.gave_up_extrapolation {
             request.target_time = vertices.last_time;
@@ -97,9 +97,9 @@ pub(super) enum Verdict {
     Reject,
 }
 
-/// State of the next tree. [`NextTree::after`] is the table of transitions.
+/// State of the next tree. [`NextTreeState::after`] is the table of transitions.
 #[derive(Default)]
-pub(super) enum NextTree {
+pub(super) enum NextTreeState {
     /// No tree is requested.
     #[default]
     Idle,
@@ -108,16 +108,16 @@ pub(super) enum NextTree {
     /// The builder thread builds it.
     Building(Request, VerticesArrived),
     /// On the host. It is being uploaded, or waits until its target time is near enough.
-    Waiting(Candidate),
+    Waiting(CandidateTree),
     /// The next frame evaluates it.
-    Due(Candidate),
+    Due(CandidateTree),
     /// A frame evaluates it.
-    Evaluating(Candidate, Evaluation),
+    Evaluating(CandidateTree, Evaluation),
     /// Adopted at the next frame boundary.
-    Accepted(Candidate),
+    Accepted(CandidateTree),
     /// Dropped at the next frame boundary. Contains the pose at which it cost more than the current tree, if that is
     /// the reason.
-    Rejected(Candidate, Option<Pose>),
+    Rejected(CandidateTree, Option<Pose>),
 }
 
 /// An event in the life of the next tree.
@@ -144,12 +144,12 @@ pub(super) enum Event {
 
 /// A tree that leaves the state machine at a frame boundary.
 pub(super) enum Decided {
-    Adopt(Candidate),
-    /// See [`NextTree::Rejected`].
-    Reject(Candidate, Option<Pose>),
+    Adopt(CandidateTree),
+    /// See [`NextTreeState::Rejected`].
+    Reject(CandidateTree, Option<Pose>),
 }
 
-impl NextTree {
+impl NextTreeState {
     /// Returns the state that follows. An event that does not concern the state leaves it unchanged.
     fn after(self, event: Event) -> Self {
         match (self, event) {
@@ -160,7 +160,7 @@ impl NextTree {
                 Self::Building(request, vertices)
             }
             (Self::Building(request, vertices), Event::BuildFinished(built)) => {
-                Self::Waiting(Candidate::new(request, vertices, built))
+                Self::Waiting(CandidateTree::new(request, vertices, built))
             }
             (Self::Requested(..), Event::FramesDropped)
             | (Self::Building(..), Event::BuildFailed) => Self::Idle,
@@ -171,8 +171,10 @@ impl NextTree {
                 Self::Evaluating(tree, evaluation)
             }
             (Self::Evaluating(tree, evaluation), Event::Evaluated(verdict)) => match verdict {
-                Verdict::Accept { cost_ratio } => Self::Accepted(Candidate { cost_ratio, ..tree }),
-                Verdict::Wait => Self::Waiting(Candidate {
+                Verdict::Accept { cost_ratio } => {
+                    Self::Accepted(CandidateTree { cost_ratio, ..tree })
+                }
+                Verdict::Wait => Self::Waiting(CandidateTree {
                     costlier_at: evaluation.approach,
                     ..tree
                 }),
@@ -290,34 +292,34 @@ mod tests {
         }
     }
 
-    fn state(letter: char) -> NextTree {
-        let tree = || Candidate::new(request(), vertices(), built());
+    fn state(letter: char) -> NextTreeState {
+        let tree = || CandidateTree::new(request(), vertices(), built());
         match letter {
-            'i' => NextTree::Idle,
-            'r' => NextTree::Requested(request(), Observation::default()),
-            'b' => NextTree::Building(request(), vertices()),
-            'w' => NextTree::Waiting(tree()),
-            'd' => NextTree::Due(tree()),
+            'i' => NextTreeState::Idle,
+            'r' => NextTreeState::Requested(request(), Observation::default()),
+            'b' => NextTreeState::Building(request(), vertices()),
+            'w' => NextTreeState::Waiting(tree()),
+            'd' => NextTreeState::Due(tree()),
             // Its frame is being recorded.
-            'e' => NextTree::Evaluating(tree(), evaluation(None)),
+            'e' => NextTreeState::Evaluating(tree(), evaluation(None)),
             // Its frame is submitted.
-            's' => NextTree::Evaluating(tree(), evaluation(Some(Ticket(1)))),
-            'a' => NextTree::Accepted(tree()),
-            _ => NextTree::Rejected(tree(), None),
+            's' => NextTreeState::Evaluating(tree(), evaluation(Some(Ticket(1)))),
+            'a' => NextTreeState::Accepted(tree()),
+            _ => NextTreeState::Rejected(tree(), None),
         }
     }
 
-    fn letter(state: &NextTree) -> char {
+    fn letter(state: &NextTreeState) -> char {
         match state {
-            NextTree::Idle => 'i',
-            NextTree::Requested(..) => 'r',
-            NextTree::Building(..) => 'b',
-            NextTree::Waiting(_) => 'w',
-            NextTree::Due(_) => 'd',
-            NextTree::Evaluating(_, evaluation) if evaluation.ticket.is_none() => 'e',
-            NextTree::Evaluating(..) => 's',
-            NextTree::Accepted(_) => 'a',
-            NextTree::Rejected(..) => 'x',
+            NextTreeState::Idle => 'i',
+            NextTreeState::Requested(..) => 'r',
+            NextTreeState::Building(..) => 'b',
+            NextTreeState::Waiting(_) => 'w',
+            NextTreeState::Due(_) => 'd',
+            NextTreeState::Evaluating(_, evaluation) if evaluation.ticket.is_none() => 'e',
+            NextTreeState::Evaluating(..) => 's',
+            NextTreeState::Accepted(_) => 'a',
+            NextTreeState::Rejected(..) => 'x',
         }
     }
 
@@ -391,11 +393,11 @@ mod tests {
         let accepted = after(Verdict::Accept {
             cost_ratio: Some(0.5),
         });
-        assert!(matches!(accepted, NextTree::Accepted(tree) if tree.cost_ratio == Some(0.5)));
+        assert!(matches!(accepted, NextTreeState::Accepted(tree) if tree.cost_ratio == Some(0.5)));
         let waiting = after(Verdict::Wait);
-        assert!(matches!(waiting, NextTree::Waiting(tree) if tree.costlier_at == Some(0.5)));
+        assert!(matches!(waiting, NextTreeState::Waiting(tree) if tree.costlier_at == Some(0.5)));
         let pose = Some(evaluation(None).pose);
-        assert!(matches!(after(Verdict::Reject), NextTree::Rejected(_, at) if at == pose));
+        assert!(matches!(after(Verdict::Reject), NextTreeState::Rejected(_, at) if at == pose));
     }
 
     #[test]

@@ -2,10 +2,10 @@
 //! positions, also those of the next frame that moves, to extrapolate the motion.
 
 use super::Driver;
-use super::next_tree::NextTree;
+use super::next_tree::NextTreeState;
 use super::trees::bytes;
 use crate::error::PipelineError;
-use crate::frame::Submission;
+use crate::frame::TimedSubmission;
 use crate::tree_builder::{BuildInput, Observed, Vertices, pose_between};
 use backend::{Query, Snapshot};
 use geom::Pose;
@@ -52,7 +52,7 @@ impl Driver {
         let ticket = self.backend.submit()?;
         let report = self.backend.wait(ticket)?;
         let record = &mut self.recording.record;
-        record.fetched = Some(Submission {
+        record.fetched = Some(TimedSubmission {
             handed_in,
             seen: Instant::now(),
             times: report.times,
@@ -70,7 +70,7 @@ impl Driver {
     /// Returns whether the builder needs the positions of the current frame.
     pub(super) fn wants_positions(&mut self, moved: bool) -> bool {
         let observes_two_frames = self.observes_two_frames();
-        let NextTree::Requested(request, observation) = &mut self.trees.next else {
+        let NextTreeState::Requested(request, observation) = &mut self.trees.next else {
             return false;
         };
         let is_first = request.frame == self.recording.number;
@@ -84,11 +84,11 @@ impl Driver {
 
     /// Starts the build that waits for positions, once all have arrived or the scene is at rest.
     pub(super) fn poll_read_back(&mut self) -> Result<(), PipelineError> {
-        let waits = matches!(self.trees.next, NextTree::Requested(..));
+        let waits = matches!(self.trees.next, NextTreeState::Requested(..));
         if waits && let Some((_, positions)) = self.backend.take_positions()? {
             self.take_read_back(positions)?;
         }
-        let NextTree::Requested(request, observation) = &mut self.trees.next else {
+        let NextTreeState::Requested(request, observation) = &mut self.trees.next else {
             return Ok(());
         };
         let is_at_rest = self.recording.number - request.frame > AT_REST;
@@ -105,7 +105,7 @@ impl Driver {
         if !self.observes_two_frames() {
             return self.build_read_back(positions);
         }
-        let NextTree::Requested(request, observation) = &mut self.trees.next else {
+        let NextTreeState::Requested(request, observation) = &mut self.trees.next else {
             return Ok(());
         };
         let seen = observation.first.take().zip(observation.second_time);

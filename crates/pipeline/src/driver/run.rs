@@ -9,16 +9,16 @@ use std::time::Instant;
 /// Number of frames whose key frames are read ahead, if not all key frames are in memory.
 pub const LOOK_AHEAD: usize = 64;
 
-/// Results to fetch of each frame.
+/// Selects the results to fetch of each frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Wanted {
+pub struct OutputSelection {
     /// Hits and shadows.
     pub hits: bool,
     /// Pixels. If the backend does not shade, hits and shadows instead.
     pub pixels: bool,
 }
 
-impl Wanted {
+impl OutputSelection {
     /// Hits and shadows alone.
     pub const HITS: Self = Self {
         hits: true,
@@ -34,7 +34,7 @@ impl Wanted {
 
 /// Results of a frame.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Answers {
+pub struct FrameOutputs {
     /// Hits and shadows, if requested.
     pub hits: Hits,
     /// Pixels, as [`backend::Backend::pixels`] returns them; empty if the host must shade.
@@ -43,7 +43,7 @@ pub struct Answers {
 
 impl Driver {
     /// Renders `frames` in order, with as many in flight as the backend allows. Passes each finished frame to
-    /// `on_frame`, with the results selected by `wanted`. `on_frame` may swap the memory of the results for other
+    /// `on_frame`, with the selected results. `on_frame` may swap the memory of the results for other
     /// memory, which later frames then use.
     ///
     /// # Errors
@@ -52,15 +52,15 @@ impl Driver {
         &mut self,
         frames: impl IntoIterator<Item = Frame>,
         query: Query<'_>,
-        wanted: Wanted,
-        mut on_frame: impl FnMut(&FrameRecord, &mut Answers) -> Result<(), E>,
+        selection: OutputSelection,
+        mut on_frame: impl FnMut(&FrameRecord, &mut FrameOutputs) -> Result<(), E>,
     ) -> Result<(), E> {
-        let mut answers = Answers::default();
-        let under_way = self.most_under_way(&[query]);
+        let mut outputs = FrameOutputs::default();
+        let in_flight = self.max_in_flight(&[query]);
         let frames: Vec<Frame> = frames.into_iter().collect();
         let mut finish = |driver: &mut Self| -> Result<bool, E> {
-            match driver.finish(wanted, &mut answers)? {
-                Some(record) => on_frame(&record, &mut answers).map(|()| true),
+            match driver.finish(selection, &mut outputs)? {
+                Some(record) => on_frame(&record, &mut outputs).map(|()| true),
                 None => Ok(false),
             }
         };
@@ -68,7 +68,7 @@ impl Driver {
             let next = frames[i..].iter().take(LOOK_AHEAD);
             self.animation.look_ahead(next.map(|frame| frame.time));
             self.begin(frame, &[query])?;
-            if self.pending.len() >= under_way {
+            if self.pending.len() >= in_flight {
                 finish(self)?;
             }
         }
@@ -76,15 +76,15 @@ impl Driver {
         Ok(())
     }
 
-    /// Waits for the oldest frame in flight and writes the results selected by `wanted` to `answers`. The backend
-    /// reuses the previous memory of `answers`. Returns `None` if no frame is in flight.
+    /// Waits for the oldest frame in flight and writes the selected results to `outputs`. The backend
+    /// reuses the previous memory of `outputs`. Returns `None` if no frame is in flight.
     ///
     /// # Errors
     /// Those of the backend.
     pub fn finish(
         &mut self,
-        wanted: Wanted,
-        answers: &mut Answers,
+        selection: OutputSelection,
+        outputs: &mut FrameOutputs,
     ) -> Result<Option<FrameRecord>, PipelineError> {
         let Some(pending) = self.pending.pop_front() else {
             return Ok(None);
@@ -93,7 +93,7 @@ impl Driver {
         let report = self.backend.wait(pending.ticket)?;
         let seen = Instant::now();
         self.process_costs(pending.ticket, &report);
-        self.fetch(pending.ticket, wanted, answers)?;
+        self.fetch(pending.ticket, selection, outputs)?;
         let read = Instant::now();
         self.poll_builder()?;
         let mut record = pending.record;
@@ -107,7 +107,7 @@ impl Driver {
     }
 
     /// Returns how many frames with such queries may be in flight, including the next one to [begin](Self::begin).
-    pub fn most_under_way(&self, queries: &[Query<'_>]) -> usize {
+    pub fn max_in_flight(&self, queries: &[Query<'_>]) -> usize {
         // A frame that waits for its own tree or positions takes two submissions, so no other frame may be unfinished.
         if self.options.update.waits_for_tree() || self.must_measure_range(queries) {
             1
@@ -119,15 +119,15 @@ impl Driver {
     fn fetch(
         &mut self,
         ticket: Ticket,
-        wanted: Wanted,
-        answers: &mut Answers,
+        selection: OutputSelection,
+        outputs: &mut FrameOutputs,
     ) -> backend::Result<()> {
-        let shaded = wanted.pixels && self.backend.pixels(ticket, &mut answers.pixels)?;
+        let shaded = selection.pixels && self.backend.pixels(ticket, &mut outputs.pixels)?;
         if !shaded {
-            answers.pixels.clear();
+            outputs.pixels.clear();
         }
-        if wanted.hits || (wanted.pixels && !shaded) {
-            self.backend.take_hits(ticket, 0, &mut answers.hits)?;
+        if selection.hits || (selection.pixels && !shaded) {
+            self.backend.take_hits(ticket, 0, &mut outputs.hits)?;
         }
         Ok(())
     }

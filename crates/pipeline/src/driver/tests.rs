@@ -10,7 +10,7 @@ use crate::tree_builder::{BuildInput, Built, TreeBuilder, Vertices};
 use backend::{QueryKind, Rays};
 use bvh_build::{BuildError, Cancel};
 use fake::{Fake, Gate, Log};
-use geom::Camera;
+use geom::{Camera, CameraPose};
 use std::sync::{LazyLock, Mutex};
 use std::time::Duration;
 
@@ -63,7 +63,7 @@ pub(super) fn driver(
 /// Returns a query of four pixels.
 pub(super) fn query(kind: QueryKind) -> Query<'static> {
     static CAMERA: LazyLock<Camera> = LazyLock::new(|| {
-        Camera::look_at([0.0, 0.0, 9.0], [0.0; 3], [0.0, 1.0, 0.0], 40.0, [2, 2]).unwrap()
+        Camera::look_at(CameraPose::new([0.0, 0.0, 9.0], [0.0; 3]), [2, 2]).unwrap()
     });
     let rays = Rays::Camera(&CAMERA);
     Query { rays, kind }
@@ -107,7 +107,7 @@ fn render(
     let log = Arc::clone(&fake.log);
     let mut driver = driver(fake, animation, by).unwrap();
     let records = play(&mut driver, times, rest);
-    let built = driver.builder.is_open();
+    let built = driver.builder.thread.is_open();
     drop(driver);
     Run {
         records,
@@ -124,7 +124,7 @@ fn play(
     let mut records = Vec::new();
     let frames = (0..).zip(times).map(|(index, time)| Frame { index, time });
     let query = query(QueryKind::Closest);
-    let run = driver.run(frames, query, Wanted::HITS, |record, _| {
+    let run = driver.run(frames, query, OutputSelection::HITS, |record, _| {
         records.push(record.clone());
         let rest = Duration::from_millis(rest(record.frame.index));
         // Even a sleep of 0 ms could delay the thread.
@@ -216,7 +216,7 @@ fn trees_for(by: Config, kind: impl Fn(u64) -> QueryKind) -> Vec<Vec<u32>> {
             .begin(Frame { index, time }, &[query(kind(index))])
             .unwrap();
         driver
-            .finish(Wanted::default(), &mut Answers::default())
+            .finish(OutputSelection::default(), &mut FrameOutputs::default())
             .unwrap();
     }
     drop(driver);

@@ -1,7 +1,9 @@
 //! Requests trees, passes vertices to the builder thread, and evaluates and adopts the trees that it builds.
 
 use super::Driver;
-use super::next_tree::{Candidate, Decided, Event, NextTree, Request, Verdict, VerticesArrived};
+use super::next_tree::{
+    CandidateTree, Decided, Event, NextTreeState, Request, Verdict, VerticesArrived,
+};
 use super::pause::RequestPause;
 use crate::builder_thread::BuildResult;
 use crate::error::PipelineError;
@@ -19,7 +21,7 @@ pub(super) const FIRST: Generation = Generation(1);
 pub(super) struct Trees {
     /// `None` before the first frame.
     pub(super) current: Option<CurrentTree>,
-    pub(super) next: NextTree,
+    pub(super) next: NextTreeState,
     /// Generation of the last requested tree. Generations only increase.
     newest: Generation,
     /// Pause between requests after trees were rejected.
@@ -32,7 +34,7 @@ impl Default for Trees {
     fn default() -> Self {
         Self {
             current: None,
-            next: NextTree::Idle,
+            next: NextTreeState::Idle,
             newest: FIRST,
             pause: RequestPause::default(),
             no_better_at: None,
@@ -56,7 +58,7 @@ impl Driver {
     /// Passes vertices to the builder and takes finished trees. Never blocks.
     pub(super) fn poll_builder(&mut self) -> Result<(), PipelineError> {
         self.poll_read_back()?;
-        if let Some(result) = self.builder.try_take() {
+        if let Some(result) = self.builder.thread.try_take() {
             self.take_result(result);
         }
         self.upload_next().map(drop)
@@ -70,7 +72,7 @@ impl Driver {
     /// Uploads a finished tree while frames are rendered. Returns `false` while the upload is unfinished.
     fn upload_next(&mut self) -> Result<bool, PipelineError> {
         match &self.trees.next {
-            NextTree::Waiting(tree) => {
+            NextTreeState::Waiting(tree) => {
                 let (topology, generation) = (&tree.built.topology, tree.request.generation);
                 Ok(self.backend.upload_tree(topology, generation)?)
             }
@@ -124,7 +126,7 @@ impl Driver {
         let rule = self.adoption_rule();
         let current = self.trees.current.as_ref();
         let current = current.map_or(f64::NAN, |tree| tree.target_time);
-        let NextTree::Waiting(tree) = &mut self.trees.next else {
+        let NextTreeState::Waiting(tree) = &mut self.trees.next else {
             return;
         };
         if !std::mem::replace(&mut tree.has_arrived, true) {
@@ -140,7 +142,7 @@ impl Driver {
     /// Records the evaluation of a tree that is due, at the positions recorded for this frame.
     pub(super) fn record_evaluation(&mut self) -> Result<(), PipelineError> {
         let rule = self.adoption_rule();
-        let (NextTree::Due(tree), Some(pose)) = (&self.trees.next, self.recording.pose) else {
+        let (NextTreeState::Due(tree), Some(pose)) = (&self.trees.next, self.recording.pose) else {
             return Ok(());
         };
         let (topology, generation) = (&tree.built.topology, tree.request.generation);
@@ -166,7 +168,7 @@ impl Driver {
         self.predictor.observe_evaluation(number - evaluation.frame);
         let verdict = Verdict::of(report, &evaluation);
         self.trees.next.advance(Event::Evaluated(verdict));
-        if let NextTree::Rejected(tree, _) = &self.trees.next {
+        if let NextTreeState::Rejected(tree, _) = &self.trees.next {
             let frames = number - tree.request.frame;
             self.trees.pause.rejected(number, frames);
         }
@@ -259,7 +261,7 @@ impl Driver {
         mut input: BuildInput,
         read_back: u64,
     ) -> Result<(), PipelineError> {
-        let NextTree::Requested(request, observation) = &self.trees.next else {
+        let NextTreeState::Requested(request, observation) = &self.trees.next else {
             return Ok(());
         };
         input.is_compared = self.adoption_rule().by_cost;
@@ -314,9 +316,9 @@ impl Driver {
         loop {
             self.poll_builder()?;
             match self.trees.next {
-                NextTree::Requested(..) => std::thread::yield_now(),
-                NextTree::Building(..) => {
-                    let result = self.builder.take();
+                NextTreeState::Requested(..) => std::thread::yield_now(),
+                NextTreeState::Building(..) => {
+                    let result = self.builder.thread.take();
                     self.take_result(result);
                 }
                 _ => return Ok(()),
@@ -330,7 +332,7 @@ impl Driver {
         &mut self,
         request: Request,
         halves: Option<[Pose; 2]>,
-    ) -> Result<BuildResult<Candidate>, PipelineError> {
+    ) -> Result<BuildResult<CandidateTree>, PipelineError> {
         let positions = self.read_now(request.pose)?;
         self.recording.pose = Some(request.pose);
         let vertices = VerticesArrived {
@@ -344,11 +346,11 @@ impl Driver {
         };
         let built = self.builder.build_now(input, self.recording.light);
         self.recording.record.build_wait_ms += ms(vertices.at.elapsed());
-        Ok(built.map(|built| Candidate::new(request, vertices, built)))
+        Ok(built.map(|built| CandidateTree::new(request, vertices, built)))
     }
 
-    fn adopt(&mut self, tree: Candidate) -> Result<(), PipelineError> {
-        let Candidate {
+    fn adopt(&mut self, tree: CandidateTree) -> Result<(), PipelineError> {
+        let CandidateTree {
             request,
             vertices,
             built,

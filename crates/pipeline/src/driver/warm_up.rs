@@ -4,7 +4,7 @@
 //! The first frame of a run waits for these steps. It is then traced again, uncounted, for a fixed time and until frame
 //! times are steady. Meanwhile the scene does not move, and no tree ages ([`Driver::warm_up`]).
 
-use super::{Driver, Wanted};
+use super::{Driver, OutputSelection};
 use crate::error::PipelineError;
 use crate::frame::{Frame, FrameRecord};
 use backend::{DeviceKind, FRAMES_IN_FLIGHT, FrameReport, Query};
@@ -44,44 +44,12 @@ fn seconds(asked: Option<f64>, kind: DeviceKind) -> f64 {
     }
 }
 
-/// Renders the first frame and then warms the device up, if it needs that. `asked` sets the duration in seconds.
-/// Returns the result of the warm-up, if any, and the remaining frames.
-///
-/// # Errors
-/// Those of the backend and of `on_frame`.
-pub fn warm_up<'a, E: From<PipelineError>>(
-    asked: Option<f64>,
-    driver: &mut Driver,
-    frames: &'a [Frame],
-    query: Query<'_>,
-    mut on_frame: impl FnMut(&FrameRecord) -> Result<(), E>,
-) -> Result<(Option<Warmed>, &'a [Frame]), E> {
-    let kind = driver.backend().device().kind;
-    // Nothing comes after a single frame that could gain by it.
-    if seconds(asked, kind) <= 0.0 || frames.len() < 2 {
-        return Ok((None, frames));
-    }
-    let (first, rest) = frames.split_at(1);
-    driver.run(
-        first.iter().copied(),
-        query,
-        Wanted::default(),
-        |record, _| on_frame(record),
-    )?;
-    let mut progress = WarmUp::begin(asked, kind);
-    driver.warm_up(query, |report: &FrameReport| {
-        let goes_on = |progress: &mut WarmUp| progress.goes_on(report.times.device_ms);
-        progress.as_mut().is_some_and(goes_on)
-    })?;
-    Ok((progress.map(WarmUp::end), rest))
-}
-
 /// A warm-up in progress.
 #[derive(Debug)]
 pub struct WarmUp {
     begun: Instant,
     seconds: f64,
-    seen: Vec<Moment>,
+    seen: Vec<TimedTrace>,
 }
 
 impl WarmUp {
@@ -99,7 +67,10 @@ impl WarmUp {
     /// Takes the device's milliseconds of a trace. Returns whether another trace should follow.
     pub fn goes_on(&mut self, device_ms: f64) -> bool {
         let now = self.begun.elapsed().as_secs_f64();
-        self.seen.push((now, device_ms));
+        self.seen.push(TimedTrace {
+            finished: now,
+            device_ms,
+        });
         now < self.seconds || (now < self.seconds + PATIENCE && !is_steady(&self.seen))
     }
 
@@ -114,12 +85,17 @@ impl WarmUp {
     }
 }
 
-/// Time at which a frame was finished, in seconds, and its device time in milliseconds.
-type Moment = (f64, f64);
+/// A trace of a warm-up.
+#[derive(Clone, Copy, Debug)]
+struct TimedTrace {
+    /// Seconds since the begin of the warm-up.
+    finished: f64,
+    device_ms: f64,
+}
 
 /// Returns whether the last window's frames took as long as those of the window before. Single frames cannot be
 /// compared: the clock rises in steps, so neighbouring frames always agree.
-fn is_steady(seen: &[Moment]) -> bool {
+fn is_steady(seen: &[TimedTrace]) -> bool {
     let (earlier, last) = window(seen);
     let (_, before) = window(earlier);
     let [a, b] = [before, last].map(median);
@@ -127,21 +103,52 @@ fn is_steady(seen: &[Moment]) -> bool {
 }
 
 /// Returns the median of the frames' times; of an even number, the later of the middle two.
-fn median(of: &[Moment]) -> f64 {
-    let mut times: Vec<f64> = of.iter().map(|m| m.1).collect();
+fn median(of: &[TimedTrace]) -> f64 {
+    let mut times: Vec<f64> = of.iter().map(|trace| trace.device_ms).collect();
     times.sort_unstable_by(f64::total_cmp);
     times.get(times.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
 /// Splits off the last frames that fill a window.
-fn window(all: &[Moment]) -> (&[Moment], &[Moment]) {
-    let end = all.last().map_or(0.0, |&(at, _)| at);
-    let within = all.iter().rev().take_while(|(at, _)| end - at < WINDOW);
+fn window(all: &[TimedTrace]) -> (&[TimedTrace], &[TimedTrace]) {
+    let end = all.last().map_or(0.0, |trace| trace.finished);
+    let is_within = |trace: &&TimedTrace| end - trace.finished < WINDOW;
+    let within = all.iter().rev().take_while(is_within);
     let count = within.count().max(FEWEST).min(all.len());
     all.split_at(all.len() - count)
 }
 
 impl Driver {
+    /// Renders the first frame and then warms the device up, if it needs that. `asked` sets the duration in seconds.
+    /// Returns the result of the warm-up, if any, and the remaining frames.
+    ///
+    /// # Errors
+    /// Those of the backend and of `on_frame`.
+    pub fn warm_up<'a, E: From<PipelineError>>(
+        &mut self,
+        asked: Option<f64>,
+        frames: &'a [Frame],
+        query: Query<'_>,
+        mut on_frame: impl FnMut(&FrameRecord) -> Result<(), E>,
+    ) -> Result<(Option<Warmed>, &'a [Frame]), E> {
+        let kind = self.backend.device().kind;
+        // Nothing comes after a single frame that could gain by it.
+        if seconds(asked, kind) <= 0.0 || frames.len() < 2 {
+            return Ok((None, frames));
+        }
+        let (first, rest) = frames.split_at(1);
+        let selection = OutputSelection::default();
+        self.run(first.iter().copied(), query, selection, |record, _| {
+            on_frame(record)
+        })?;
+        let mut progress = WarmUp::begin(asked, kind);
+        self.repeat_trace(query, |report: &FrameReport| {
+            let goes_on = |progress: &mut WarmUp| progress.goes_on(report.times.device_ms);
+            progress.as_mut().is_some_and(goes_on)
+        })?;
+        Ok((progress.map(WarmUp::end), rest))
+    }
+
     /// Traces `query` repeatedly with the last frame's tree and positions, until `again` returns `false` for a trace's
     /// report. Keeps as many traces in flight as the backend allows, so that the device never waits for the host.
     ///
@@ -154,22 +161,22 @@ impl Driver {
     ///
     /// # Panics
     /// If no frame was rendered before, or if a frame is in flight.
-    pub fn warm_up(
+    fn repeat_trace(
         &mut self,
         query: Query<'_>,
         mut again: impl FnMut(&FrameReport) -> bool,
     ) -> Result<(), PipelineError> {
         self.warm_up_builder();
         assert!(self.trees.current.is_some(), "a frame comes first");
-        assert!(self.pending.is_empty(), "a frame is under way");
-        let mut under_way = VecDeque::with_capacity(FRAMES_IN_FLIGHT);
+        assert!(self.pending.is_empty(), "a frame is in flight");
+        let mut in_flight = VecDeque::with_capacity(FRAMES_IN_FLIGHT);
         let mut wanted = true;
         loop {
-            while wanted && under_way.len() < FRAMES_IN_FLIGHT {
+            while wanted && in_flight.len() < FRAMES_IN_FLIGHT {
                 self.backend.trace(&[query])?;
-                under_way.push_back(self.backend.submit()?);
+                in_flight.push_back(self.backend.submit()?);
             }
-            let Some(ticket) = under_way.pop_front() else {
+            let Some(ticket) = in_flight.pop_front() else {
                 return Ok(());
             };
             let report = self.backend.wait(ticket)?;
@@ -205,17 +212,22 @@ mod tests {
             time: index as f64 * 1.4,
         };
         for part in [0..1, 1..20] {
-            let done = driver.run(part.map(frame), query, Wanted::default(), |record, _| {
-                records.push(record.clone());
-                Ok::<(), PipelineError>(())
-            });
+            let done = driver.run(
+                part.map(frame),
+                query,
+                OutputSelection::default(),
+                |record, _| {
+                    records.push(record.clone());
+                    Ok::<(), PipelineError>(())
+                },
+            );
             done.unwrap();
             if left > 0 {
                 let again = |_: &_| {
                     left -= 1;
                     left > 0
                 };
-                driver.warm_up(query, again).unwrap();
+                driver.repeat_trace(query, again).unwrap();
             }
         }
         drop(driver);
@@ -261,7 +273,10 @@ mod tests {
         let mut now = 0.0;
         let seen = ms.into_iter().map(|ms| {
             now += ms * 1e-3;
-            (now, ms)
+            TimedTrace {
+                finished: now,
+                device_ms: ms,
+            }
         });
         is_steady(&seen.collect::<Vec<_>>())
     }

@@ -144,6 +144,7 @@ fn wide(p: Point) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use geom::CameraPose;
 
     #[test]
     fn list_length_matches_kernel_source() {
@@ -152,7 +153,7 @@ mod tests {
     }
 
     fn camera(eye: Point, target: Point, fov: f32) -> Camera {
-        Camera::look_at(eye, target, [0.0, 1.0, 0.0], fov, [64, 48]).unwrap()
+        Camera::look_at(CameraPose::new(eye, target).with_fov(fov), [64, 48]).unwrap()
     }
 
     #[test]

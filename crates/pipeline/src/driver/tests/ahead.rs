@@ -1,7 +1,7 @@
 //! Tests of trees for future times, and of trees that are rejected because they are no better.
 
 use super::*;
-use crate::driver::next_tree::NextTree;
+use crate::driver::next_tree::NextTreeState;
 use crate::frame::Adopted;
 use crate::tree_builder::BuildStrategy;
 
@@ -63,15 +63,15 @@ fn early(from: u64, latency: u64) -> Run {
         driver.begin(Frame { index, time }, &queries).unwrap();
         while matches!(
             driver.trees.next,
-            NextTree::Requested(..) | NextTree::Building(..)
+            NextTreeState::Requested(..) | NextTreeState::Building(..)
         ) {
             driver.poll_builder().unwrap();
         }
-        let record = driver.finish(Wanted::default(), &mut Answers::default());
+        let record = driver.finish(OutputSelection::default(), &mut FrameOutputs::default());
         record.unwrap().unwrap()
     };
     let records = (0..5).map(frame).collect();
-    let built = driver.builder.is_open();
+    let built = driver.builder.thread.is_open();
     drop(driver);
     let log = read(log);
     Run {
@@ -155,7 +155,7 @@ fn weighed(by: Config, frames: u64, knows_key_frames: bool) -> Run {
         driver.forget_key_frames();
     }
     let records = play(&mut driver, (0..frames).map(|index| index as f64), |_| 1);
-    let built = driver.builder.is_open();
+    let built = driver.builder.thread.is_open();
     drop(driver);
     let log = read(log);
     Run {
@@ -221,7 +221,7 @@ fn unsubmitted_evaluation_is_recorded_again() {
     let mut fails = 0;
     for index in 60..160 {
         driver.poll_builder().unwrap();
-        let is_due = |driver: &Driver| matches!(driver.trees.next, NextTree::Due(_));
+        let is_due = |driver: &Driver| matches!(driver.trees.next, NextTreeState::Due(_));
         let time = index as f64;
         let frame = Frame { index, time };
         if driver.in_flight().is_ok() && is_due(&driver) && fails == 0 {
@@ -230,7 +230,7 @@ fn unsubmitted_evaluation_is_recorded_again() {
             driver.trees.next.advance(Event::FrameFailed);
         }
         driver.begin(frame, &[query(QueryKind::Closest)]).unwrap();
-        let finished = driver.finish(Wanted::default(), &mut Answers::default());
+        let finished = driver.finish(OutputSelection::default(), &mut FrameOutputs::default());
         finished.unwrap();
         std::thread::sleep(Duration::from_millis(1));
     }

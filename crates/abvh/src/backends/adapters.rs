@@ -7,47 +7,46 @@ use backend::AdapterInfo;
 ///
 /// # Errors
 /// Several adapters match. The message lists them.
-pub(crate) fn find<'a>(
+pub(super) fn match_adapter<'a>(
     backend: &str,
     list: &'a [AdapterInfo],
-    asked: &str,
+    requested: &str,
 ) -> Result<Option<&'a AdapterInfo>, String> {
-    if !asked.is_empty() && asked.bytes().all(|b| b.is_ascii_digit()) {
+    if !requested.is_empty() && requested.bytes().all(|b| b.is_ascii_digit()) {
         // A number that overflows is not the index of any adapter.
-        let index: Option<usize> = asked.parse().ok();
+        let index: Option<usize> = requested.parse().ok();
         return Ok(list.iter().find(|a| Some(a.index) == index));
     }
-    let asked_lower = asked.to_lowercase();
-    let those = |fits: fn(&str, &str) -> bool| -> Vec<&AdapterInfo> {
-        let fits = |a: &&AdapterInfo| fits(&a.name.to_lowercase(), &asked_lower);
-        list.iter().filter(fits).collect()
-    };
-    let mut fits = those(|name, asked| name == asked);
-    if fits.is_empty() {
-        fits = those(|name, asked| name.contains(asked));
+    let part = requested.to_lowercase();
+    let has_part = |a: &&AdapterInfo| a.name.to_lowercase().contains(&part);
+    let is_whole = |a: &&AdapterInfo| a.name.to_lowercase() == part;
+    let mut matches: Vec<_> = list.iter().filter(is_whole).collect();
+    if matches.is_empty() {
+        matches = list.iter().filter(has_part).collect();
     }
-    match fits.as_slice() {
+    match matches[..] {
         [] => Ok(None),
         [one] => Ok(Some(one)),
-        several => Err(format!(
-            "'{asked}' fits several adapters of {backend}; give an index: {}",
-            AdapterInfo::numbered(several.iter().copied())
+        _ => Err(format!(
+            "'{requested}' fits several adapters of {backend}; give an index: {}",
+            AdapterInfo::numbered(matches)
         )),
     }
 }
 
-/// Finds the adapter of `backend`, or of a rival, that `asked` names by its index, its name or a part of the name.
+/// Finds the adapter of `backend`, or of a rival, that `requested` names by its index, its name or a part of the name.
 ///
 /// # Errors
-/// Several adapters fit, or none. The message lists them.
+/// Several adapters match, or none. The message lists them.
 pub fn find_adapter<'a>(
     backend: &str,
     list: &'a [AdapterInfo],
-    asked: &str,
+    requested: &str,
 ) -> Result<&'a AdapterInfo, String> {
-    let none = format!("{backend} has no adapter '{asked}'");
-    let there = || format!("{none}; there is {}", AdapterInfo::numbered(list));
-    find(backend, list, asked)?.ok_or_else(there)
+    match_adapter(backend, list, requested)?.ok_or_else(|| {
+        let present = AdapterInfo::numbered(list);
+        format!("{backend} has no adapter '{requested}'; there is {present}")
+    })
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Tests of the selection with fake backends.
 
 use super::*;
-use crate::adapters::named;
+use crate::backends::adapters::named;
 use DeviceKind::{Cpu, Gpu, Software};
 use backend::BackendName;
 use std::cell::RefCell;
@@ -84,7 +84,7 @@ impl Fake {
 fn choose(
     fakes: &[Fake],
     asked: Option<&str>,
-) -> (Result<String, Vain<BackendError>>, Vec<String>) {
+) -> (Result<String, NoBackend<BackendError>>, Vec<String>) {
     let log = RefCell::new(Vec::new());
     let each = |fake| {
         let log = &log;
@@ -93,9 +93,9 @@ fn choose(
         (fake, list, open)
     };
     let all: Vec<_> = fakes.iter().map(each).collect();
-    let known = all.iter().map(|(fake, list, open)| Known {
+    let entries = all.iter().map(|(fake, list, open)| BackendEntry {
         name: fake.name,
-        place: "it stands where it stands",
+        rank_reason: "it has this rank",
         kinds: match fake.name {
             BackendName::Cpu => &[Cpu],
             BackendName::CpuRef => &[],
@@ -105,17 +105,17 @@ fn choose(
         list,
         open,
     });
-    let known: Vec<Known<'_>> = known.collect();
-    let known: Vec<_> = known.iter().collect();
-    let taken = take(&known, (asked, 1), |_| Ok(()));
-    (taken.map(|((), why)| why), log.take())
+    let entries: Vec<BackendEntry<'_>> = entries.collect();
+    let selection = Selection::new(entries.iter().collect(), asked);
+    let selected = selection.open_first(1, |_| Ok(()));
+    (selected.map(|((), reason)| reason), log.take())
 }
 
 /// Checks that the reason or the error contains each of `says`, and that the selection's log is `log` unless that is
 /// empty.
 fn check(fakes: &[Fake], asked: Option<&str>, log: &str, says: &[&str]) {
     let (found, did) = choose(fakes, asked);
-    let text = found.unwrap_or_else(|vain| format!("refused: {}", vain.why));
+    let text = found.unwrap_or_else(|none| format!("refused: {}", none.reason));
     let missing = says.iter().find(|part| !text.contains(**part));
     assert_eq!(missing, None, "{text}");
     assert!(log.is_empty() || did.join(", ") == log, "{did:?}");
@@ -138,7 +138,7 @@ fn opens_devices_in_preference_order() {
     let on_host = "list vulkan, list cpu, open cpu host";
     let after_two = "list vulkan, open vulkan one, open vulkan two, list cpu, open cpu host";
     let after_small = "list vulkan, open vulkan card, list wgpu, open wgpu card";
-    let is_gpu = "card is a GPU; it stands where it stands";
+    let is_gpu = "card is a GPU; it has this rank";
     let cases: [(&[Fake], &str, &[&str]); 7] = [
         (&[both, next(), host()], first, &[is_gpu]),
         (
@@ -185,8 +185,8 @@ fn the_reference_is_never_selected() {
     );
     let (found, log) = choose(&[reference], None);
     assert!(found.is_err() && log.is_empty(), "{log:?}");
-    let known = crate::known(BackendName::CpuRef).unwrap();
-    assert!(known.kinds.is_empty());
+    let entry = crate::backends::find_backend(BackendName::CpuRef).unwrap();
+    assert!(entry.kinds.is_empty());
 }
 
 #[test]
@@ -252,6 +252,6 @@ fn total_failure_reports_every_reason() {
     check(&[small.clone(), host(lost)], None, "", &both);
     for second in [lost, too_small] {
         let (found, _) = choose(&[small.clone(), host(second)], None);
-        assert_eq!(found.unwrap_err().broken, Some(second()));
+        assert_eq!(found.unwrap_err().last_error, Some(second()));
     }
 }

@@ -1,15 +1,24 @@
-//! The list of all backends: lists their adapters, opens them, and selects the best one.
+//! The backends of this build: lists their adapters, opens them, and selects the best one.
 //!
-//! Each GPU API is a feature: `vulkan` and `wgpu`.
+//! The program uses this module through the feature `unstable`. It may change with each version.
+
+#![cfg_attr(
+    not(feature = "unstable"),
+    allow(
+        dead_code,
+        unreachable_pub,
+        reason = "only the program needs all of it"
+    )
+)]
 
 mod adapters;
-mod auto;
+mod selection;
 
 pub use adapters::find_adapter;
-pub use auto::{Vain, open_best};
+pub use selection::{NoBackend, open_best};
 
 use backend::{AdapterInfo, Backend, BackendName, DeviceKind};
-#[cfg(feature = "inspect")]
+#[cfg(feature = "unstable")]
 use std::any::Any;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -18,11 +27,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 type Open<'a> = dyn Fn(Option<usize>, usize) -> backend::Result<Box<dyn Backend>> + 'a;
 
 /// A backend that this build includes.
-pub struct Known<'a> {
+pub struct BackendEntry<'a> {
     /// Name.
     pub name: BackendName,
     /// Reason for its position in the list.
-    place: &'static str,
+    rank_reason: &'static str,
     /// Kinds of devices that it may have. Empty if `auto` never selects it.
     pub kinds: &'static [DeviceKind],
     /// Name of a backend that finds every GPU that this backend finds.
@@ -36,20 +45,20 @@ pub struct Known<'a> {
 const WGPU_IS_VULKAN: bool = cfg!(not(any(windows, target_vendor = "apple")));
 
 /// All backends of this build. [`open_best`] tries backends with the same kind of device in this order.
-pub const KNOWN: &[Known<'static>] = &[
+pub const BACKENDS: &[BackendEntry<'static>] = &[
     #[cfg(feature = "vulkan")]
-    Known {
+    BackendEntry {
         name: BackendName::Vulkan,
-        place: "vulkan comes before wgpu: trees and vertices travel on a queue of their own",
+        rank_reason: "vulkan comes before wgpu: trees and vertices travel on a queue of their own",
         kinds: GPUS,
         list: &gpu_vulkan::adapters,
-        open: &|adapter, _| Ok(Box::new(gpu_vulkan::open(&options(adapter))?)),
+        open: &|adapter, _| Ok(Box::new(gpu_vulkan::open(&gpu_options(adapter))?)),
         ..CPU
     },
     #[cfg(feature = "wgpu")]
-    Known {
+    BackendEntry {
         name: BackendName::Wgpu,
-        place: "wgpu is next after vulkan",
+        rank_reason: "wgpu is next after vulkan",
         kinds: GPUS,
         covered_by: if WGPU_IS_VULKAN {
             Some(BackendName::Vulkan)
@@ -57,12 +66,12 @@ pub const KNOWN: &[Known<'static>] = &[
             None
         },
         list: &gpu_wgpu::adapters,
-        open: &|adapter, _| Ok(Box::new(gpu_wgpu::open(&options(adapter))?)),
+        open: &|adapter, _| Ok(Box::new(gpu_wgpu::open(&gpu_options(adapter))?)),
     },
     CPU,
-    Known {
+    BackendEntry {
         name: BackendName::CpuRef,
-        place: "the reference is slow",
+        rank_reason: "the reference is slow",
         kinds: &[],
         open: &|_, threads| Ok(Box::new(cpu_ref::CpuBackend::new(Some(threads))?)),
         ..CPU
@@ -72,9 +81,9 @@ pub const KNOWN: &[Known<'static>] = &[
 #[cfg(any(feature = "vulkan", feature = "wgpu"))]
 const GPUS: &[DeviceKind] = &[DeviceKind::Gpu, DeviceKind::Software];
 
-const CPU: Known<'static> = Known {
+const CPU: BackendEntry<'static> = BackendEntry {
     name: BackendName::Cpu,
-    place: "the host is always there",
+    rank_reason: "the host is always there",
     kinds: &[DeviceKind::Cpu],
     covered_by: None,
     list: &list_cpu,
@@ -83,11 +92,11 @@ const CPU: Known<'static> = Known {
 
 /// Returns the backend of that name, if this build includes it.
 #[must_use]
-pub fn known(name: BackendName) -> Option<&'static Known<'static>> {
-    KNOWN.iter().find(|known| known.name == name)
+pub fn find_backend(name: BackendName) -> Option<&'static BackendEntry<'static>> {
+    BACKENDS.iter().find(|entry| entry.name == name)
 }
 
-impl Known<'_> {
+impl BackendEntry<'_> {
     /// Lists its adapters on this machine.
     ///
     /// # Errors
@@ -105,9 +114,9 @@ impl Known<'_> {
         let absent = |e| format!("backend {} cannot run: {e}", self.name);
         let index = match adapter {
             None => None,
-            Some(asked) => {
+            Some(requested) => {
                 let list = self.adapters().map_err(absent)?;
-                Some(find_adapter(self.name.name(), &list, asked)?.index)
+                Some(find_adapter(self.name.name(), &list, requested)?.index)
             }
         };
         (self.open)(index, threads).map_err(absent)
@@ -118,13 +127,13 @@ impl Known<'_> {
 ///
 /// # Errors
 /// A thread cannot be started.
-#[cfg(feature = "inspect")]
+#[cfg(feature = "unstable")]
 pub fn open_reference() -> backend::Result<Box<dyn backend::Inspect>> {
     Ok(Box::new(cpu_ref::CpuBackend::new(Some(1))?))
 }
 
-/// Returns access to the output of single stages of an open backend, or `None` for a backend that is not [`KNOWN`].
-#[cfg(feature = "inspect")]
+/// Returns access to the output of single stages of an open backend, or `None` for a backend that is not one of [`BACKENDS`].
+#[cfg(feature = "unstable")]
 pub fn inspect(backend: &mut dyn Backend) -> Option<&mut dyn backend::Inspect> {
     fn cast<T: backend::Inspect>(backend: &mut dyn Any) -> Option<&mut dyn backend::Inspect> {
         backend.downcast_mut::<T>().map(|backend| backend as _)
@@ -142,16 +151,16 @@ pub fn inspect(backend: &mut dyn Backend) -> Option<&mut dyn backend::Inspect> {
 }
 
 /// Whether compiled kernels are cached in the user's cache folder.
-static KEEPS_KERNELS: AtomicBool = AtomicBool::new(true);
+static CACHES_KERNELS: AtomicBool = AtomicBool::new(true);
 
 /// Disables the cache of compiled kernels in the user's cache folder.
-pub fn keep_no_kernels() {
-    KEEPS_KERNELS.store(false, Ordering::Relaxed);
+pub fn disable_kernel_cache() {
+    CACHES_KERNELS.store(false, Ordering::Relaxed);
 }
 
 #[cfg(any(feature = "vulkan", feature = "wgpu"))]
-fn options(adapter: Option<usize>) -> gpu_common::Options {
-    let folder = dirs::cache_dir().filter(|_| KEEPS_KERNELS.load(Ordering::Relaxed));
+fn gpu_options(adapter: Option<usize>) -> gpu_common::Options {
+    let folder = dirs::cache_dir().filter(|_| CACHES_KERNELS.load(Ordering::Relaxed));
     gpu_common::Options {
         adapter,
         cache: folder.map(|folder| folder.join("abvh")),

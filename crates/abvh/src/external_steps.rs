@@ -1,0 +1,136 @@
+//! Steps with memory that another API of the GPU shares.
+
+use crate::external_memory::{ExternalBuffer, ExternalRays, ExternalSemaphore};
+use crate::loaded::Loaded;
+use crate::{Error, Query, QueryId, Ray, Result, Step, Tracer};
+use backend::Rays;
+use geom::copy_in_parallel;
+use gpu_vulkan::external::ExternalMemory;
+use gpu_vulkan::memory::Buffer;
+use gpu_vulkan::timeline::Timeline;
+use gpu_vulkan::{LentRays, VulkanDevice};
+use std::sync::Arc;
+
+impl ExternalRays<'_> {
+    fn lend(&self, gpu: &mut VulkanDevice, query: Query) -> Result<()> {
+        let lent = |buffer: &ExternalBuffer, each: usize| {
+            let bytes = (each as u64).saturating_mul(self.count as u64);
+            Buffer::lent(&gpu.gpu, &buffer.0, bytes).map_err(Error::of_backend)
+        };
+        let is_same = |to: &ExternalBuffer| Arc::ptr_eq(&to.0, &self.rays.0);
+        Error::check_separate(!self.answers.is_some_and(is_same))?;
+        let answers = self.answers.map(|to| lent(to, query.answer_bytes()));
+        gpu.lend_rays(LentRays {
+            rays: lent(self.rays, size_of::<Ray>())?,
+            answers: answers.transpose()?,
+        });
+        Ok(())
+    }
+}
+
+impl Loaded {
+    fn exporter(&mut self) -> Result<&mut VulkanDevice> {
+        let none =
+            || Error::Unsupported("it is no device of Vulkan's, which alone exports memory".into());
+        self.vulkan().ok_or_else(none)
+    }
+
+    /// Sets the external buffer that the vertices of a streamed mesh are read from.
+    pub(crate) fn set_external_vertices(
+        &mut self,
+        mesh: usize,
+        buffer: &ExternalBuffer,
+        offset: u64,
+    ) -> Result<()> {
+        let run = (
+            self.joined.range_of(mesh),
+            self.joined.animation.vertex_count(),
+        );
+        let set = self.exporter()?.bring_points(run, (&buffer.0, offset));
+        set.map_err(Error::of_backend)?;
+        self.driver.forget_key_frames();
+        self.joined.set_on_device(mesh);
+        Ok(())
+    }
+
+    /// Takes over the vertices that only the device has from `before`, a scene that differs in mesh `but` only.
+    pub(crate) fn take_external_vertices(&mut self, before: &mut Self, but: usize) -> Result<()> {
+        for mesh in (0..self.joined.meshes.len()).filter(|&mesh| mesh != but) {
+            let run = before.joined.range_of(mesh);
+            let Some(gpu) = before.vulkan() else {
+                return Ok(());
+            };
+            if let Some(points) = gpu.read_points(&run).map_err(Error::of_backend)? {
+                copy_in_parallel(self.joined.vertices_of(mesh), &points);
+            }
+        }
+        before.signal()
+    }
+
+    /// Submits the semaphore signals that follow the work submitted so far.
+    pub(crate) fn signal(&mut self) -> Result<()> {
+        match self.vulkan() {
+            Some(gpu) => gpu.signal().map_err(Error::of_backend),
+            None => Ok(()),
+        }
+    }
+}
+
+impl Tracer {
+    /// Creates an exported buffer of at least `bytes` in device-local memory. Its content is undefined.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] on devices other than Vulkan's, if the driver lacks an extension (which the message
+    /// names), and for sizes beyond its limits. [`Error::OutOfMemory`].
+    pub fn external_buffer(&mut self, bytes: u64) -> Result<ExternalBuffer> {
+        let gpu = &self.state().current.exporter()?.gpu;
+        let created = ExternalMemory::new(gpu, bytes).map_err(Error::of_backend)?;
+        Ok(ExternalBuffer(Arc::new(created)))
+    }
+
+    /// Creates an exported timeline semaphore.
+    ///
+    /// # Errors
+    /// As for [`Tracer::external_buffer`].
+    pub fn external_semaphore(&mut self) -> Result<ExternalSemaphore> {
+        let gpu = &self.state().current.exporter()?.gpu;
+        let created = Timeline::exportable(gpu).map_err(Error::of_backend)?;
+        Ok(ExternalSemaphore(Arc::new(created)))
+    }
+}
+
+impl Step<'_> {
+    /// Makes the step wait until `semaphore` reaches `wait` before it accesses external buffers. When the submitted
+    /// step is done, the semaphore is signalled with `signal`.
+    ///
+    /// The device waits. The host also waits if it needs results of the device: for hits, for a tree before the first
+    /// query or with [`Update::Rebuild`](crate::Update::Rebuild), and while too many steps are in flight. If the value
+    /// is never reached, it waits forever. If the step is dropped, the next step waits and signals in its place.
+    ///
+    /// # Errors
+    /// [`Error::TooLate`] after a query. [`Error::Misuse`] if the semaphore belongs to another device, or if `signal`
+    /// is not above `wait`, the semaphore's value and the signals of earlier steps.
+    pub fn synchronize(
+        &mut self,
+        semaphore: &ExternalSemaphore,
+        wait: u64,
+        signal: u64,
+    ) -> Result<()> {
+        if self.queries > 0 {
+            return Err(Error::TooLate);
+        }
+        let gpu = self.tracer.current.exporter()?;
+        let synchronized = gpu.synchronize(&semaphore.0, [wait, signal]);
+        synchronized.map_err(Error::of_backend)
+    }
+
+    /// Traces rays from an external buffer. They are not copied to the host.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] on other devices. [`Error::Misuse`] if a buffer is too small or belongs to another
+    /// device.
+    pub fn trace_external(&mut self, rays: ExternalRays<'_>, query: Query) -> Result<QueryId> {
+        rays.lend(self.tracer.current.exporter()?, query)?;
+        self.trace(Rays::OnDevice(rays.count), query)
+    }
+}

@@ -1,0 +1,291 @@
+//! The meshes of a scene, joined to one list of vertices and one of triangles.
+
+#[cfg(any(feature = "vulkan", feature = "wgpu"))]
+use crate::device_vertices::DeviceVertices;
+use crate::hits::Numbering;
+use crate::mesh::Colour;
+use crate::motion::MeshMotion;
+use crate::{Error, Mesh, MeshId, Point, Result};
+use backend::Backend;
+use geom::{Animation, KeyFrame, PointBuffer, Pose, copy_in_parallel, set_each};
+#[cfg(feature = "vulkan")]
+use gpu_vulkan::VulkanBackend;
+#[cfg(feature = "vulkan")]
+use std::any::Any;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// A scene's meshes in one list of vertices and one of triangles.
+pub(crate) struct JoinedScene {
+    pub(crate) animation: Arc<Animation>,
+    /// Meshes without their triangles, which the animation has.
+    pub(crate) meshes: Vec<Mesh>,
+    /// Index of the first vertex of each mesh, and finally the number of all vertices.
+    vertices: Vec<usize>,
+    pub(crate) numbering: Arc<Numbering>,
+    /// Vertices of the next step, if vertices arrive while the scene is traced. Otherwise empty.
+    next: PointBuffer,
+    /// Whether `next` holds the newest vertices, for each mesh.
+    is_fresh: Vec<bool>,
+    #[cfg(any(feature = "vulkan", feature = "wgpu"))]
+    pub(crate) on_device: DeviceVertices,
+    /// Whether all changes in `next` were passed to the animation.
+    is_pushed: bool,
+    /// Time of the last step.
+    pub(crate) time: f64,
+    /// Time that all key-framed meshes were last blended for; `None` after an error.
+    blended: Option<f64>,
+}
+
+impl JoinedScene {
+    /// Joins meshes to one animation.
+    pub(crate) fn of(mut meshes: Vec<Mesh>) -> Result<Self> {
+        let starts = |count: fn(&Mesh) -> usize| {
+            let ends = meshes.iter().scan(0, |end, mesh| {
+                *end += count(mesh);
+                Some(*end)
+            });
+            std::iter::once(0).chain(ends).collect::<Vec<_>>()
+        };
+        let vertices = starts(Mesh::vertex_count);
+        let ids = 0..meshes.len();
+        let numbering = Numbering {
+            starts: starts(Mesh::triangle_count),
+            ids: ids.map(|mesh| MeshId::of(&meshes, mesh)).collect(),
+        };
+        if let Some(&all) = vertices.last().filter(|&&all| u32::try_from(all).is_err()) {
+            let why = format!("all meshes have {all} vertices, more than can be numbered");
+            return Err(Error::Mesh(why));
+        }
+        let alone = match &*meshes {
+            [only] => only.animation().cloned(),
+            _ => None,
+        };
+        let animation = match alone {
+            Some(animation) => animation,
+            None => {
+                let all = meshes.iter().zip(&vertices).flat_map(|(mesh, &first)| {
+                    let moved = move |t: &[u32; 3]| t.map(|v| v + first as u32);
+                    mesh.triangles().iter().map(moved)
+                });
+                Arc::new(joined(&meshes, all.collect())?)
+            }
+        };
+        for mesh in &mut meshes {
+            mesh.triangles = Vec::new();
+        }
+        Ok(Self {
+            animation,
+            vertices,
+            numbering: Arc::new(numbering),
+            next: PointBuffer::default(),
+            is_fresh: vec![true; meshes.len()],
+            #[cfg(any(feature = "vulkan", feature = "wgpu"))]
+            on_device: DeviceVertices::default(),
+            meshes,
+            is_pushed: true,
+            time: 0.0,
+            blended: Some(0.0),
+        })
+    }
+
+    /// Returns whether vertices arrive while the scene is traced.
+    pub(crate) fn is_streamed(&self) -> bool {
+        self.animation.is_streamed()
+    }
+
+    /// Returns the newest vertices that were passed to the animation.
+    pub(crate) fn newest(&self) -> Result<KeyFrame> {
+        let last = self.animation.key_count() - 1;
+        self.animation.key(last).map_err(Error::of_reading)
+    }
+
+    /// Copies the vertices of meshes that steps move from another scene, which differs in mesh `but` only.
+    pub(crate) fn copy_moved_from(&mut self, other: &[Point], but: usize) {
+        for mesh in (0..self.meshes.len()).filter(|&mesh| mesh != but) {
+            if self.meshes[mesh].motion.is_live() {
+                let first = if mesh < but {
+                    self.vertices[mesh]
+                } else {
+                    // The distance from the end is the same in both scenes.
+                    other.len() - (self.next.len() - self.vertices[mesh])
+                };
+                set_each(self.vertices_of(mesh), |v| other[first + v]);
+            }
+        }
+    }
+
+    /// Returns a closure that splits the scene into its original meshes.
+    pub(crate) fn splitter(&self) -> impl FnOnce() -> Vec<Mesh> + use<> {
+        let (vertices, numbering) = (self.vertices.clone(), Arc::clone(&self.numbering));
+        let (mut meshes, animation) = (self.meshes.clone(), Arc::clone(&self.animation));
+        move || {
+            for (i, mesh) in meshes.iter_mut().enumerate() {
+                if mesh.animation().is_none() {
+                    let starts = &numbering.starts;
+                    let own = &animation.triangles()[starts[i]..starts[i + 1]];
+                    let first = vertices[i] as u32;
+                    mesh.triangles = own.iter().map(|t| t.map(|v| v - first)).collect();
+                }
+            }
+            meshes
+        }
+    }
+
+    /// Returns the colour of each triangle.
+    pub(crate) fn triangle_colours(&self) -> Arc<[Colour]> {
+        let starts = &self.numbering.starts;
+        let counts = starts.windows(2).map(|ends| ends[1] - ends[0]);
+        if let ([only], Some(&count)) = (&*self.meshes, starts.last())
+            && only.colours.len() == count
+        {
+            return Arc::clone(&only.colours);
+        }
+        let each = self.meshes.iter().zip(counts);
+        let of_mesh = |(mesh, count): (&Mesh, usize)| match *mesh.colours {
+            [only] => vec![only; count],
+            ref all => all.to_vec(),
+        };
+        each.flat_map(of_mesh).collect()
+    }
+
+    /// Returns the range of a mesh's vertices among all vertices.
+    pub(crate) fn range_of(&self, mesh: usize) -> Range<usize> {
+        self.vertices[mesh]..self.vertices[mesh + 1]
+    }
+
+    /// Returns a mesh's vertices for writing.
+    pub(crate) fn vertices_of(&mut self, mesh: usize) -> &mut [Point] {
+        let range = self.range_of(mesh);
+        (self.is_pushed, self.is_fresh[mesh]) = (false, true);
+        #[cfg(any(feature = "vulkan", feature = "wgpu"))]
+        self.on_device.remove(mesh, &range);
+        &mut self.next[range]
+    }
+
+    /// Notes that only the device has the newest vertices of a mesh.
+    #[cfg(any(feature = "vulkan", feature = "wgpu"))]
+    pub(crate) fn set_on_device(&mut self, mesh: usize) {
+        let range = self.range_of(mesh);
+        (self.is_pushed, self.is_fresh[mesh]) = (false, true);
+        self.on_device.insert(mesh, &range);
+    }
+
+    /// Starts to read the key frames that will be played next, for meshes that do not hold all of their key frames.
+    pub(crate) fn look_ahead(&self, times: impl Iterator<Item = f64> + Clone) {
+        for animation in self.meshes.iter().filter_map(Mesh::animation) {
+            animation.look_ahead(times.clone());
+        }
+    }
+
+    /// Allocates the vertices of future steps in memory that the device reads. Allocates all buffers that are in use at
+    /// a time, because an allocation takes a driver milliseconds.
+    pub(crate) fn prepare(&mut self, backend: &mut dyn Backend) -> Result<()> {
+        if self.is_streamed() {
+            let first = self.animation.first();
+            self.next = copy_of(first, backend)?;
+            // Besides the kept key frames, the tree builder may read two, and a copy in progress one.
+            let spare = match self.next {
+                PointBuffer::Shared(_) => Animation::KEPT + 3,
+                PointBuffer::List(_) => 0,
+            };
+            for _ in 0..spare {
+                self.animation.add_spare_frame(copy_of(first, backend)?);
+            }
+        }
+        Ok(())
+    }
+
+    /// Passes all changes to the animation. Returns the animation's time for a step at `time`.
+    pub(crate) fn push_changes(&mut self, backend: &mut dyn Backend, time: f64) -> Result<f64> {
+        self.time = time;
+        if !self.is_streamed() {
+            return Ok(time);
+        }
+        if self.blended.take() != Some(time) {
+            self.blend(time)?;
+        }
+        self.blended = Some(time);
+        if std::mem::replace(&mut self.is_pushed, true) {
+            return Ok(self.animation.end());
+        }
+        let last = self.newest()?;
+        for mesh in (0..self.meshes.len()).filter(|&mesh| !self.is_fresh[mesh]) {
+            let range = self.range_of(mesh);
+            copy_in_parallel(&mut self.next[range.clone()], &last[range]);
+        }
+        // A reused frame already has the vertices of fixed meshes.
+        let spare = match self.animation.spare_frame() {
+            Some(spare) => spare,
+            None => copy_of(&self.next, backend)?,
+        };
+        self.is_fresh = self.meshes.iter().map(|m| m.motion.is_fixed()).collect();
+        let pushed = self
+            .animation
+            .push(std::mem::replace(&mut self.next, spare));
+        pushed.map_err(Error::of_keys)
+    }
+
+    /// Blends key-framed meshes at `time`, to the same bits as a device.
+    fn blend(&mut self, time: f64) -> Result<()> {
+        for mesh in 0..self.meshes.len() {
+            let motion = Arc::clone(&self.meshes[mesh].motion);
+            match &*motion {
+                MeshMotion::Keys(keys) if keys.len() > 1 => {
+                    let pose = Pose::at(time, keys.len());
+                    let [earlier, later] =
+                        [0, 1].map(|after| motion.key(pose.key as usize + after));
+                    set_each(self.vertices_of(mesh), |v| pose.blend(earlier[v], later[v]));
+                }
+                MeshMotion::Animated(animation) if animation.key_count() > 1 => {
+                    let moment = animation.at(time).map_err(Error::of_reading)?;
+                    set_each(self.vertices_of(mesh), |v| moment.vertex(v as u32));
+                }
+                _ => (),
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Returns a copy of points, in memory that the device reads directly if it can.
+fn copy_of(points: &[Point], backend: &mut dyn Backend) -> Result<PointBuffer> {
+    #[cfg(feature = "vulkan")]
+    {
+        let backend: &mut dyn Any = backend;
+        if let Some(vulkan) = backend.downcast_mut::<VulkanBackend>() {
+            let allocated = vulkan.gpu_mut().point_buffer(points.len());
+            let mut copy = allocated.map_err(Error::of_backend)?;
+            copy_in_parallel(&mut copy, points);
+            return Ok(copy);
+        }
+    }
+    #[cfg(not(feature = "vulkan"))]
+    let _ = backend;
+    Ok(points.to_vec().into())
+}
+
+/// Returns whether vertices arrive while the scene is traced: from steps, or from an animation among several meshes.
+fn is_live(meshes: &[Mesh]) -> bool {
+    let is_read = |motion: &MeshMotion| {
+        let is_animated = matches!(motion, MeshMotion::Animated(_));
+        is_animated && !motion.is_fixed() && meshes.len() > 1
+    };
+    let mut all = meshes.iter().map(|mesh| &*mesh.motion);
+    all.any(|motion| motion.is_live() || is_read(motion))
+}
+
+/// Creates one animation of all meshes. `triangles` holds vertex indices among the vertices of all meshes.
+fn joined(meshes: &[Mesh], triangles: Vec<[u32; 3]>) -> Result<Animation> {
+    let motions = || meshes.iter().map(|mesh| &*mesh.motion);
+    if is_live(meshes) {
+        let mark = |m: &MeshMotion| std::iter::repeat_n(m.is_fixed(), m.first().len());
+        let marks: Vec<bool> = motions().flat_map(mark).collect();
+        let first = motions().flat_map(MeshMotion::first).copied().collect();
+        return Animation::streamed(first, &marks, triangles).map_err(Error::of_keys);
+    }
+    let keys = motions().map(MeshMotion::key_count).max().unwrap_or(1);
+    let frame = |key| (motions().flat_map(|motion| motion.key(key)).copied()).collect();
+    let frames = (0..keys).map(frame).collect();
+    Animation::new(frames, triangles).map_err(Error::of_keys)
+}
