@@ -30,7 +30,7 @@ cli: abvh backend conformance geom host output pipeline rivals scene
 
 /// Names of one value of an axis, and the most files outside tests that may contain one of these.
 const AXES: [(&str, [&str; 2], usize); 4] = [
-    ("backend", ["BackendName::CpuRef", "Self::CpuRef"], 6),
+    ("backend", ["BackendName::CpuRef", "Self::CpuRef"], 5),
     ("intersector", ["MollerTrumbore", "moller-trumbore"], 6),
     ("policy", ["DeviceRebuild", "device-rebuild"], 5),
     ("rival", ["vulkan-rt", "vulkan_rt"], 0),

@@ -7,6 +7,7 @@
     allow(
         dead_code,
         unreachable_pub,
+        unused_imports,
         reason = "only the program needs all of it"
     )
 )]

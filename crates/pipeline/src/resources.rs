@@ -45,7 +45,12 @@ impl ExpectedMemory {
     ) -> Self {
         let keys = keys_bytes(animation);
         let trees = trees_bytes(animation.triangle_count(), rays);
-        let candidate = candidate_bytes(animation, options.update);
+        // A tree that is adopted by cost exists beside the current one until then.
+        let candidate = if options.update.adopts_by_cost() {
+            animation.live_count() as u64 * CANDIDATE_BYTES
+        } else {
+            0
+        };
         let on_host = match device {
             DeviceKind::Cpu => candidate,
             DeviceKind::Gpu | DeviceKind::Software => 0,
@@ -55,15 +60,6 @@ impl ExpectedMemory {
             host_bytes: BASE_BYTES + keys + trees + on_host,
             device_bytes: (device != DeviceKind::Cpu).then(on_device),
         }
-    }
-}
-
-/// Returns the bytes of a candidate tree. Only builds that are adopted by cost have one.
-fn candidate_bytes(animation: &Animation, update: Policy) -> u64 {
-    if update.adopts_by_cost() {
-        animation.live_count() as u64 * CANDIDATE_BYTES
-    } else {
-        0
     }
 }
 

@@ -66,23 +66,22 @@ impl<'s> Selection<'s> {
         prepare: impl Fn(Box<dyn Backend>) -> Result<T, E>,
     ) -> Result<(T, String), NoBackend<E>> {
         let mut last_error = None;
-        for kind in PREFERENCE {
-            for i in 0..self.backends.len() {
-                let entry = self.backends[i];
-                let adapters = self.adapters(i, kind).map_err(|reason| NoBackend {
-                    reason,
-                    last_error: None,
-                })?;
-                for adapter in adapters {
-                    let opened = (entry.open)(Some(adapter.index), threads);
-                    match opened.map_err(E::from).and_then(&prepare) {
-                        Ok(value) => return Ok((value, self.reason_for(entry, &adapter))),
-                        Err(e) => {
-                            self.reject(format!("{} on {}: {e}", entry.name, adapter.name));
-                            last_error = Some(e);
-                        }
-                    }
-                }
+        let count = self.backends.len();
+        let order = PREFERENCE.map(|kind| (0..count).map(move |i| (kind, i)));
+        for (kind, i) in order.into_iter().flatten() {
+            let entry = self.backends[i];
+            let adapters = self.adapters(i, kind).map_err(|reason| NoBackend {
+                reason,
+                last_error: None,
+            })?;
+            for adapter in adapters {
+                let opened = (entry.open)(Some(adapter.index), threads);
+                let e = match opened.map_err(E::from).and_then(&prepare) {
+                    Ok(value) => return Ok((value, self.reason_for(entry, &adapter))),
+                    Err(e) => e,
+                };
+                self.reject(format!("{} on {}: {e}", entry.name, adapter.name));
+                last_error = Some(e);
             }
         }
         Err(self.failure(last_error))
