@@ -2,7 +2,7 @@
 
 use crate::{Mesh, pool};
 use backend::{Backend, Generation, Hits, Intersector, Query, QueryKind, Rays};
-use bvh_build::{AnimationBoxes, BinaryTree, BlockSize, Boxes, Builder, Cancel};
+use bvh_build::{AnimationBoxes, BinaryTree, BlockSize, Boxes, Cancel, SahBuilder};
 use bvh_layout::{Converter, First, Topology, Treelets};
 use cpu_ref::CpuBackend;
 use geom::{Aabb, Point, Ray};
@@ -12,7 +12,7 @@ use rayon::prelude::*;
 /// Converts positions to a record, in memory that is reused.
 #[derive(Default)]
 pub struct Ours {
-    builder: Builder,
+    builder: SahBuilder,
     tree: BinaryTree,
     converter: Converter,
     record: Topology,

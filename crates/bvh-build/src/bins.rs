@@ -1,6 +1,6 @@
 //! Sorts a node's triangles into bins along each axis, and finds the best plane between two bins.
 
-use crate::prim::{Bounds, Prim, Ruler};
+use crate::prim::{Prim, PrimBounds, Ruler};
 use glam::Vec4;
 use rayon::join;
 
@@ -52,7 +52,7 @@ impl Grid {
     const ROUND: f32 = (1 << 23) as f32;
 
     /// Creates bins for `n` triangles over `centers`. On an axis without extent, all triangles are in bin 0.
-    pub(crate) fn new(centers: &Bounds, n: usize) -> Self {
+    pub(crate) fn new(centers: &PrimBounds, n: usize) -> Self {
         let bins = (n / PER_BIN).clamp(LEAST_BINS, BINS);
         let scale = centers.extent().to_array().map(|e| {
             if e > Ruler::LEAST {
@@ -115,14 +115,14 @@ impl Plane {
 
 #[derive(Clone, Debug)]
 pub(crate) struct Bins {
-    boxes: [[Bounds; BINS]; 3],
+    boxes: [[PrimBounds; BINS]; 3],
     pub(crate) counts: BinCounts,
 }
 
 impl Bins {
     pub(crate) const NO_COUNTS: BinCounts = [[0; BINS]; 3];
     pub(crate) const EMPTY: Self = Self {
-        boxes: [[Bounds::EMPTY; BINS]; 3],
+        boxes: [[PrimBounds::EMPTY; BINS]; 3],
         counts: Self::NO_COUNTS,
     };
 
@@ -187,7 +187,7 @@ impl Bins {
     #[inline(never)]
     pub(crate) fn best_plane(
         &self,
-        node: &Bounds,
+        node: &PrimBounds,
         grid: &Grid,
         block_size: BlockSize,
     ) -> Option<Plane> {
@@ -197,22 +197,26 @@ impl Bins {
         Some(Plane::new(*grid, axis, cuts.best_left[axis] as usize))
     }
 
-    pub(crate) fn sides(&self, plane: &Plane) -> [Bounds; 2] {
+    pub(crate) fn sides(&self, plane: &Plane) -> [PrimBounds; 2] {
         let (left, right) = self.boxes[plane.axis].split_at(plane.bin);
-        [left, right].map(|side| side.iter().copied().fold(Bounds::EMPTY, Bounds::union))
+        [left, right].map(|side| {
+            side.iter()
+                .copied()
+                .fold(PrimBounds::EMPTY, PrimBounds::union)
+        })
     }
 }
 
 /// Boxes at one index of a row along each axis, with their numbers of triangles. One axis per lane.
 #[derive(Clone, Copy)]
 pub(crate) struct Column {
-    pub(crate) boxes: [Bounds; 3],
+    pub(crate) boxes: [PrimBounds; 3],
     pub(crate) triangles: Vec4,
 }
 
 impl Column {
     const EMPTY: Self = Self {
-        boxes: [Bounds::EMPTY; 3],
+        boxes: [PrimBounds::EMPTY; 3],
         triangles: Vec4::ZERO,
     };
 

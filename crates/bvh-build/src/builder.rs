@@ -1,50 +1,18 @@
 //! The builder: a reusable workspace and the entry point of the recursion.
 
+use crate::cancel::{BuildError, Cancel};
 use crate::gather::{Gathered, gather};
-use crate::node::{self, BuildNode, BuildTask};
+use crate::node::{self, BuildNode};
 use crate::prim::Prim;
+use crate::task::BuildTask;
 use crate::{BinaryTree, BlockSize, Boxes};
 use geom::Point;
-use std::sync::atomic::{AtomicBool, Ordering};
-
-/// Reason for a failed build.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum BuildError {
-    /// The build was cancelled by [`Cancel::cancel`].
-    #[error("the build was cancelled")]
-    Cancelled,
-    /// A key frame cannot be read.
-    #[error(transparent)]
-    KeyFrame(#[from] geom::KeyFrameError),
-}
-
-/// Cancellation flag of a build. It cannot be reset. Large nodes check it, small nodes run to completion.
-#[derive(Debug, Default)]
-pub struct Cancel(AtomicBool);
-
-impl Cancel {
-    /// Creates a flag that is not set.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-
-    /// Requests the build to stop.
-    pub fn cancel(&self) {
-        self.0.store(true, Ordering::Relaxed);
-    }
-
-    /// Returns whether the flag is set.
-    pub fn is_cancelled(&self) -> bool {
-        self.0.load(Ordering::Relaxed)
-    }
-}
 
 /// Builds trees. Keeps its memory, so that a second build of the same size makes no large allocation.
 ///
 /// The workspace takes 64 bytes per triangle.
 #[derive(Debug, Default)]
-pub struct Builder {
+pub struct SahBuilder {
     prims: Vec<Prim>,
     scratch: Vec<Prim>,
     /// Point that children are ordered toward, if any. Of two children divided by a plane, the one that reaches less far
@@ -62,7 +30,7 @@ pub(crate) struct RootOptions {
     pub(crate) block_size: BlockSize,
 }
 
-impl Builder {
+impl SahBuilder {
     /// Builds a tree over all boxes that are not empty. Reuses the memory of `tree`.
     ///
     /// # Errors
@@ -127,11 +95,11 @@ impl Builder {
 }
 
 impl BinaryTree {
-    /// Builds a tree over all boxes that are not empty, with a temporary [`Builder`].
+    /// Builds a tree over all boxes that are not empty, with a temporary [`SahBuilder`].
     #[must_use]
     pub fn over<B: Boxes + ?Sized>(boxes: &B) -> Self {
         let mut tree = Self::default();
-        let built = Builder::default().build(boxes, &Cancel::new(), &mut tree);
+        let built = SahBuilder::default().build(boxes, &Cancel::new(), &mut tree);
         built.expect("nobody cancels");
         tree
     }
@@ -141,7 +109,7 @@ impl BinaryTree {
 pub(crate) mod tests {
     use super::*;
     use geom::Aabb;
-    use std::sync::atomic::AtomicU32;
+    use std::sync::atomic::{AtomicU32, Ordering};
 
     /// Creates a box from its lower corner and its edges.
     pub(crate) fn sized(min: Point, edges: Point) -> Aabb {
@@ -157,10 +125,10 @@ pub(crate) mod tests {
 
     #[test]
     fn later_builds_reuse_memory() {
-        let (mut builder, mut tree) = (Builder::default(), BinaryTree::default());
+        let (mut builder, mut tree) = (SahBuilder::default(), BinaryTree::default());
         let (large, cancel) = (row(50_000, 1.0), Cancel::new());
         builder.build(&large[..], &cancel, &mut tree).unwrap();
-        let memory = |builder: &Builder, tree: &BinaryTree| {
+        let memory = |builder: &SahBuilder, tree: &BinaryTree| {
             let work = [&builder.prims, &builder.scratch].map(|v| (v.as_ptr(), v.capacity()));
             let out = [&tree.order, &tree.left_leaves].map(|v| (v.as_ptr(), v.capacity()));
             (work, out)
@@ -192,7 +160,7 @@ pub(crate) mod tests {
 
     #[test]
     fn cancelled_build_leaves_builder_usable() {
-        let (mut builder, mut tree) = (Builder::default(), BinaryTree::default());
+        let (mut builder, mut tree) = (SahBuilder::default(), BinaryTree::default());
         let (before, during, few) = (Cancel::new(), Cancel::new(), row(9, 1.0));
         builder.build(&few[..], &before, &mut tree).unwrap();
         before.cancel();

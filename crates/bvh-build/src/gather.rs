@@ -1,7 +1,7 @@
 //! Reads the builder's boxes, drops unusable boxes, and scales the others to a safe range.
 
 use crate::bins::CHUNK;
-use crate::prim::{Bounds, Prim, PrimExtents};
+use crate::prim::{Prim, PrimBounds, PrimExtents};
 use geom::{Aabb, Animation, Point};
 use rayon::prelude::*;
 
@@ -106,7 +106,7 @@ fn gather_chunk<B: Boxes + ?Sized>(boxes: &B, start: usize, chunk: &mut [Prim]) 
 
 /// Returns a factor for all coordinates if the largest is so far from 1 that sums would overflow or small boxes would
 /// vanish.
-fn safe_factor(all: &Bounds) -> Option<f32> {
+fn safe_factor(all: &PrimBounds) -> Option<f32> {
     let largest = all.lo.abs().max(all.up.abs()).truncate().max_element();
     match largest {
         x if x == 0.0 || !x.is_finite() => None,

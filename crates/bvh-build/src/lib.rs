@@ -5,10 +5,14 @@
 //! not on the number of threads. Its depth is at most [`MAX_DEPTH`] for any input. Parallel work runs in the rayon pool
 //! that the caller installed.
 //!
-//! [`Builder`] builds from boxes alone, [`SubtreeRebuilder`] from an earlier tree.
+//! [`SahBuilder`] builds from boxes alone, [`SubtreeRebuilder`] from an earlier tree.
+//!
+//! `prim` and `tree` define the input and the output, `bins` finds planes, and `task` holds the parameters of a build.
+//! `node` divides large nodes, then `small` and `tiny` build the subtrees below. `builder` and `subtrees` use all of these.
 
 mod bins;
 mod builder;
+mod cancel;
 mod cost;
 mod gather;
 mod node;
@@ -16,11 +20,13 @@ mod occluder_first;
 mod prim;
 mod small;
 mod subtrees;
+mod task;
 mod tiny;
 mod tree;
 
 pub use bins::BlockSize;
-pub use builder::{BuildError, Builder, Cancel};
+pub use builder::SahBuilder;
+pub use cancel::{BuildError, Cancel};
 pub use cost::sah_cost;
 pub use gather::{AnimationBoxes, Boxes};
 pub use subtrees::{MovedTree, SubtreeRebuilder, TreeCosts};

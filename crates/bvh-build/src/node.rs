@@ -1,11 +1,11 @@
 //! The recursion: finds the split plane of a node and builds its two children.
 
 use crate::bins::{BinCounts, Bins, BlockSize, CHUNK, Grid, Plane};
-use crate::occluder_first::reach;
-use crate::prim::{Bounds, Prim, PrimExtents};
+use crate::cancel::BuildError;
+use crate::prim::{Prim, PrimBounds, PrimExtents};
+use crate::task::{BuildTask, fits};
 use crate::tree::SubtreeSlot;
-use crate::{BuildError, Cancel, MAX_DEPTH, join_if, small};
-use geom::Point;
+use crate::{join_if, small};
 use rayon::join;
 use rayon::prelude::*;
 use std::cmp::Reverse;
@@ -29,28 +29,9 @@ pub(crate) struct BuildNode<'a> {
 /// A plane, with the boxes and counts of its sides from binning.
 struct NodeSplit {
     plane: Plane,
-    boxes: [Bounds; 2],
+    boxes: [PrimBounds; 2],
     left: usize,
     chunks: Vec<BinCounts>,
-}
-
-/// Parameters common to all nodes of a build.
-#[derive(Clone, Copy)]
-pub(crate) struct BuildTask<'a> {
-    pub(crate) cancel: &'a Cancel,
-    /// Point that children are ordered toward, if any.
-    pub(crate) toward: Option<Point>,
-    pub(crate) block_size: BlockSize,
-}
-
-impl BuildTask<'_> {
-    /// Returns whether the right side of a plane comes first.
-    fn right_first(self, sides: [Bounds; 2]) -> bool {
-        self.toward.is_some_and(|point| {
-            let [left, right] = sides.map(|b| reach(&b.aabb(), point));
-            right < left
-        })
-    }
 }
 
 /// Builds the tree below `root`. First divides large nodes, level by level, then builds the remaining subtrees in
@@ -124,11 +105,6 @@ fn find_split(node: &BuildNode<'_>, block_size: BlockSize) -> Option<NodeSplit> 
     })
 }
 
-/// Returns whether a node of `leaves` leaves at `depth` can stay within [`MAX_DEPTH`] by halving.
-pub(crate) fn fits(leaves: usize, depth: u32) -> bool {
-    depth + leaves.next_power_of_two().trailing_zeros() <= MAX_DEPTH
-}
-
 /// Divides a node by a plane. Returns both sides, the right side first if `right_first` is set.
 fn divide_by<'a>(node: BuildNode<'a>, split: &NodeSplit, right_first: bool) -> [BuildNode<'a>; 2] {
     let first = if right_first {
@@ -195,8 +171,8 @@ pub(crate) fn partition(
     plane: &Plane,
     left: &mut [Prim],
     right: &mut [Prim],
-) -> [Bounds; 2] {
-    let mut centers = [Bounds::EMPTY; 2];
+) -> [PrimBounds; 2] {
+    let mut centers = [PrimBounds::EMPTY; 2];
     let mut next = [0; 2];
     for prim in from {
         let side = usize::from(!plane.is_left(prim));
@@ -206,7 +182,7 @@ pub(crate) fn partition(
     }
     for (centers, side) in centers.iter_mut().zip([left, right]) {
         for prim in side {
-            centers.grow(&Bounds::of_point(prim.center()));
+            centers.grow(&PrimBounds::of_point(prim.center()));
         }
     }
     centers
@@ -219,7 +195,7 @@ pub(crate) fn partition_parallel(
     counts: &[BinCounts],
     left: &mut [Prim],
     right: &mut [Prim],
-) -> [Bounds; 2] {
+) -> [PrimBounds; 2] {
     if counts.len() == 1 {
         return partition(from, plane, left, right);
     }

@@ -23,7 +23,7 @@ mod tests {
     use crate::builder::tests::{row, sized};
     use crate::cost::tests::bounds;
     use crate::small::MOST;
-    use crate::{BinaryTree, Builder, Cancel, tiny};
+    use crate::{BinaryTree, Cancel, SahBuilder, tiny};
     use proptest::prelude::*;
 
     fn boxes() -> impl Strategy<Value = Vec<Aabb>> {
@@ -36,7 +36,7 @@ mod tests {
     }
 
     fn built(boxes: &[Aabb], toward: Option<Point>) -> BinaryTree {
-        let (mut builder, mut tree) = (Builder::default(), BinaryTree::default());
+        let (mut builder, mut tree) = (SahBuilder::default(), BinaryTree::default());
         builder.toward = toward;
         builder.build(boxes, &Cancel::new(), &mut tree).unwrap();
         tree

@@ -7,12 +7,12 @@ use glam::{Mat4, Vec4};
 /// The fourth lanes are unused, except in a [`Prim`].
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C, align(32))]
-pub(crate) struct Bounds {
+pub(crate) struct PrimBounds {
     pub(crate) lo: Vec4,
     pub(crate) up: Vec4,
 }
 
-impl Bounds {
+impl PrimBounds {
     pub(crate) const EMPTY: Self = Self {
         lo: Vec4::INFINITY,
         up: Vec4::INFINITY,
@@ -55,7 +55,7 @@ impl Bounds {
 /// ordinary numbers.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Prim {
-    pub(crate) bounds: Bounds,
+    pub(crate) bounds: PrimBounds,
 }
 
 impl Prim {
@@ -64,7 +64,7 @@ impl Prim {
         let ([x, y, z], [u, v, w]) = (bounds.min, bounds.max);
         let lo = Vec4::new(x, y, z, f32::from_bits(triangle));
         let up = Vec4::new(-u, -v, -w, -1.0);
-        let bounds = Bounds { lo, up };
+        let bounds = PrimBounds { lo, up };
         Self { bounds }
     }
 
@@ -81,23 +81,23 @@ impl Prim {
 
     #[inline]
     pub(crate) fn scaled(&self, factor: f32) -> Self {
-        let Bounds { lo, up } = self.bounds;
+        let PrimBounds { lo, up } = self.bounds;
         let (lo, up) = ((lo * factor).with_w(lo.w), (up * factor).with_w(up.w));
-        let bounds = Bounds { lo, up };
+        let bounds = PrimBounds { lo, up };
         Self { bounds }
     }
 }
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PrimExtents {
-    pub(crate) boxes: Bounds,
-    pub(crate) centers: Bounds,
+    pub(crate) boxes: PrimBounds,
+    pub(crate) centers: PrimBounds,
 }
 
 impl PrimExtents {
     pub(crate) const EMPTY: Self = Self {
-        boxes: Bounds::EMPTY,
-        centers: Bounds::EMPTY,
+        boxes: PrimBounds::EMPTY,
+        centers: PrimBounds::EMPTY,
     };
 
     pub(crate) fn of(prims: &[Prim]) -> Self {
@@ -110,7 +110,7 @@ impl PrimExtents {
     #[inline]
     pub(crate) fn add(&mut self, prim: &Prim) {
         self.boxes.grow(&prim.bounds);
-        self.centers.grow(&Bounds::of_point(prim.center()));
+        self.centers.grow(&PrimBounds::of_point(prim.center()));
     }
 
     pub(crate) fn union(self, other: Self) -> Self {
@@ -136,27 +136,27 @@ impl Ruler {
     pub(crate) const LEAST: f32 = 1.0 / (1_u128 << 100) as f32;
     const PAD: f32 = 1.0 / (1 << 20) as f32;
 
-    pub(crate) fn new(node: &Bounds) -> Self {
+    pub(crate) fn new(node: &PrimBounds) -> Self {
         let e = node.extent();
         let scale = -1.0 / e.x.max(e.y).max(e.z).max(Self::LEAST);
         Self { scale }
     }
 
     #[inline]
-    fn edges(self, b: &Bounds) -> Vec4 {
+    fn edges(self, b: &PrimBounds) -> Vec4 {
         (b.lo + b.up) * self.scale + Vec4::splat(Self::PAD)
     }
 
     /// Returns half the surface area of one box. NaN or infinite for an empty box.
     #[inline]
-    pub(crate) fn half_area(self, b: &Bounds) -> f32 {
+    pub(crate) fn half_area(self, b: &PrimBounds) -> f32 {
         let e = self.edges(b);
         e.x * e.y + (e.x + e.y) * e.z
     }
 
     /// Returns half the surface areas of three boxes. The fourth lane is NaN.
     #[inline]
-    pub(crate) fn half_areas(self, b: &[Bounds; 3]) -> Vec4 {
+    pub(crate) fn half_areas(self, b: &[PrimBounds; 3]) -> Vec4 {
         let [x, y, z] = [0, 1, 2].map(|i| self.edges(&b[i]));
         let e = Mat4::from_cols(x, y, z, Vec4::NAN).transpose();
         e.x_axis * e.y_axis + (e.x_axis + e.y_axis) * e.z_axis

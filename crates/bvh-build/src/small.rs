@@ -1,8 +1,8 @@
 //! Builds subtrees of few triangles by a full sweep, which evaluates every plane between neighbours along each axis.
 
 use crate::bins::{BlockSize, Column, Cuts};
-use crate::node::{BuildTask, fits};
-use crate::prim::{Bounds, Prim, Ruler};
+use crate::prim::{Prim, PrimBounds, Ruler};
+use crate::task::{BuildTask, fits};
 use crate::tiny;
 use crate::tree::SubtreeSlot;
 use geom::Point;
@@ -105,7 +105,7 @@ impl Sorted {
     /// Returns the plane of least cost.
     #[inline(never)]
     fn best_cut(&self, start: usize, end: usize) -> SweepCut {
-        let mut node = Bounds::EMPTY;
+        let mut node = PrimBounds::EMPTY;
         for place in start..end {
             node.grow(&self.at(0, place).bounds);
         }

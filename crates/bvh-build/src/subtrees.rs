@@ -13,7 +13,7 @@ mod groups;
 use crate::builder::RootOptions;
 use crate::tree::SubtreeSlot;
 use crate::{
-    BinaryTree, BlockSize, Boxes, BuildError, Builder, Cancel, Subtree, join_if, sah_cost,
+    BinaryTree, BlockSize, Boxes, BuildError, Cancel, SahBuilder, Subtree, join_if, sah_cost,
 };
 use groups::{LEVELS, SubtreeGroups};
 use rayon::prelude::*;
@@ -52,7 +52,7 @@ pub struct MovedTree<'a, B: ?Sized> {
 
 impl SubtreeRebuilder {
     /// Builds `tree` over the boxes of `last`, from groups of its tree. The result depends on `last` and on
-    /// [`Builder::toward`]. The builder provides its memory.
+    /// [`SahBuilder::toward`]. The builder provides its memory.
     ///
     /// # Errors
     /// [`BuildError::Cancelled`]; `tree` is then empty.
@@ -62,7 +62,7 @@ impl SubtreeRebuilder {
     /// `tree`.
     pub fn build<B: Boxes + ?Sized>(
         &mut self,
-        builder: &mut Builder,
+        builder: &mut SahBuilder,
         last: MovedTree<'_, B>,
         cancel: &Cancel,
         tree: &mut BinaryTree,
@@ -153,7 +153,7 @@ mod tests {
     /// Returns the next tree, the costs of both trees, and the groups of the next tree.
     fn subtrees(last: &BinaryTree, boxes: &[Aabb]) -> (BinaryTree, TreeCosts, Vec<Subtree>) {
         let (mut rebuilder, mut tree) = (SubtreeRebuilder::default(), BinaryTree::default());
-        let mut builder = Builder::default();
+        let mut builder = SahBuilder::default();
         let last = MovedTree { tree: last, boxes };
         let costs = rebuilder.build(&mut builder, last, &Cancel::new(), &mut tree);
         (tree, costs.unwrap(), rebuilder.groups.nodes)

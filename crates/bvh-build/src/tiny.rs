@@ -1,7 +1,7 @@
 //! Builds subtrees of one to four triangles, with the best of all shapes.
 
 use crate::MAX_DEPTH;
-use crate::prim::{Bounds, Prim, Ruler};
+use crate::prim::{Prim, PrimBounds, Ruler};
 use crate::tree::SubtreeSlot;
 
 /// Maximum number of triangles of a subtree built here.
@@ -35,7 +35,7 @@ fn write<const N: usize>(order: &mut [u32], leaves: [&Prim; N]) {
     }
 }
 
-fn pair(a: &Prim, b: &Prim) -> Bounds {
+fn pair(a: &Prim, b: &Prim) -> PrimBounds {
     a.bounds.union(b.bounds)
 }
 

@@ -1,6 +1,6 @@
 //! A binary tree in depth-first order, without boxes: 8 bytes per triangle.
 
-use crate::{BuildError, Cancel};
+use crate::cancel::{BuildError, Cancel};
 
 /// A binary tree with one triangle per leaf.
 ///

@@ -5,7 +5,7 @@ use backend::{
     Backend, FrameReport, Generation, Hits, Intersector, Query, QueryKind, Rays, Result, Snapshot,
     Ticket,
 };
-use bvh_build::{AnimationBoxes, BinaryTree, Builder, Cancel};
+use bvh_build::{AnimationBoxes, BinaryTree, Cancel, SahBuilder};
 use bvh_layout::{Converter, Spare, Topology};
 use geom::{Animation, Point, Triangle};
 use std::sync::Arc;
@@ -45,7 +45,7 @@ pub fn tree_over(animation: &Animation, vertices: &[Point]) -> Topology {
         animation,
         vertices,
     };
-    let built = Builder::default().build(&boxes, &Cancel::new(), &mut tree);
+    let built = SahBuilder::default().build(&boxes, &Cancel::new(), &mut tree);
     built.expect("nobody cancels");
     let record = Converter::default().convert(&tree, animation.triangle_count(), Spare::default());
     record.with_moving(animation.static_parts())

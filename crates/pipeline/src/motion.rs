@@ -1,6 +1,6 @@
 //! Measures how a scene moves, which triangles cannot be hit, and how much refits degrade the first tree.
 
-use bvh_build::{BinaryTree, BuildError, Builder, Cancel, sah_cost};
+use bvh_build::{BinaryTree, BuildError, Cancel, SahBuilder, sah_cost};
 use geom::{Aabb, Animation, KeyFrameError, Moment, Point, Pose, is_active, is_degenerate};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -120,7 +120,7 @@ fn decay_at(
     times: impl Iterator<Item = f64>,
     step: usize,
 ) -> Result<Vec<Decay>, BuildError> {
-    let (mut builder, cancel) = (Builder::default(), Cancel::new());
+    let (mut builder, cancel) = (SahBuilder::default(), Cancel::new());
     let (mut first, mut tree) = (None, BinaryTree::default());
     let triangles = (0..animation.triangle_count())
         .into_par_iter()

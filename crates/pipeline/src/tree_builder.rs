@@ -8,7 +8,7 @@ mod warm_up;
 
 use backend::{Snapshot, TreeFormat};
 use bvh_build::{
-    BinaryTree, BlockSize, Boxes, BuildError, Builder, Cancel, MovedTree, SubtreeRebuilder,
+    BinaryTree, BlockSize, Boxes, BuildError, Cancel, MovedTree, SahBuilder, SubtreeRebuilder,
     TreeCosts, sah_cost,
 };
 use bvh_layout::{Converter, First, Spare, Topology};
@@ -61,7 +61,7 @@ pub struct BuildMoments {
 /// Builds trees and converts them. Keeps its memory between builds.
 #[derive(Debug, Default)]
 pub(crate) struct TreeBuilder {
-    builder: Builder,
+    builder: SahBuilder,
     subtree_rebuilder: SubtreeRebuilder,
     /// The tree being built. Between builds, the one before the last.
     tree: BinaryTree,
@@ -82,7 +82,7 @@ pub(crate) struct TreeBuilder {
 impl TreeBuilder {
     /// Creates a builder whose topologies contain this form.
     pub(crate) fn with_format(format: TreeFormat) -> Self {
-        let mut builder = Builder::default();
+        let mut builder = SahBuilder::default();
         if format == TreeFormat::WideBlocks {
             builder.block_size = BlockSize::Eight;
         }
@@ -100,7 +100,7 @@ impl TreeBuilder {
         }
     }
 
-    /// Sets the common end point of the rays that later trees are ordered for. See [`Builder::toward`].
+    /// Sets the common end point of the rays that later trees are ordered for. See [`SahBuilder::toward`].
     pub(crate) fn order_toward(&mut self, toward: Option<Point>) {
         self.builder.toward = toward;
     }

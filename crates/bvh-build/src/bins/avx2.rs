@@ -6,7 +6,7 @@
 )]
 
 use super::{Bins, Grid};
-use crate::prim::{Bounds, Prim};
+use crate::prim::{Prim, PrimBounds};
 use std::arch::x86_64::*;
 
 /// Returns [`Bins::add`] for AVX2, if the processor has it.
@@ -33,7 +33,7 @@ fn add_wide(bins: &mut Bins, prims: &[Prim], grid: &Grid) {
 
 #[inline]
 #[target_feature(enable = "avx2")]
-fn lanes(bounds: &Bounds) -> __m256 {
+fn lanes(bounds: &PrimBounds) -> __m256 {
     _mm256_set_m128(bounds.up.into(), bounds.lo.into())
 }
 

@@ -1,7 +1,7 @@
 //! Properties of the tree of any triangle soup: a permutation of the active triangles, consistent counts, bounded
 //! depth, and the same bits for every number of threads and every earlier use of the workspace.
 
-use bvh_build::{BinaryTree, Builder, Cancel, MAX_DEPTH, Subtree, sah_cost};
+use bvh_build::{BinaryTree, Cancel, MAX_DEPTH, SahBuilder, Subtree, sah_cost};
 use fastrand::Rng;
 use geom::Aabb;
 use proptest::prelude::*;
@@ -105,7 +105,7 @@ proptest! {
 
     #[test]
     fn workspace_reuse_does_not_change_tree(first in soup(), second in soup()) {
-        let (mut builder, mut reused) = (Builder::default(), BinaryTree::default());
+        let (mut builder, mut reused) = (SahBuilder::default(), BinaryTree::default());
         for boxes in [&first, &second] {
             builder.build(&boxes[..], &Cancel::new(), &mut reused).unwrap();
         }

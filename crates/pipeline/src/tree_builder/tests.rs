@@ -52,7 +52,7 @@ fn swept(a: &Animation, times: [f64; 2]) -> Vec<Aabb> {
 
 fn of_groups(last: &BinaryTree, boxes: &[Aabb]) -> BinaryTree {
     let mut tree = BinaryTree::default();
-    let (mut builder, cancel) = (Builder::default(), Cancel::new());
+    let (mut builder, cancel) = (SahBuilder::default(), Cancel::new());
     let last = MovedTree { tree: last, boxes };
     let built = SubtreeRebuilder::default().build(&mut builder, last, &cancel, &mut tree);
     built.map(|_| tree).unwrap()
