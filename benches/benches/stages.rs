@@ -128,10 +128,6 @@ fn convert_ours(group: &mut Group<'_>, mesh: &Mesh, threads: usize) {
     group.bench_function(BenchmarkId::new("treelets", threads), |b| {
         pool.install(|| b.iter_with_large_drop(|| ours.treelets()));
     });
-    let mut nodes = Vec::new();
-    group.bench_function(BenchmarkId::new("leaf_nodes", threads), |b| {
-        pool.install(|| b.iter(|| ours.record().leaf_nodes(&mut nodes)));
-    });
     let words = || ours.record().words().to_vec();
     group.bench_function(BenchmarkId::new("from_words", threads), |b| {
         pool.install(|| b.iter_batched(words, Topology::from_words, BatchSize::LargeInput));

@@ -3,7 +3,7 @@
 use crate::{Mesh, pool};
 use backend::{Backend, Generation, Hits, Intersector, Query, QueryKind, Rays};
 use bvh_build::{AnimationBoxes, BinaryTree, BlockSize, Boxes, Cancel, SahBuilder};
-use bvh_layout::{Converter, First, Topology, Treelets};
+use bvh_layout::{CollapseOptions, Converter, First, Topology, Treelets};
 use cpu_ref::CpuBackend;
 use geom::{Aabb, Point, Ray};
 use rayon::ThreadPool;
@@ -55,7 +55,11 @@ impl Ours {
         let triangles = (0..mesh.triangle_count() as u32).into_par_iter();
         let boxes: Vec<Aabb> = triangles.map(|t| boxes.get(t)).collect();
         let record = std::mem::take(&mut self.record);
-        record.with_blocks(mesh.animation.triangles(), (&boxes, First::Larger))
+        let options = CollapseOptions {
+            boxes: &boxes,
+            first: First::Larger,
+        };
+        record.with_blocks(mesh.animation.triangles(), options)
     }
 
     /// Returns the cost by the surface area heuristic (traversal 1, intersection 1) over `positions`.

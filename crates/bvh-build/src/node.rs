@@ -152,9 +152,12 @@ fn halve(node: BuildNode<'_>) -> [BuildNode<'_>; 2] {
 /// Cuts a node after its first `left` triangles.
 fn cut(node: BuildNode<'_>, left: usize, [a, b]: [PrimExtents; 2]) -> [BuildNode<'_>; 2] {
     let (prims_a, prims_b) = node.prims.split_at_mut(left);
-    let (room_a, room_b) = node.scratch.split_at_mut(left);
+    let (scratch_a, scratch_b) = node.scratch.split_at_mut(left);
     let [slot_a, slot_b] = node.slot.split(left);
-    let sides = [(prims_a, room_a, slot_a, a), (prims_b, room_b, slot_b, b)];
+    let sides = [
+        (prims_a, scratch_a, slot_a, a),
+        (prims_b, scratch_b, slot_b, b),
+    ];
     sides.map(|(prims, scratch, slot, extents)| BuildNode {
         prims,
         scratch,

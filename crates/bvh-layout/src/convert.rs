@@ -26,7 +26,7 @@ pub struct Converter {
     /// Two flags for each inner node in breadth-first order: bit 0 if the left child is a leaf, bit 1 for the right
     /// child.
     leaf_children: Vec<u8>,
-    room: Workspace,
+    workspace: Workspace,
 }
 
 /// Memory of an old record and of its treelets, for reuse: see [`Topology::into_spare`]. Empty by default.
@@ -101,14 +101,14 @@ impl Converter {
         triangle_count: usize,
         reuse: Spare,
     ) -> Topology {
-        let mut room = std::mem::take(&mut self.room);
+        let mut workspace = std::mem::take(&mut self.workspace);
         let (words, treelets) = (reuse.words, Vec::new());
-        let record_room = Spare { words, treelets };
+        let record_spare = Spare { words, treelets };
         let (mut record, treelets) = rayon::join(
-            || self.convert(tree, triangle_count, record_room),
-            || Treelets::of_tree_in(tree, &mut room, reuse.treelets),
+            || self.convert(tree, triangle_count, record_spare),
+            || Treelets::of_tree_in(tree, &mut workspace, reuse.treelets),
         );
-        self.room = room;
+        self.workspace = workspace;
         record.treelets = Some(Box::new(treelets));
         record
     }
@@ -278,8 +278,8 @@ mod tests {
             spare = both.into_spare();
             spare.words.fill(u32::MAX);
             spare.treelets.fill(u32::MAX);
-            converter.room.inner.fill(u32::MAX);
-            let places = converter.room.places.iter_mut();
+            converter.workspace.inner.fill(u32::MAX);
+            let places = converter.workspace.places.iter_mut();
             places.for_each(|place| *place.get_mut() = u32::MAX);
         }
     }

@@ -18,7 +18,7 @@ mod treelets;
 mod validate;
 mod walk;
 
-pub use blocks::{Block, BlockTree, First, LANES, Link, Ranges, WideNode};
+pub use blocks::{Block, BlockTree, CollapseOptions, First, LANES, Link, Ranges, WideNode};
 pub use convert::{Converter, Spare};
 pub use moving::Moving;
 pub use record::{NodeRank, NodeRanks, Topology};

@@ -1,62 +1,26 @@
-//! Lists of the nodes or treelets to refit when the scene moves.
+//! Lists of the treelets to refit when the scene moves.
 
-use crate::{Topology, Treelets};
+use crate::Treelets;
 use geom::StaticParts;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Minimum number of nodes per task.
-const CHUNK: usize = 1 << 13;
-
-/// Nodes or treelets with a moving triangle below. All others have the same box at every pose.
+/// Treelets with a moving triangle below. All others have the same boxes at every pose.
 ///
-/// For a record, the first list holds the ranks of leaves. A list of ranks of inner nodes follows for each level that
-/// has moving ones, root first. For treelets, each level has a list of treelet numbers, the level of the triangles
-/// first. Each list is in ascending order.
+/// Each level has a list of treelet numbers in ascending order, the level of the triangles first.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Moving {
     /// The concatenated lists.
     pub words: Vec<u32>,
     /// Range of each list in [`Moving::words`].
     pub lists: Vec<Range<usize>>,
-    /// Number of active zero-area triangles that are below no listed node.
+    /// Number of active zero-area triangles that are below no listed treelet.
     pub degenerate_elsewhere: u32,
 }
 
 impl Moving {
-    /// Lists the moving nodes of a record. Returns `None` if more than half of all nodes move: see
-    /// [`StaticParts::pays`].
-    #[must_use]
-    pub fn of(tree: &Topology, parts: &StaticParts) -> Option<Self> {
-        let (is_static, triangles) = (&parts.triangles, tree.leaf_triangles());
-        assert_eq!(is_static.len(), tree.triangle_count(), "another scene");
-        let moves = |&rank: &u32| !is_static[triangles[rank as usize] as usize];
-        let ranks = (0..tree.leaf_count() as u32).into_par_iter();
-        let mut words: Vec<u32> = ranks.with_min_len(CHUNK).filter(moves).collect();
-        let leaves = words.len();
-        if !StaticParts::pays(leaves, tree.leaf_count()) {
-            return None;
-        }
-        let inner = tree.bottom_up(false, |rank| moves(&rank), |a, b| a || b);
-        let numbers = (0..inner.len() as u32).into_par_iter().with_min_len(CHUNK);
-        words.par_extend(numbers.filter(|&k| inner[k as usize]));
-        if !StaticParts::pays(words.len(), tree.node_count()) {
-            return None;
-        }
-        // Ranks of inner nodes ascend, so those of a level are contiguous.
-        let place = |end: u32| leaves + words[leaves..].partition_point(|&k| k < end);
-        let levels = tree.levels();
-        let levels = levels.map(|level| place(level.start)..place(level.end));
-        let levels = levels.filter(|list| !list.is_empty());
-        Some(Self {
-            lists: std::iter::once(0..leaves).chain(levels).collect(),
-            words,
-            degenerate_elsewhere: parts.degenerate.len() as u32,
-        })
-    }
-
     /// Lists the moving treelets. Returns `None` if more than half of all treelets move.
-    pub(crate) fn of_treelets(tree: &Treelets, parts: &StaticParts) -> Option<Self> {
+    pub(crate) fn of(tree: &Treelets, parts: &StaticParts) -> Option<Self> {
         let (mut words, mut lists) = (Vec::new(), Vec::<Range<usize>>::new());
         for treelets in &tree.levels {
             let found: Vec<u32> = match lists.last() {
@@ -76,12 +40,6 @@ impl Moving {
             lists,
             degenerate_elsewhere: (parts.degenerate.len() - among) as u32,
         })
-    }
-
-    /// Returns the first list, which for a record holds its leaves. Empty if there is no list.
-    pub fn leaves(&self) -> &[u32] {
-        let first = self.lists.first().cloned();
-        &self.words[first.unwrap_or_default()]
     }
 }
 
@@ -117,19 +75,17 @@ fn degenerate_among(tree: &Treelets, treelets: &[u32], parts: &StaticParts) -> u
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tests::{chain, parts, random_tree, record, scene};
+    use crate::tests::{chain, parts, random_tree, scene};
     use std::collections::BTreeSet;
 
     #[test]
     fn lists_hold_only_moving_paths() {
         for tree in [random_tree(150_000, 9), chain(40_000)] {
-            let (record, treelets) = (record(&tree), Treelets::of_tree(&tree));
+            let treelets = Treelets::of_tree(&tree);
             let order = tree.order();
             let everywhere: Vec<u32> = order.iter().step_by(10_000).copied().collect();
             for moves in [&order[..1], &order[order.len() / 2..][..300], &everywhere] {
                 let parts = parts(scene(&tree), |t| moves.contains(&t));
-                let of_record = Moving::of(&record, &parts).unwrap();
-                assert!(of_record.words.len() <= moves.len() * record.level_count());
                 let listed = treelets.clone().with_moving(&parts);
                 let words = check_levels(&listed).len();
                 assert!(words <= moves.len() * treelets.levels.len());
@@ -166,8 +122,6 @@ mod tests {
         assert!(none.words.is_empty());
         assert_eq!(none.lists, [0..0, 0..0]);
         assert_eq!(of(|t| t % 3 == 0), None);
-        let parts = parts(scene(&tree), |t| t % 3 == 0);
-        assert_eq!(Moving::of(&record(&tree), &parts), None);
         let empty = Treelets::default().with_moving(&StaticParts::default());
         assert!(empty.moving.unwrap().lists.is_empty());
     }

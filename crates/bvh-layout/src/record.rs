@@ -1,8 +1,8 @@
 //! The topology record and its accessors.
 
 use crate::validate::{Header, validate};
-use crate::{BlockTree, First, Moving, RecordError, Spare, Treelets};
-use geom::{Aabb, StaticParts};
+use crate::{BlockTree, CollapseOptions, RecordError, Spare, Treelets};
+use geom::StaticParts;
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::ops::Range;
@@ -10,8 +10,6 @@ use std::sync::Arc;
 
 /// Minimum number of inner nodes per task.
 const RUN: usize = 2048;
-/// Number of words of leaf bits that one task unpacks.
-const TASK: usize = 1 << 9;
 
 /// A tree's shape in breadth-first order: which nodes are leaves, and the triangle of each leaf.
 ///
@@ -43,12 +41,10 @@ const TASK: usize = 1 << 9;
 ///
 /// # Optional parts
 ///
-/// For scenes with static parts, lists of the moving nodes ([`Moving`]), which backends may ignore. The same tree as
-/// [`Treelets`] or as a [`BlockTree`].
+/// The same tree as [`Treelets`] or as a [`BlockTree`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Topology {
     pub(crate) words: Vec<u32>,
-    pub(crate) moving: Option<Moving>,
     /// The same tree as treelets, if requested.
     pub(crate) treelets: Option<Box<Treelets>>,
     /// The same tree as wide nodes and blocks, if requested. Shared, since a backend keeps using them after adoption.
@@ -73,7 +69,6 @@ impl Topology {
     pub(crate) fn of_words(words: Vec<u32>) -> Self {
         Self {
             words,
-            moving: None,
             treelets: None,
             blocks: None,
         }
@@ -84,27 +79,17 @@ impl Topology {
         &self.words
     }
 
-    /// Adds lists of the moving treelets, or of the moving nodes if the tree has no treelets. Runs in parallel.
+    /// Adds lists of the moving treelets ([`Treelets::moving`]), and the treelets if they are missing. Runs in parallel.
     /// Adds no lists if more than half would be listed.
     ///
     /// # Panics
     /// If `parts` does not belong to the tree's scene.
     #[must_use]
     pub fn with_moving(mut self, parts: &StaticParts) -> Self {
-        match self.treelets.take() {
-            Some(treelets) => {
-                assert_eq!(parts.triangles.len(), self.triangle_count());
-                self.treelets = Some(Box::new(treelets.with_moving(parts)));
-            }
-            None => self.moving = Moving::of(&self, parts),
-        }
+        assert_eq!(parts.triangles.len(), self.triangle_count());
+        let treelets = self.to_treelets().into_owned();
+        self.treelets = Some(Box::new(treelets.with_moving(parts)));
         self
-    }
-
-    /// Returns the nodes to refit when the scene moves. `None` means all nodes, or that the treelets have lists:
-    /// see [`Treelets::moving`].
-    pub fn moving(&self) -> Option<&Moving> {
-        self.moving.as_ref()
     }
 
     /// Returns the record's memory for reuse by [`crate::Converter`].
@@ -120,15 +105,11 @@ impl Topology {
         self.treelets.as_deref()
     }
 
-    /// Returns the tree's treelets, or creates them ([`Treelets::of`]), with lists if the tree has lists.
-    ///
-    /// # Panics
-    /// If `parts` does not belong to the tree's scene.
-    pub fn to_treelets(&self, parts: &StaticParts) -> Cow<'_, Treelets> {
-        match (self.treelets(), &self.moving) {
-            (Some(treelets), _) => Cow::Borrowed(treelets),
-            (None, None) => Cow::Owned(Treelets::of(self)),
-            (None, Some(_)) => Cow::Owned(Treelets::of(self).with_moving(parts)),
+    /// Returns the tree's treelets, or creates them ([`Treelets::of`]).
+    pub fn to_treelets(&self) -> Cow<'_, Treelets> {
+        match self.treelets() {
+            Some(treelets) => Cow::Borrowed(treelets),
+            None => Cow::Owned(Treelets::of(self)),
         }
     }
 
@@ -136,8 +117,8 @@ impl Topology {
     ///
     /// # Panics
     /// If the record does not belong to a scene of these triangles.
-    pub fn with_blocks(self, triangles: &[[u32; 3]], by: (&[Aabb], First)) -> Self {
-        let blocks = Some(Arc::new(BlockTree::of(&self, triangles, by)));
+    pub fn with_blocks(self, triangles: &[[u32; 3]], options: CollapseOptions<'_>) -> Self {
+        let blocks = Some(Arc::new(BlockTree::of(&self, triangles, options)));
         Self { blocks, ..self }
     }
 
@@ -154,10 +135,9 @@ impl Topology {
         *self = Self::of_words(words);
     }
 
-    /// Returns the size in bytes of the record and its lists of moving nodes.
+    /// Returns the size in bytes of the record.
     pub fn bytes(&self) -> usize {
-        let lists = self.moving.as_ref().map_or(0, |m| m.words.len());
-        (self.words.len() + lists) * 4
+        size_of_val(&self.words[..])
     }
 
     /// Returns the number of bytes to upload: those of the treelets if present, otherwise [`Topology::bytes`].
@@ -194,11 +174,6 @@ impl Topology {
         })
     }
 
-    /// Returns one bit per node: 1 for a leaf.
-    pub fn leaf_bits(&self) -> &[u32] {
-        self.ranks().bits
-    }
-
     /// Returns the triangle index of each leaf, in node order.
     pub fn leaf_triangles(&self) -> &[u32] {
         &self.words[self.words.len() - self.leaf_count()..]
@@ -217,32 +192,6 @@ impl Topology {
         let words = &self.words[Self::HEADER_WORDS + self.level_count()..];
         let (bits, ranks) = words[..2 * count].split_at(count);
         NodeRanks { bits, ranks }
-    }
-
-    /// Fills `nodes` with the node index of each leaf, in parallel, reusing its memory.
-    /// The triangle of `nodes[i]` is `leaf_triangles()[i]`.
-    pub fn leaf_nodes(&self, nodes: &mut Vec<u32>) {
-        nodes.resize(self.leaf_count(), 0);
-        let (mut rest, mut tasks) = (&mut nodes[..], Vec::new());
-        for (first, bits) in (0_u32..)
-            .step_by(32 * TASK)
-            .zip(self.leaf_bits().chunks(TASK))
-        {
-            let ones = bits.iter().map(|w| w.count_ones() as usize).sum();
-            let part = rest.split_off_mut(..ones);
-            tasks.push((first, bits, part.expect("a node for each leaf")));
-        }
-        let tasks = tasks.into_par_iter();
-        tasks.for_each(|(first, bits, part)| {
-            let mut places = part.iter_mut();
-            for (base, &word) in (first..).step_by(32).zip(bits) {
-                let mut ones = word;
-                for place in places.by_ref().take(word.count_ones() as usize) {
-                    *place = base + ones.trailing_zeros();
-                    ones &= ones.wrapping_sub(1);
-                }
-            }
-        });
     }
 
     /// Computes a value for every inner node from its children's values, level by level from the deepest, in parallel.
@@ -339,8 +288,7 @@ impl Default for Topology {
 
 #[cfg(test)]
 mod tests {
-    use super::TASK;
-    use crate::tests::{chain, random_tree, record, shapes};
+    use crate::tests::{chain, random_tree, record};
 
     #[test]
     fn topology_bytes_per_triangle_are_bounded() {
@@ -353,17 +301,5 @@ mod tests {
         assert!(deepest.bytes() <= 800, "{}", deepest.bytes());
         let bytes = record(&random_tree(200_000, 1)).bytes() as f64 / 200_000.0;
         assert!((4.5..4.502).contains(&bytes), "{bytes}");
-    }
-
-    #[test]
-    fn leaf_nodes_are_listed_in_order() {
-        let mut found = Vec::new();
-        for tree in shapes().iter().chain(&[random_tree(TASK * 40, 5)]) {
-            let record = record(tree);
-            record.leaf_nodes(&mut found);
-            let nodes = 0..record.node_count() as u32;
-            let leaves = nodes.filter(|&node| record.ranks().of(node).leaf().is_some());
-            assert!(leaves.eq(found.iter().copied()));
-        }
     }
 }

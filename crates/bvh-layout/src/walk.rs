@@ -4,7 +4,7 @@ use bvh_build::{BinaryTree, MAX_DEPTH};
 
 /// An inner node that is not yet visited.
 #[derive(Clone, Copy, Debug, Default)]
-struct Pending {
+struct PendingNode {
     first_leaf: u32,
     leaves: u32,
     depth: u32,
@@ -12,7 +12,7 @@ struct Pending {
 
 /// An inner node as passed to the visitor.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Inner {
+pub(crate) struct InnerNode {
     pub(crate) depth: u32,
     /// First leaf of the left child.
     pub(crate) left: u32,
@@ -29,7 +29,7 @@ const STACK: usize = 128;
 /// Stack of pending inner nodes, the next one on top. No branch depends on the tree's shape.
 #[derive(Debug)]
 pub(crate) struct Walk {
-    stack: [Pending; STACK],
+    stack: [PendingNode; STACK],
     waiting: usize,
 }
 
@@ -37,13 +37,13 @@ impl Walk {
     /// Creates a walk that starts at inner node `start`, counted in preorder.
     pub(crate) fn starting_at(tree: &BinaryTree, start: usize) -> Self {
         let mut walk = Self {
-            stack: [Pending::default(); STACK],
+            stack: [PendingNode::default(); STACK],
             waiting: 0,
         };
         let leaves = tree.leaf_count() as u32;
-        walk.push(Pending {
+        walk.push(PendingNode {
             leaves,
-            ..Pending::default()
+            ..PendingNode::default()
         });
         let mut at = 0;
         while at < start {
@@ -64,14 +64,14 @@ impl Walk {
     /// Visits the next inner nodes, one for each entry of `left_leaves`. Panics if the tree is deeper than
     /// [`MAX_DEPTH`].
     #[inline(always)]
-    pub(crate) fn run(mut self, left_leaves: &[u32], mut meet: impl FnMut(Inner)) {
+    pub(crate) fn run(mut self, left_leaves: &[u32], mut visit: impl FnMut(InnerNode)) {
         for &left in left_leaves {
             let node = self.pop();
             assert!(node.depth < MAX_DEPTH, "a leaf lies deeper than MAX_DEPTH");
             let [left_child, right_child] = node.children(left);
             self.push(right_child);
             self.push(left_child);
-            meet(Inner {
+            visit(InnerNode {
                 depth: node.depth,
                 left: left_child.first_leaf,
                 right: right_child.first_leaf,
@@ -83,19 +83,19 @@ impl Walk {
 
     /// Pushes an inner node. A leaf is written too, without a branch, but the next push overwrites it.
     #[inline(always)]
-    fn push(&mut self, node: Pending) {
+    fn push(&mut self, node: PendingNode) {
         self.stack[self.waiting % STACK] = node;
         self.waiting += usize::from(node.leaves > 1);
     }
 
     #[inline(always)]
-    fn pop(&mut self) -> Pending {
+    fn pop(&mut self) -> PendingNode {
         self.waiting = self.waiting.wrapping_sub(1);
         self.stack[self.waiting % STACK]
     }
 }
 
-impl Pending {
+impl PendingNode {
     #[inline(always)]
     fn children(self, left_leaves: u32) -> [Self; 2] {
         let depth = self.depth + 1;

@@ -12,21 +12,16 @@ use geom::{Aabb, Animation, Point, Ray};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
-/// Returns three key frames of `all` separate triangles. The first `moving` triangles move.
-fn free(moving: usize, all: usize) -> Vec<Vec<Point>> {
+/// Returns three key frames of separate triangles that move.
+fn free(count: usize) -> Vec<Vec<Point>> {
     let mut rng = Rng::with_seed(5);
     let mut point = || -> Point { std::array::from_fn(|_| 1.0 + 99.0 * rng.f32()) };
     let mut keys = vec![Vec::new(); 3];
-    for triangle in 0..all {
-        let (corner, way) = (point(), point());
+    for _ in 0..count {
+        let (corner, shift) = (point(), point());
         for (k, key) in keys.iter_mut().enumerate() {
-            // Moving triangles are close together, so that siblings in the tree move.
-            let (by, corner) = if triangle < moving {
-                (k as f32, corner.map(|x| 0.05 * x))
-            } else {
-                (0.0, corner)
-            };
-            let at = |e: Point| std::array::from_fn(|i| corner[i] + by * way[i] + e[i]);
+            let at =
+                |e: Point| std::array::from_fn(|i| 0.05 * corner[i] + k as f32 * shift[i] + e[i]);
             key.extend([[0.0; 3], [0.5, 0.0, 0.2], [0.0, 0.5, 0.1]].map(at));
         }
     }
@@ -42,7 +37,7 @@ fn apart(keys: Vec<Vec<Point>>) -> Arc<Animation> {
 /// Returns separate triangles: many that always move, one that appears late, one that shrinks to nothing, and one that
 /// is never active.
 fn moving() -> Arc<Animation> {
-    let mut keys = free(600, 600);
+    let mut keys = free(600);
     let corner = [[0.0, 2.0, 0.0], [1.0, 2.0, 0.0], [0.0, 2.0, 1.0]];
     let nowhere = [[f32::NAN; 3]; 3];
     keys[0].extend([nowhere, corner, nowhere].concat());
@@ -138,38 +133,6 @@ fn refit_matches_boxes_from_scratch() {
             assert!((ratio - 1.0).abs() < 1e-12, "{ratio}");
         }
     }
-}
-
-#[test]
-fn skipping_static_parts_preserves_results() {
-    let animation = apart(free(6_000, 60_000));
-    let listed = tree_at(&animation, 0.0);
-    let plain = Topology::from_words(listed.words().to_vec()).unwrap();
-    assert!(listed.moving().is_some() && plain.moving().is_none());
-    let open = |tree, threads| ready(&animation, Intersector::Watertight, tree, 0.0, threads);
-    let (mut whole, mut one, mut many) = (open(&plain, 2), open(&listed, 1), open(&listed, 3));
-    let rays = to_vertices(&animation, [0.0; 3]);
-    for time in [0.4, 1.0, 2.0, 0.0] {
-        let (boxes, cost) = boxes_and_cost(&mut whole, &animation, time);
-        let (one_boxes, one_cost) = boxes_and_cost(&mut one, &animation, time);
-        let (many_boxes, many_cost) = boxes_and_cost(&mut many, &animation, time);
-        assert!(boxes == one_boxes && boxes == many_boxes, "{time}");
-        assert_eq!(one_cost.to_bits(), many_cost.to_bits(), "{time}");
-        assert!((one_cost / cost - 1.0).abs() < 1e-12, "{one_cost} {cost}");
-        let rays: Vec<Ray> = rays.iter().step_by(100).copied().collect();
-        let [a, b] = [&mut one, &mut many].map(|b| closest(b, &rays));
-        assert!(a == b, "{time}");
-    }
-    let still = apart(free(0, 3_000));
-    let mut backend = ready(
-        &still,
-        Intersector::Watertight,
-        &tree_at(&still, 0.0),
-        0.0,
-        2,
-    );
-    let first = boxes_and_cost(&mut backend, &still, 0.0);
-    assert!(first.1 > 1.0 && first == boxes_and_cost(&mut backend, &still, 1.5));
 }
 
 #[test]

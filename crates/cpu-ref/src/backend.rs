@@ -1,9 +1,8 @@
 //! [`Backend`] on the host. Work runs in the backend's own thread pool when it is submitted, so `wait` never blocks.
 //! A list of rays is traced before the call that records it returns, so the list is not copied.
 
-use crate::Accelerator;
+use crate::accelerator::{Accelerator, reserve};
 use crate::bvh2::Bvh2;
-use crate::reserve;
 use crate::scene::SceneState;
 use crate::submission::{Command, Copies, Submission, ms_since};
 use backend::{
@@ -136,7 +135,7 @@ impl CpuBackend {
         report.inactive = scene.unhittable.inactive;
         report.degenerate = scene.unhittable.degenerate;
         report.sah_cost = scene.sah_cost;
-        report.settled += std::mem::take(scene.settled.get_mut());
+        report.settled += std::mem::take(scene.exact_rays.get_mut());
         Ok(())
     }
 
@@ -218,7 +217,7 @@ impl Backend for CpuBackend {
         self.require(State::Positions, "evaluate reads positions: interpolate");
         let scene = loaded(&mut self.scene);
         let (new_tree, pool) = (&self.new_tree, &self.pool);
-        let is_loaded = run_in(pool, || scene.load_candidate((tree, generation), new_tree))?;
+        let is_loaded = run_in(pool, || scene.load_candidate(tree, generation, new_tree))?;
         if is_loaded {
             self.commands.push(Command::Evaluate);
         }

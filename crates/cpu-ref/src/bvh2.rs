@@ -1,110 +1,48 @@
-//! The binary tree of `cpu-ref`: pairs of siblings, breadth first.
+//! The paper's tree: binary, breadth first, one triangle per leaf.
 
-use crate::intersect::{Preprocess, Record, Watertight, by_test};
-use crate::pass::{SplitAt, Which, Window, pass};
-use crate::scale::Scale;
-use crate::tiles::{Counts, Output};
-use crate::trace::{TraceTask, Tracer};
-use crate::{Accelerator, Geometry, Unhittable, reserve};
+use crate::accelerator::{Accelerator, reserve};
+use crate::box_test::{BoxRay, BoxSpan};
+use crate::geometry::{Geometry, Unhittable};
+use crate::intersect::{Record, record};
+use crate::output::{HitCounts, TraceOutput};
+use crate::scale::PreparedRay;
+use crate::trace::QueryTracer;
+use crate::tree::{Child, TreeTraversal, TriangleVisitor, VisitedTriangle};
 use backend::{Intersector, Result, TreeFormat};
-use bvh_layout::{Link, Moving, Topology};
-use geom::{Aabb, Animation, Triangle, is_active, is_degenerate};
-use glam::Vec3A;
+use bvh_build::MAX_DEPTH;
+use bvh_layout::{NodeRank, Topology};
+use geom::{Aabb, Animation, is_active, is_degenerate};
 use rayon::prelude::*;
-use std::ops::Range;
+use std::ops::{Add, Range};
 
-/// The boxes and links of two siblings, in one cache line.
-///
-/// Node `i` of the topology is in slot `i + 1`: pair `slot / 2`, lane `slot % 2`.
-/// So the children of the `k`-th inner node are pair `k + 1`. Pair 0 holds
-/// an empty box, which no ray meets, and the root in lane 1.
+/// A leaf or an inner node, with its box.
 #[derive(Clone, Copy, Debug)]
-#[repr(C, align(64))]
-pub(crate) struct Pair {
-    /// For each axis: lower planes of lanes 0 and 1, then upper planes.
-    pub(crate) planes: [[f32; 4]; 3],
-    /// Link of each lane: to the pair of the node's children, to a leaf, or [`Link::ROOT`] for a lane without a node.
-    pub(crate) links: [Link; 2],
+struct BinaryNode {
+    bounds: Aabb,
+    /// Number in the list of leaves or in the list of inner nodes.
+    rank: NodeRank,
 }
 
-const FAR: f32 = f32::INFINITY;
-
-impl Pair {
-    const EMPTY: Self = Self {
-        planes: [[FAR, FAR, -FAR, -FAR]; 3],
-        links: [Link::ROOT; 2],
-    };
-
-    /// Returns the box of one lane.
-    #[inline]
-    pub(crate) fn bounds(&self, lane: usize) -> Aabb {
-        Aabb {
-            min: self.planes.map(|p| p[lane]),
-            max: self.planes.map(|p| p[lane + 2]),
-        }
-    }
-
-    /// Sets the box of one lane from its corners.
-    #[inline]
-    pub(crate) fn set_bounds(&mut self, lane: usize, min: Vec3A, max: Vec3A) {
-        for (axis, planes) in self.planes.iter_mut().enumerate() {
-            planes[lane] = min[axis];
-            planes[lane + 2] = max[axis];
-        }
-    }
-
-    /// Returns the corners of the smallest box that contains both lanes.
-    #[inline]
-    pub(crate) fn union(&self) -> [Vec3A; 2] {
-        let corner = |lane: usize| Vec3A::from_array(self.planes.map(|p| p[lane]));
-        [corner(0).min(corner(1)), corner(2).max(corner(3))]
-    }
-}
-
-/// A leaf, as read by `preprocess`.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Leaf {
-    slot: u32,
-    /// Vertices of its triangle.
-    pub(crate) vertices: [u32; 3],
-}
-
-impl Leaf {
-    /// Returns the pair that holds its box.
-    #[inline]
-    pub(crate) fn pair(&self) -> usize {
-        self.slot as usize / 2
-    }
-
-    #[inline]
-    pub(crate) fn lane(&self) -> usize {
-        self.slot as usize % 2
-    }
+/// A leaf, with its triangle's data of one moment.
+#[derive(Clone, Copy, Debug)]
+struct BinaryLeaf {
+    triangle: u32,
+    bounds: Aabb,
+    record: Record,
 }
 
 /// The tree, with the boxes and records of one moment.
 #[derive(Debug, Default)]
 pub struct Bvh2 {
-    /// Pair 0 holds the root. It exists once a tree was adopted.
-    pub(crate) pairs: Vec<Pair>,
-    /// The triangle of each leaf, by rank.
-    pub(crate) triangles: Vec<u32>,
-    /// The record of each leaf, by rank.
-    pub(crate) records: Vec<Record>,
-    leaves: Vec<Leaf>,
-    /// Pairs of each level, root first. Empty if the tree is empty.
+    /// Breadth first, root first. The children of the `k`-th inner node are nodes `2k + 1` and `2k + 2`.
+    nodes: Vec<BinaryNode>,
+    /// The leaves, in node order.
+    leaves: Vec<BinaryLeaf>,
+    /// Nodes of each level, root first.
     levels: Vec<Range<usize>>,
-    /// The node of each leaf, retained to reuse its memory.
-    leaf_nodes: Vec<u32>,
-    /// Moving leaves and nodes, or `None` if too little is static to be worth skipping.
-    moving: Option<Moving>,
-    /// Set once every leaf was preprocessed since the tree was adopted.
-    leaves_done: bool,
-    /// Sum of the half areas of nodes in pairs without a moving node, once every box was refitted.
-    still_areas: Option<f64>,
 }
 
-/// Pairs or leaves that one task initializes.
+/// Nodes or leaves that one task processes.
 const RUN: usize = 1024;
 
 impl Bvh2 {
@@ -114,244 +52,193 @@ impl Bvh2 {
     /// If memory does not suffice.
     pub fn boxes_of(tree: &Topology, geometry: &Geometry<'_>) -> Result<Vec<Aabb>> {
         let mut all = Self::default();
-        all.take_over(tree, geometry.triangles)?;
-        all.preprocess_for::<Watertight>(geometry);
+        all.copy(tree)?;
+        all.preprocess(geometry, Intersector::Watertight);
         all.refit();
         all.boxes(geometry)
     }
 
-    /// Copies a tree's structure, in parallel, into existing memory. Boxes are not updated and so are stale.
-    fn take_over(&mut self, tree: &Topology, triangles: &[[u32; 3]]) -> Result<()> {
-        let leaves = tree.leaf_count();
-        reserve(&mut self.pairs, leaves + 1, "nodes")?;
-        reserve(&mut self.triangles, leaves, "leaves")?;
-        reserve(&mut self.leaves, leaves, "leaves")?;
-        reserve(&mut self.records, leaves, "triangle records")?;
-        self.records.resize(leaves, Record::default());
-        (self.leaves_done, self.still_areas) = (false, None);
-        self.levels.clear();
-        // The root is in pair 0, the children of the `k`-th inner node in pair `k + 1`.
-        let below = tree
-            .levels()
-            .map(|k| k.start as usize + 1..k.end as usize + 1);
-        let pairs = std::iter::once(0..1).chain(below);
-        self.levels.extend(pairs.take(tree.level_count()));
-        let (nodes, ranks) = (tree.node_count(), tree.ranks());
-        let link = |slot: usize| match slot.checked_sub(1).filter(|&node| node < nodes) {
-            Some(node) => {
-                let node = ranks.of(node as u32);
-                let leaf = node.leaf().map(|rank| Link::block(rank as usize));
-                leaf.unwrap_or(Link::node(node.rank() as usize + 1))
-            }
-            None => Link::ROOT,
-        };
-        self.pairs.resize(nodes.div_ceil(2).max(1), Pair::EMPTY);
-        let pairs = self.pairs.par_iter_mut().with_min_len(RUN).enumerate();
-        pairs.for_each(|(p, pair)| pair.links = [link(2 * p), link(2 * p + 1)]);
-        self.pairs[0].planes = Pair::EMPTY.planes;
-        self.triangles.clear();
-        self.triangles.extend_from_slice(tree.leaf_triangles());
-        tree.leaf_nodes(&mut self.leaf_nodes);
-        let leaves = self.leaf_nodes.par_iter().with_min_len(RUN);
-        let leaf = |(&node, &triangle): (&u32, &u32)| Leaf {
-            slot: node + 1,
-            vertices: triangles[triangle as usize],
-        };
-        let leaves = leaves.zip(&self.triangles).map(leaf);
+    /// Copies a tree's structure into existing memory.
+    fn copy(&mut self, tree: &Topology) -> Result<()> {
+        reserve(&mut self.nodes, tree.node_count(), "nodes")?;
+        reserve(&mut self.leaves, tree.leaf_count(), "triangle records")?;
+        let ranks = tree.ranks();
+        let nodes = (0..tree.node_count() as u32).into_par_iter();
+        let nodes = nodes.with_min_len(RUN).map(|node| BinaryNode {
+            bounds: Aabb::EMPTY,
+            rank: ranks.of(node),
+        });
+        nodes.collect_into_vec(&mut self.nodes);
+        let leaves = tree.leaf_triangles().par_iter().with_min_len(RUN);
+        let leaves = leaves.map(|&triangle| BinaryLeaf {
+            triangle,
+            bounds: Aabb::EMPTY,
+            record: Record::default(),
+        });
         leaves.collect_into_vec(&mut self.leaves);
+        let children = |inner: Range<u32>| {
+            let [first, _] = Topology::children_of_inner(inner.start);
+            let [end, _] = Topology::children_of_inner(inner.end);
+            first as usize..end as usize
+        };
+        let below_root = tree.levels().map(children);
+        let levels = std::iter::once(0..1).chain(below_root);
+        self.levels.clear();
+        self.levels.extend(levels.take(tree.level_count()));
         Ok(())
     }
 
-    fn preprocess_for<T: Preprocess>(&mut self, geometry: &Geometry<'_>) -> Unhittable {
-        let moving = self.moving.as_ref().filter(|_| self.leaves_done);
-        let which = match moving {
-            Some(moving) => Which::Listed(moving.leaves()),
-            None => Which::All(0..self.leaves.len()),
-        };
-        let leaves = Leaves {
-            leaves: &self.leaves,
-            pairs: Window::new(0, &mut self.pairs),
-            records: Window::new(0, &mut self.records),
-        };
-        let mut found = pass(which, leaves, LEAVES, &|which, leaves| {
-            prepare_run::<T>(geometry, &which, leaves)
-        });
-        // Static triangles with a leaf are active, so only degenerate ones are added.
-        found.degenerate += moving.map_or(0, |m| u64::from(m.degenerate_elsewhere));
-        self.leaves_done = true;
-        found
+    /// Returns the node numbers of an inner node's children.
+    #[inline]
+    fn children(inner: NodeRank) -> [usize; 2] {
+        Topology::children_of_inner(inner.rank()).map(|node| node as usize)
     }
+}
 
-    /// Refits the pairs with a moving node. Returns the sum of the half areas of their nodes: the root, and the
-    /// children of moving inner nodes.
-    fn refit_moving(pairs: &mut [Pair], moving: &Moving) -> f64 {
-        let mut total = 0.0;
-        if moving.leaves().is_empty() {
-            return total;
+impl BinaryLeaf {
+    /// Computes the record and the box.
+    fn preprocess(&mut self, geometry: &Geometry<'_>, intersector: Intersector) -> Unhittable {
+        let mut unhittable = Unhittable::default();
+        let corners = geometry.corners(self.triangle);
+        self.bounds = Aabb::EMPTY;
+        if !is_active(&corners) {
+            unhittable.inactive = 1;
+        } else if is_degenerate(&corners) {
+            unhittable.degenerate = 1;
+        } else {
+            let corners = corners.map(|p| geometry.scale.apply(p));
+            self.record = record(intersector, &corners);
+            self.bounds = Aabb::of_triangle(&corners);
         }
-        // The children of inner node `k` are pair `k + 1`.
-        let (_, children) = pairs.split_at_mut(1);
-        for level in moving.lists[1..].iter().rev() {
-            let list = &moving.words[level.clone()];
-            // Children are on a later level, so after every pair of this one.
-            let end = list.last().map_or(0, |&last| last as usize + 1);
-            total += refit_level(children, (end, end + 1), Which::Listed(list));
-        }
-        total + refit_level(pairs, (1, 1), Which::All(0..1))
+        unhittable
     }
 }
 
 impl Accelerator for Bvh2 {
-    fn adopt(&mut self, tree: &Topology, animation: &Animation) -> Result<()> {
-        self.take_over(tree, animation.triangles())?;
-        self.moving = tree.moving().cloned();
-        Ok(())
+    fn tree(&self) -> &dyn TreeTraversal {
+        self
     }
 
     fn format(&self) -> TreeFormat {
         TreeFormat::Binary
     }
 
+    fn adopt(&mut self, tree: &Topology, _: &Animation) -> Result<()> {
+        self.copy(tree)
+    }
+
     fn preprocess(&mut self, geometry: &Geometry<'_>, intersector: Intersector) -> Unhittable {
-        by_test!(intersector, Test => self.preprocess_for::<Test>(geometry))
+        let leaves = self.leaves.par_iter_mut().with_min_len(RUN);
+        leaves
+            .map(|leaf| leaf.preprocess(geometry, intersector))
+            .reduce(Unhittable::default, Add::add)
     }
 
-    fn refit(&mut self) -> (f64, Aabb) {
-        let moving = self.moving.as_ref();
-        let total = match self.still_areas.zip(moving) {
-            Some((still, moving)) => still + Self::refit_moving(&mut self.pairs, moving),
-            None => {
-                let levels = self.levels.iter().rev();
-                let areas = levels.map(|level| {
-                    let all = Which::All(level.clone());
-                    refit_level(&mut self.pairs, (level.end, level.end), all)
-                });
-                let total: f64 = areas.sum();
-                self.still_areas = moving.map(|m| total - Self::refit_moving(&mut self.pairs, m));
-                total
-            }
-        };
-        (total, self.pairs[0].bounds(1))
+    fn refit(&mut self) -> f64 {
+        let mut areas = 0.0;
+        for level in self.levels.iter().rev() {
+            let (upper, below) = self.nodes.split_at_mut(level.end);
+            let tasks = upper[level.start..].par_chunks_mut(RUN);
+            let refit = |node: &mut BinaryNode| {
+                node.bounds = match node.rank.leaf() {
+                    Some(leaf) => self.leaves[leaf as usize].bounds,
+                    None => {
+                        let [a, b] = Self::children(node.rank);
+                        below[a - level.end]
+                            .bounds
+                            .union(below[b - level.end].bounds)
+                    }
+                };
+                node.bounds.half_area()
+            };
+            // A list of sums, so that the total does not depend on the number of threads.
+            let sums: Vec<f64> = tasks
+                .map(|nodes| nodes.iter_mut().map(refit).sum())
+                .collect();
+            areas += sums.into_iter().sum::<f64>();
+        }
+        areas
     }
 
-    fn trace(&self, task: TraceTask<'_>, out: Output<'_>) -> Counts {
-        Tracer::new(task, self).trace(out)
+    fn trace(&self, tracer: &QueryTracer<'_>, out: TraceOutput<'_>) -> HitCounts {
+        tracer.trace(out)
     }
 
     fn boxes(&self, _: &Geometry<'_>) -> Result<Vec<Aabb>> {
-        let nodes = (2 * self.triangles.len()).saturating_sub(1);
-        let bounds = |slot: usize| self.pairs[slot / 2].bounds(slot % 2);
-        Ok((1..=nodes).map(bounds).collect())
+        Ok(self.nodes.iter().map(|node| node.bounds).collect())
     }
 }
 
-/// Leaves that one task preprocesses.
-const LEAVES: usize = 1024;
-/// Leaves whose corners are fetched together. The corners are scattered in memory, so this overlaps the fetches.
-const BATCH: usize = 16;
-
-/// Leaves by rank, with the pairs that hold their boxes and with their records.
-struct Leaves<'a> {
-    leaves: &'a [Leaf],
-    pairs: Window<'a, Pair>,
-    records: Window<'a, Record>,
+/// A node still to visit, and the span of the ray within its box.
+struct PendingChild {
+    node: usize,
+    span: BoxSpan,
 }
 
-impl SplitAt for Leaves<'_> {
-    fn split(self, rank: usize) -> [Self; 2] {
-        let pairs = self.pairs.split(self.leaves[rank].pair());
-        let ([left_pairs, right_pairs], [left, right]) = (pairs, self.records.split(rank));
-        let half = |pairs, records| Leaves {
-            leaves: self.leaves,
-            pairs,
-            records,
+/// Capacity of the stack. Each level leaves at most one node on it while the other child is visited.
+const STACK: usize = MAX_DEPTH as usize + 1;
+
+impl TreeTraversal for Bvh2 {
+    fn root(&self) -> Aabb {
+        self.nodes.first().map_or(Aabb::EMPTY, |root| root.bounds)
+    }
+
+    fn traverse(&self, ray: &PreparedRay, visitor: &mut TriangleVisitor<'_>) -> bool {
+        let (box_ray, mut bound) = (BoxRay::new(ray), ray.t_max);
+        let meet = |node: usize, bound: f32| {
+            let span = box_ray.meet(&self.nodes[node].bounds, bound)?;
+            Some(PendingChild { node, span })
         };
-        [half(left_pairs, left), half(right_pairs, right)]
-    }
-
-    /// Returns whether two leaves share a pair, which one task must write.
-    fn joins(&self, left: usize, right: usize) -> bool {
-        self.leaves[left].pair() == self.leaves[right].pair()
-    }
-}
-
-/// Writes a record and a box for each of these leaves. Other leaves are left unchanged.
-fn prepare_run<T: Preprocess>(
-    geometry: &Geometry<'_>,
-    which: &Which<'_>,
-    mut part: Leaves<'_>,
-) -> Unhittable {
-    let mut corners = [[[0.0; 3]; 3]; BATCH];
-    let mut unhittable = Unhittable::default();
-    for first in (0..which.count()).step_by(BATCH) {
-        let batch = first..which.count().min(first + BATCH);
-        for (corners, place) in corners.iter_mut().zip(batch.clone()) {
-            let leaf = &part.leaves[which.at(place)];
-            *corners = leaf.vertices.map(|v| geometry.positions[v as usize]);
+        let mut stack = Vec::with_capacity(STACK);
+        if !self.nodes.is_empty() {
+            stack.extend(meet(0, bound));
         }
-        for (corners, place) in corners.iter().zip(batch) {
-            let rank = which.at(place);
-            let record = &mut part.records[rank];
-            let [min, max] = prepare::<T>(geometry.scale, corners, record, &mut unhittable);
-            let leaf = &part.leaves[rank];
-            part.pairs[leaf.pair()].set_bounds(leaf.lane(), min, max);
+        while let Some(PendingChild { node, span }) = stack.pop() {
+            // Equal distances are visited too: such a hit may have a lower index.
+            if span.entry > bound {
+                continue;
+            }
+            let rank = self.nodes[node].rank;
+            if let Some(leaf) = rank.leaf() {
+                let leaf = &self.leaves[leaf as usize];
+                let visited = VisitedTriangle {
+                    triangle: leaf.triangle,
+                    record: &leaf.record,
+                    entry: span.entry,
+                    exit: span.exit,
+                };
+                match visitor(&visited, bound) {
+                    Some(tighter) => bound = tighter,
+                    None => return true,
+                }
+                continue;
+            }
+            let [left, right] = Self::children(rank).map(|child| meet(child, bound));
+            let right_is_nearer = match (&left, &right) {
+                (Some(left), Some(right)) => right.span.entry < left.span.entry,
+                _ => false,
+            };
+            let [far, near] = if right_is_nearer {
+                [left, right]
+            } else {
+                [right, left]
+            };
+            stack.extend(far);
+            stack.extend(near);
+        }
+        false
+    }
+
+    fn children(&self, node: u32, each: &mut dyn FnMut(&Aabb, Child)) {
+        let Some(parent) = self.nodes.get(node as usize) else {
+            return;
+        };
+        if let Some(leaf) = parent.rank.leaf() {
+            let leaf = &self.leaves[leaf as usize];
+            return each(&leaf.bounds, Child::Triangle(leaf.triangle));
+        }
+        for child in Self::children(parent.rank) {
+            each(&self.nodes[child].bounds, Child::Node(child as u32));
         }
     }
-    unhittable
-}
-
-/// Writes a triangle's record and returns the corners of its box.
-#[inline]
-fn prepare<T: Preprocess>(
-    scale: Scale,
-    corners: &Triangle,
-    record: &mut Record,
-    unhittable: &mut Unhittable,
-) -> [Vec3A; 2] {
-    if !is_active(corners) {
-        unhittable.inactive += 1;
-    } else if is_degenerate(corners) {
-        unhittable.degenerate += 1;
-    } else {
-        let corners = corners.map(|p| scale.apply(p));
-        *record = T::record(&corners);
-        let [a, b, c] = corners.map(Vec3A::from_array);
-        return [a.min(b).min(c), a.max(b).max(c)];
-    }
-    *record = Record::default();
-    [Vec3A::INFINITY, Vec3A::NEG_INFINITY]
-}
-
-/// Pairs that one task refits.
-const REFIT_RUN: usize = 2048;
-
-/// Sets the boxes of the inner nodes in these pairs, all on one level, to the union of their children's boxes. Only
-/// minima and maxima are used, so nothing is rounded. `pairs[end..]` starts with pair `first` and is up to date.
-///
-/// Returns the sum of the half areas of the pairs' nodes.
-fn refit_level(pairs: &mut [Pair], (end, first): (usize, usize), which: Which<'_>) -> f64 {
-    let (level, below) = pairs.split_at_mut(end);
-    let refit = |sum, pair: &mut Pair| refit_pair(pair, below, first, sum);
-    let pairs = Window::new(0, level);
-    pass(which, pairs, REFIT_RUN, &|which, mut pairs| match which {
-        Which::All(range) => pairs.slice(range).iter_mut().fold(0.0, refit),
-        Which::Listed(list) => {
-            let listed = list.iter();
-            listed.fold(0.0, |sum, &pair| refit(sum, &mut pairs[pair as usize]))
-        }
-    })
-}
-
-/// Refits one pair and adds the half areas of its nodes to `sum`. `below` starts with pair `first`.
-#[inline(always)]
-fn refit_pair(pair: &mut Pair, below: &[Pair], first: usize, mut sum: f64) -> f64 {
-    for lane in 0..2 {
-        let link = pair.links[lane];
-        if link.is_inner() {
-            let [min, max] = below[link.index() - first].union();
-            pair.set_bounds(lane, min, max);
-        }
-        sum += pair.bounds(lane).half_area();
-    }
-    sum
 }

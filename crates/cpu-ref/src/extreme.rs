@@ -2,160 +2,182 @@
 //!
 //! Boxes are tested in double precision, whose range holds every product that is needed here.
 
-use crate::Geometry;
-use crate::intersect::Asked;
-use crate::traverse::{Below, Tree};
+use crate::geometry::Geometry;
+use crate::search::RaySearch;
+use crate::tree::Child;
 use geom::exact::{ExactDistance, Line};
 use geom::{Aabb, Hit, Point, Ray, Triangle, is_active, is_degenerate, normal_signs, side_of};
 use std::cmp::Ordering;
-use std::sync::atomic::Ordering::Relaxed;
 
-/// The definition of a hit for extreme rays.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Rule {
-    /// The rule of `exact`: triangles are closed, the exact `t` orders hits, and the limits apply to the rounded `t`.
-    Closed,
-    /// The rule of `watertight`: the ray moves by an infinitesimal offset. Order and limits apply to the rounded `t`.
-    Moved,
+/// Returns whether a ray from `origin` is outside the range that rounded tests support.
+#[inline]
+pub fn is_extreme(geometry: &Geometry<'_>, origin: Point) -> bool {
+    geometry.range.is_extreme(geometry.scale.apply(origin))
 }
 
-/// Returns the hit with the least `t`, then the least index. `t` and weights are rounded once.
-#[cold]
-#[inline(never)]
-pub fn closest<N: Tree>(asked: &Asked<'_, N>, rule: Rule) -> Option<Hit> {
-    let line = line(asked)?;
-    let mut best: Option<(ExactDistance, u32)> = None;
-    let mut bound = f64::from(asked.ray.t_max);
-    visit(asked, &mut bound, |triangle, bound| {
-        let Some(crossing) = rule.meet(&asked.geometry, &line, triangle) else {
-            return false;
-        };
-        let is_first = best.as_ref().is_none_or(|(first, index)| {
-            rule.order(&crossing, first)
-                .then(triangle.cmp(index))
-                .is_lt()
+/// The search for hits of an extreme ray.
+pub(crate) struct ExtremeSearch<'a> {
+    search: RaySearch<'a>,
+    line: Line,
+}
+
+impl<'a> ExtremeSearch<'a> {
+    /// Returns the search of an extreme ray. Returns `None` for other rays, and for intersectors that test every ray in
+    /// rounded arithmetic.
+    pub(crate) fn of(search: &RaySearch<'a>) -> Option<Self> {
+        let is_extreme =
+            search.intersector.is_watertight() && is_extreme(&search.geometry, search.ray.origin);
+        is_extreme.then(|| Self::new(*search))
+    }
+
+    fn new(search: RaySearch<'a>) -> Self {
+        search.count_exact();
+        let line = search.line();
+        Self { search, line }
+    }
+
+    /// Returns the hit with the least `t`, then the least index. `t` and weights are rounded once.
+    #[cold]
+    pub(crate) fn closest(&self) -> Option<Hit> {
+        let mut best: Option<(ExactDistance, u32)> = None;
+        self.visit(|triangle, bound| {
+            let crossing = self.crossing(triangle)?;
+            let is_first = best.as_ref().is_none_or(|(first, index)| {
+                let order = self.order(&crossing, first);
+                order.then(triangle.cmp(index)).is_lt()
+            });
+            if is_first {
+                *bound = bound.min(f64::from(crossing.t().next_up()));
+                best = Some((crossing, triangle));
+            }
+            None::<()>
         });
-        if is_first {
-            *bound = bound.min(f64::from(crossing.t().next_up()));
-            best = Some((crossing, triangle));
-        }
-        false
-    });
-    let (crossing, triangle) = best?;
-    let [u, v] = line.weights(&asked.geometry.corners(triangle));
-    let t = crossing.t();
-    Some(Hit { t, u, v, triangle })
-}
+        let (crossing, triangle) = best?;
+        let [u, v] = self.line.weights(&self.search.geometry.corners(triangle));
+        let t = crossing.t();
+        Some(Hit { t, u, v, triangle })
+    }
 
-impl Rule {
-    pub(crate) fn meet(
-        self,
-        geometry: &Geometry<'_>,
-        line: &Line,
-        triangle: u32,
-    ) -> Option<ExactDistance> {
-        let corners = geometry.corners(triangle);
+    /// Returns whether the ray meets any triangle except `skipped`.
+    #[cold]
+    pub(crate) fn any(&self, skipped: Option<u32>) -> bool {
+        let found = self.visit(|triangle, _| {
+            let is_other = Some(triangle) != skipped;
+            is_other.then(|| self.crossing(triangle)).flatten()
+        });
+        found.is_some()
+    }
+
+    /// Returns whether a hit of the ray is in shadow of a light, given in the scene's units.
+    #[cold]
+    pub(crate) fn is_occluded(&self, hit: &Hit, light: Point) -> bool {
+        let corners = self.search.geometry.corners(hit.triangle);
+        let ray = shadow_ray(&self.search.ray, hit, &corners, light);
+        let shadow = Self::new(RaySearch { ray, ..self.search });
+        shadow.any(Some(hit.triangle))
+    }
+
+    /// Returns the distance to a triangle, or `None` if the ray does not hit it.
+    ///
+    /// With `watertight`, the ray moves by an infinitesimal offset, and the limits apply to the rounded `t`.
+    fn crossing(&self, triangle: u32) -> Option<ExactDistance> {
+        if self.search.intersector.is_exact() {
+            return self.search.crossing(triangle);
+        }
+        let corners = self.search.geometry.corners(triangle);
         if !is_active(&corners) || is_degenerate(&corners) {
             return None;
         }
-        match self {
-            Self::Closed => line.intersect(&corners),
-            Self::Moved => {
-                let within = |t: f32| line.ray.t_min < t && t < line.ray.t_max;
-                line.intersect_perturbed(&corners).filter(|c| within(c.t()))
-            }
+        let crossing = self.line.intersect_perturbed(&corners)?;
+        let Ray { t_min, t_max, .. } = self.line.ray;
+        (t_min < crossing.t() && crossing.t() < t_max).then_some(crossing)
+    }
+
+    fn order(&self, a: &ExactDistance, b: &ExactDistance) -> Ordering {
+        if self.search.intersector.is_exact() {
+            a.order(b)
+        } else {
+            a.t().total_cmp(&b.t())
         }
     }
 
-    fn order(self, a: &ExactDistance, b: &ExactDistance) -> Ordering {
-        match self {
-            Self::Closed => a.order(b),
-            Self::Moved => a.t().total_cmp(&b.t()),
+    /// Calls `see` for each triangle in a box that the ray meets before the bound, which is `t_max` at first, nearer boxes
+    /// first. Ends with the first result of `see`.
+    fn visit<T>(&self, mut see: impl FnMut(u32, &mut f64) -> Option<T>) -> Option<T> {
+        let RaySearch { tree, ray, .. } = &self.search;
+        if !ray.is_valid() {
+            return None;
         }
-    }
-}
-
-/// Returns whether the ray meets any triangle except `skipped`.
-#[cold]
-#[inline(never)]
-pub fn any<N: Tree>(asked: &Asked<'_, N>, rule: Rule, skipped: Option<u32>) -> bool {
-    let Some(line) = line(asked) else {
-        return false;
-    };
-    let mut bound = f64::from(asked.ray.t_max);
-    visit(asked, &mut bound, |triangle, _| {
-        Some(triangle) != skipped && rule.meet(&asked.geometry, &line, triangle).is_some()
-    })
-}
-
-fn line<N: Tree>(asked: &Asked<'_, N>) -> Option<Line> {
-    asked.settled.fetch_add(1, Relaxed);
-    asked.ray.is_valid().then(|| asked.line())
-}
-
-/// Calls `see` for each triangle whose box the ray meets before `bound`, nearer boxes first. Ends when `see` returns
-/// `true`.
-fn visit<N: Tree>(
-    asked: &Asked<'_, N>,
-    bound: &mut f64,
-    mut see: impl FnMut(u32, &mut f64) -> bool,
-) -> bool {
-    let tree = asked.tree;
-    let unit = f64::from(asked.geometry.scale.k()).exp2();
-    let mut stack = vec![(f64::NEG_INFINITY, Below::ROOT)];
-    while let Some((entered, below)) = stack.pop() {
-        if entered > *bound {
-            continue;
-        }
-        match below {
-            Below::Node(node) => {
-                let first = stack.len();
-                tree.children(node, |bounds, child| {
-                    let entry = entry(&asked.ray, (bounds, unit), *bound);
-                    stack.extend(entry.map(|entry| (entry, child)));
-                });
-                stack[first..].sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
+        let mut bound = f64::from(ray.t_max);
+        let unit = f64::from(self.search.geometry.scale.k()).exp2();
+        let mut stack = vec![(f64::NEG_INFINITY, Child::Node(0))];
+        while let Some((entered, child)) = stack.pop() {
+            if entered > bound {
+                continue;
             }
-            Below::Places { first, count } => {
-                let mut places = first..first + count;
-                if places.any(|p| tree.triangle(p).is_some_and(|t| see(t, bound))) {
-                    return true;
+            match child {
+                Child::Node(node) => {
+                    let first = stack.len();
+                    tree.children(node, &mut |bounds, child| {
+                        let entry = WideBox::new(bounds, unit).entry(ray, bound);
+                        stack.extend(entry.map(|entry| (entry, child)));
+                    });
+                    stack[first..].sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
+                }
+                Child::Triangle(triangle) => {
+                    let found = see(triangle, &mut bound);
+                    if found.is_some() {
+                        return found;
+                    }
                 }
             }
         }
+        None
     }
-    false
 }
 
-/// Returns a lower bound on the `t` of the ray's points in the box, within its limits, or `None` if the ray misses the
-/// box. The box is in units of `unit`.
-///
-/// A quotient of a difference is rounded twice, so its relative error is below `4 * 2^-53`.
-fn entry(ray: &Ray, (bounds, unit): (&Aabb, f64), bound: f64) -> Option<f64> {
-    if bounds.is_empty() {
-        return None;
-    }
-    let (mut low, mut high) = (f64::from(ray.t_min), bound);
-    for axis in 0..3 {
-        let [o, d] = [ray.origin, ray.direction].map(|v| f64::from(v[axis]));
+/// A box in the scene's units, which contains every coordinate that was rounded to a plane of a scaled box.
+struct WideBox {
+    min: [f64; 3],
+    max: [f64; 3],
+}
+
+impl WideBox {
+    /// Creates the box of a scaled box, whose coordinates are in units of `unit`. An empty box stays empty.
+    fn new(scaled: &Aabb, unit: f64) -> Self {
         // A plane at zero may represent a coordinate that was flushed to zero: see `Scale`.
-        let plane = |x: f32, outward: f64| match x == 0.0 {
-            true => outward * (-64.0_f64).exp2() * unit,
-            false => f64::from(x) * unit,
-        };
-        let planes = [plane(bounds.min[axis], -1.0), plane(bounds.max[axis], 1.0)];
-        if d == 0.0 {
-            if o < planes[0] || o > planes[1] {
+        let plane = |x: f32, if_zero: f64| unit * if x == 0.0 { if_zero } else { f64::from(x) };
+        let least = (-64.0_f64).exp2();
+        Self {
+            min: scaled.min.map(|x| plane(x, -least)),
+            max: scaled.max.map(|x| plane(x, least)),
+        }
+    }
+
+    /// Returns a lower bound on the `t` of the ray's points in the box, up to `bound`, or `None` if the ray misses the box.
+    ///
+    /// A quotient of a difference is rounded twice, so its relative error is below `4 * 2^-53`.
+    fn entry(&self, ray: &Ray, bound: f64) -> Option<f64> {
+        let (mut low, mut high) = (f64::from(ray.t_min), bound);
+        for axis in 0..3 {
+            let [o, d] = [ray.origin, ray.direction].map(|v| f64::from(v[axis]));
+            let planes = [self.min[axis], self.max[axis]];
+            if planes[0] > planes[1] {
                 return None;
             }
-            continue;
+            if d == 0.0 {
+                if o < planes[0] || o > planes[1] {
+                    return None;
+                }
+                continue;
+            }
+            let [p, q] = planes.map(|x: f64| (x - o) / d);
+            let (near, far) = if d > 0.0 { (p, q) } else { (q, p) };
+            low = low.max(near - 2.0 * f64::EPSILON * near.abs());
+            high = high.min(far + 2.0 * f64::EPSILON * far.abs());
         }
-        let [p, q] = planes.map(|x: f64| (x - o) / d);
-        let (near, far) = if d > 0.0 { (p, q) } else { (q, p) };
-        low = low.max(near - 2.0 * f64::EPSILON * near.abs());
-        high = high.min(far + 2.0 * f64::EPSILON * far.abs());
+        (low <= high).then_some(low)
     }
-    (low <= high).then_some(low)
 }
 
 /// Returns the shadow ray from a hit of `ray` to a light, over `t` in `(0, 2)`, in the scene's units.
@@ -163,7 +185,7 @@ fn entry(ray: &Ray, (bounds, unit): (&Aabb, f64), bound: f64) -> Option<f64> {
 /// The hit point is computed along the ray or within the triangle, whichever has the smaller error. It is then moved to
 /// the light's side of the triangle by at least that error. The direction is half the vector to the light, which cannot
 /// overflow.
-pub fn shadow_ray(ray: &Ray, hit: &Hit, corners: &Triangle, light: Point) -> Ray {
+fn shadow_ray(ray: &Ray, hit: &Hit, corners: &Triangle, light: Point) -> Ray {
     let (point, error) = hit_point(ray, hit, corners);
     let side = match side_of(corners, light) {
         0 => side_of(corners, ray.origin),
@@ -186,11 +208,11 @@ pub fn shadow_ray(ray: &Ray, hit: &Hit, corners: &Triangle, light: Point) -> Ray
 /// Returns the point where a ray hits, and a bound on the error of each coordinate.
 fn hit_point(ray: &Ray, hit: &Hit, corners: &Triangle) -> (Point, f32) {
     const UNIT: f32 = 1.0 / 16_777_216.0;
-    let way: Point = std::array::from_fn(|i| saturated(hit.t * ray.direction[i]));
-    let along = largest(&[ray.origin, way]);
+    let offset: Point = std::array::from_fn(|i| saturated(hit.t * ray.direction[i]));
+    let along = largest(&[ray.origin, offset]);
     let within = largest(corners);
     if saturated(4.0 * within) > along {
-        let point: Point = std::array::from_fn(|i| saturated(ray.origin[i] + way[i]));
+        let point: Point = std::array::from_fn(|i| saturated(ray.origin[i] + offset[i]));
         return (point, 4.0 * UNIT * along.max(largest(&[point])));
     }
     let [a, b, c] = corners;

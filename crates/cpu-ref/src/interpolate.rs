@@ -1,6 +1,6 @@
 //! Interpolates key frames to positions.
 
-use geom::{Moment, Point, copy_in_parallel};
+use geom::{Moment, Point};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -9,38 +9,42 @@ const RUN: usize = 1 << 14;
 
 /// Writes the vertices of these ascending runs at a moment, with the same bits as [`Moment::vertex`]. Other vertices
 /// are left unchanged.
-pub(crate) fn interpolate(moment: &Moment<'_>, (runs, positions): (&[Range<usize>], &mut [Point])) {
+pub(crate) fn interpolate(moment: &Moment<'_>, runs: &[Range<usize>], positions: &mut [Point]) {
     let (pose, [earlier, later]) = (moment.pose(), moment.key_frames());
     let tasks = cut(runs, positions);
-    tasks.into_par_iter().for_each(|(first, to)| {
-        let end = first + to.len();
-        let (earlier, later) = (&earlier[first..end], &later[first..end]);
-        if pose.alpha == 0.0 {
-            return to.copy_from_slice(earlier);
-        }
-        for (to, (&a, &b)) in to.iter_mut().zip(earlier.iter().zip(later)) {
-            *to = pose.blend(a, b);
-        }
-    });
+    tasks
+        .into_par_iter()
+        .for_each(|InterpolateTask { first, to }| {
+            let end = first + to.len();
+            let (earlier, later) = (&earlier[first..end], &later[first..end]);
+            if pose.alpha == 0.0 {
+                return to.copy_from_slice(earlier);
+            }
+            for (to, (&a, &b)) in to.iter_mut().zip(earlier.iter().zip(later)) {
+                *to = pose.blend(a, b);
+            }
+        });
 }
 
-/// Splits the runs into tasks of at most `RUN` vertices. Returns each task's first vertex and output.
-fn cut<'a>(runs: &[Range<usize>], mut rest: &'a mut [Point]) -> Vec<(usize, &'a mut [Point])> {
+/// The vertices of one task.
+struct InterpolateTask<'a> {
+    first: usize,
+    to: &'a mut [Point],
+}
+
+/// Splits the runs into tasks of at most `RUN` vertices.
+fn cut<'a>(runs: &[Range<usize>], mut rest: &'a mut [Point]) -> Vec<InterpolateTask<'a>> {
     let mut tasks = Vec::with_capacity(runs.len());
     let mut begun = 0;
     for run in runs {
         let (_, from) = rest.split_at_mut(run.start - begun);
         let (to, after) = from.split_at_mut(run.len());
         let firsts = run.clone().step_by(RUN);
-        tasks.extend(firsts.zip(to.chunks_mut(RUN)));
+        let parts = firsts.zip(to.chunks_mut(RUN));
+        tasks.extend(parts.map(|(first, to)| InterpolateTask { first, to }));
         (rest, begun) = (after, run.end);
     }
     tasks
-}
-
-/// Copies positions in parallel.
-pub(crate) fn copy(from: &[Point], to: &mut [Point]) {
-    copy_in_parallel(to, from);
 }
 
 #[cfg(test)]
@@ -65,14 +69,14 @@ mod tests {
             for time in [0.0, 0.7, 1.0, 1.999, 2.0] {
                 let moment = animation.at(time).unwrap();
                 let mut positions = animation.first().to_vec();
-                interpolate(&moment, (&runs, &mut positions));
+                interpolate(&moment, &runs, &mut positions);
                 let all = (0..60_000).map(|v| bits(moment.vertex(v)));
                 assert!(all.eq(positions.into_iter().map(bits)), "{time}");
             }
         }
         let mut untouched = vec![[7.0; 3]; 60_000];
         let runs = [3..5, 50_000..50_001];
-        interpolate(&animation.at(0.5).unwrap(), (&runs, &mut untouched));
+        interpolate(&animation.at(0.5).unwrap(), &runs, &mut untouched);
         assert_eq!(untouched.iter().filter(|p| **p != [7.0; 3]).count(), 3);
     }
 }

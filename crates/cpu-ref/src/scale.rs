@@ -1,7 +1,6 @@
 //! Powers of two: a scene's scale, rays in scaled units, and multiplications without rounding.
 
 use geom::{Aabb, Animation, Point, Ray};
-use glam::Vec4;
 
 /// Least nonzero component of a direction, `2^-37`, where the largest is in `[1, 2)`. Smaller ones are flushed to zero.
 pub const LEAST_COMPONENT: f32 = power(-37);
@@ -150,12 +149,6 @@ pub fn flushed(x: f32) -> f32 {
     without(LEAST, x)
 }
 
-/// Applies [`flushed`] to four numbers.
-#[inline]
-pub fn flushed4(x: Vec4) -> Vec4 {
-    Vec4::select(x.abs().cmplt(Vec4::splat(LEAST)), Vec4::ZERO, x)
-}
-
 /// Returns a direction times `2^-e`, which brings its largest component into `[1, 2)`.
 #[inline]
 pub fn unit_direction(direction: Point, e: i32) -> Point {
@@ -213,11 +206,9 @@ mod tests {
         assert!(Scale::ONE.apply([f32::NAN; 3])[0].is_nan());
         let unit = unit_direction([1.5, power(-37), power(-38)], 0);
         assert_eq!(unit, [1.5, power(-37), 0.0]);
-        let four = Vec4::new(power(-100), -power(-101), f32::NAN, -1.0);
-        let kept = flushed4(four).to_array();
-        assert_eq!([kept[0], kept[1], kept[3]], [power(-100), 0.0, -1.0]);
-        assert!(kept[2].is_nan());
-        assert_eq!(flushed(power(-101)), 0.0);
+        let kept = [power(-100), -power(-101), -1.0].map(flushed);
+        assert_eq!(kept, [power(-100), 0.0, -1.0]);
+        assert!(flushed(f32::NAN).is_nan());
     }
 
     #[test]

@@ -1,14 +1,15 @@
 //! The loaded scene: an animation, its current tree, and all data computed from them.
 
-use crate::interpolate::{copy, interpolate};
+use crate::accelerator::{Accelerator, reserve};
+use crate::geometry::{Geometry, Unhittable};
+use crate::interpolate::interpolate;
+use crate::output::{HitCounts, TraceOutput};
 use crate::scale::Scale;
-use crate::tiles::{Counts, Output};
-use crate::trace::TraceTask;
-use crate::{Accelerator, Geometry, Unhittable, reserve};
+use crate::shadow::Light;
+use crate::trace::QueryTracer;
 use backend::{BackendError, Generation, Intersector, Query, Result, check_tree, sah_cost};
-use bvh_build::MAX_DEPTH;
 use bvh_layout::Topology;
-use geom::{Animation, Point, Pose, StaticParts};
+use geom::{Animation, Point, Pose, StaticParts, copy_in_parallel};
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
@@ -26,21 +27,21 @@ pub(crate) struct SceneState {
     /// Runs of vertices that cover all moving ones, or one run of all vertices if too few are static to be worth
     /// skipping.
     runs: Vec<Range<usize>>,
-    pub(crate) tree: Box<dyn Accelerator>,
+    pub(crate) accelerator: Box<dyn Accelerator>,
     /// The tree that was evaluated last.
-    candidate: Option<Candidate>,
+    candidate: Option<CandidateTree>,
     /// Counts from the last preprocess, including triangles without a leaf.
     pub(crate) unhittable: Unhittable,
     /// SAH cost from the last refit.
     pub(crate) sah_cost: Option<f64>,
     /// Number of rays resolved in exact arithmetic that no report includes yet.
-    pub(crate) settled: AtomicU64,
+    pub(crate) exact_rays: AtomicU64,
 }
 
 /// A tree that is not current, with the boxes of the moment at which it was evaluated.
-struct Candidate {
+struct CandidateTree {
     generation: Generation,
-    tree: Box<dyn Accelerator>,
+    accelerator: Box<dyn Accelerator>,
 }
 
 impl SceneState {
@@ -49,13 +50,13 @@ impl SceneState {
     pub(crate) fn new(
         animation: Arc<Animation>,
         intersector: Intersector,
-        tree: Box<dyn Accelerator>,
+        accelerator: Box<dyn Accelerator>,
     ) -> Result<Self> {
         let (mut positions, all) = (Vec::new(), animation.vertex_count());
         reserve(&mut positions, all, "positions")?;
         positions.resize(all, [0.0; 3]);
         // Static vertices outside the runs are written only here.
-        copy(animation.first(), &mut positions);
+        copy_in_parallel(&mut positions, animation.first());
         let parts = animation.static_parts();
         let pays = StaticParts::pays(all - parts.vertex_count(), all);
         let everything = std::iter::once(0..all);
@@ -69,11 +70,11 @@ impl SceneState {
             animation,
             intersector,
             positions,
-            tree,
+            accelerator,
             candidate: None,
             unhittable: Unhittable::default(),
             sah_cost: None,
-            settled: AtomicU64::new(0),
+            exact_rays: AtomicU64::new(0),
         })
     }
 
@@ -85,13 +86,13 @@ impl SceneState {
             .as_mut()
             .filter(|c| c.generation == generation)
         {
-            std::mem::swap(&mut self.tree, &mut candidate.tree);
+            std::mem::swap(&mut self.accelerator, &mut candidate.accelerator);
             // The replaced tree must not be adopted under this generation.
             candidate.generation = Generation(0);
             return Ok(());
         }
-        self.check(tree)?;
-        self.tree.adopt(tree, &self.animation)
+        check_tree(tree, &self.animation)?;
+        self.accelerator.adopt(tree, &self.animation)
     }
 
     /// Loads a tree for evaluation, into the last candidate or one from `new_tree`. Returns `false` if memory does not
@@ -101,19 +102,20 @@ impl SceneState {
     /// If the tree does not belong to this scene.
     pub(crate) fn load_candidate(
         &mut self,
-        (tree, generation): (&Topology, Generation),
+        tree: &Topology,
+        generation: Generation,
         new_tree: impl FnOnce() -> Box<dyn Accelerator>,
     ) -> Result<bool> {
-        self.check(tree)?;
-        let candidate = self.candidate.get_or_insert_with(|| Candidate {
+        check_tree(tree, &self.animation)?;
+        let candidate = self.candidate.get_or_insert_with(|| CandidateTree {
             generation: Generation(0),
-            tree: new_tree(),
+            accelerator: new_tree(),
         });
         if candidate.generation == generation {
             return Ok(true);
         }
         candidate.generation = Generation(0);
-        match candidate.tree.adopt(tree, &self.animation) {
+        match candidate.accelerator.adopt(tree, &self.animation) {
             Ok(()) => candidate.generation = generation,
             Err(BackendError::OutOfMemory { .. }) => return Ok(false),
             Err(e) => return Err(e),
@@ -124,50 +126,48 @@ impl SceneState {
     /// Refits the candidate and returns its SAH cost.
     pub(crate) fn evaluate(&mut self) -> Option<f64> {
         let geometry = geometry(&self.animation, &self.positions, self.range);
-        let tree = &mut self.candidate.as_mut()?.tree;
-        tree.preprocess(&geometry, self.intersector);
-        let (total, root) = tree.refit();
-        sah_cost(total, root.half_area())
-    }
-
-    fn check(&self, tree: &Topology) -> Result<()> {
-        check_tree(tree, &self.animation)?;
-        if tree.level_count() > MAX_DEPTH as usize + 1 {
-            let (levels, limit) = (tree.level_count(), MAX_DEPTH + 1);
-            let why = format!("it has {levels} levels, the limit is {limit}");
-            return Err(BackendError::WrongTree(why));
-        }
-        Ok(())
+        let candidate = &mut self.candidate.as_mut()?.accelerator;
+        candidate.preprocess(&geometry, self.intersector);
+        Self::cost(&mut **candidate)
     }
 
     pub(crate) fn interpolate(&mut self, pose: Pose) -> Result<()> {
         self.range = self.animation.range(pose);
         let moment = self.animation.moment(pose)?;
-        interpolate(&moment, (&self.runs, &mut self.positions));
+        interpolate(&moment, &self.runs, &mut self.positions);
         Ok(())
     }
 
     pub(crate) fn preprocess(&mut self) {
         let without_leaf = self.animation.triangle_count() - self.animation.live_count();
         let geometry = geometry(&self.animation, &self.positions, self.range);
-        self.unhittable = self.tree.preprocess(&geometry, self.intersector);
+        self.unhittable = self.accelerator.preprocess(&geometry, self.intersector);
         self.unhittable.inactive += without_leaf as u64;
     }
 
     /// Updates the boxes and the tree's SAH cost.
     pub(crate) fn refit(&mut self) {
-        let (total, root) = self.tree.refit();
-        self.sah_cost = sah_cost(total, root.half_area());
+        self.sah_cost = Self::cost(&mut *self.accelerator);
     }
 
-    pub(crate) fn trace(&self, query: Query<'_>, out: Output<'_>) -> Counts {
-        let task = TraceTask {
+    /// Refits a tree and returns its SAH cost.
+    fn cost(accelerator: &mut dyn Accelerator) -> Option<f64> {
+        let areas = accelerator.refit();
+        sah_cost(areas, accelerator.tree().root().half_area())
+    }
+
+    pub(crate) fn trace(&self, query: Query<'_>, out: TraceOutput<'_>) -> HitCounts {
+        let (geometry, tree) = (self.geometry(), self.accelerator.tree());
+        let light = query.kind.light();
+        let tracer = QueryTracer {
             query,
-            geometry: self.geometry(),
+            tree,
+            geometry,
             intersector: self.intersector,
-            settled: &self.settled,
+            light: light.map(|at| Light::new(at, &geometry, &tree.root())),
+            exact_rays: &self.exact_rays,
         };
-        self.tree.trace(task, out)
+        self.accelerator.trace(&tracer, out)
     }
 
     fn geometry(&self) -> Geometry<'_> {
@@ -178,7 +178,7 @@ impl SceneState {
     #[cfg(feature = "inspect")]
     pub(crate) fn boxes(&self) -> Result<Vec<geom::Aabb>> {
         let geometry = self.geometry();
-        let (boxes, scale) = (self.tree.boxes(&geometry)?, geometry.scale);
+        let (boxes, scale) = (self.accelerator.boxes(&geometry)?, geometry.scale);
         Ok(boxes.into_iter().map(|b| scale.undo(b)).collect())
     }
 }

@@ -1,6 +1,6 @@
 //! The shadow ray from a hit to a light.
 
-use crate::Geometry;
+use crate::geometry::Geometry;
 use crate::scale::{Scale, flushed};
 use geom::{Aabb, Hit, Point, Ray, Triangle};
 

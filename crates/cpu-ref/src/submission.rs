@@ -1,10 +1,9 @@
 //! Submissions: recorded commands and their results.
 
-use crate::interpolate::copy;
+use crate::output::TraceOutput;
 use crate::scene::SceneState;
-use crate::tiles::Output;
 use backend::{FrameReport, Hits, Query, QueryKind, Rays, Result, Snapshot, Spares, Ticket};
-use geom::{Camera, Hit, Point, Pose, Ray};
+use geom::{Camera, Hit, Point, Pose, Ray, copy_in_parallel};
 use rayon::prelude::*;
 use std::collections::VecDeque;
 use std::time::Instant;
@@ -91,7 +90,7 @@ impl Submission {
             Command::CopyPositions => {
                 let mut positions = copies.spares.pop().unwrap_or_default();
                 positions.resize(scene.positions.len(), [0.0; 3]);
-                copy(&scene.positions, &mut positions);
+                copy_in_parallel(&mut positions, &scene.positions);
                 self.report.readback_bytes += size_of_val(&positions[..]) as u64;
                 let ticket = self.ticket.expect("it has begun");
                 let copy = (ticket, copies.spares.lend(positions));
@@ -110,7 +109,7 @@ impl Submission {
         let wants = |is_wanted: bool| if is_wanted { count } else { 0 };
         fill(closest, wants(query.kind != QueryKind::Any), Hit::MISS);
         fill(blocked, wants(query.kind != QueryKind::Closest), 0);
-        let counts = scene.trace(query, Output::new(closest, blocked));
+        let counts = scene.trace(query, TraceOutput::new(closest, blocked));
         (self.report.hits, self.report.blocked) = match query.kind {
             QueryKind::Any => (counts.blocked, 0),
             QueryKind::Closest | QueryKind::ClosestAndShadow { .. } => {

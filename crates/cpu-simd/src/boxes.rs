@@ -1,7 +1,7 @@
 //! Operations on eight boxes at once: unions of neighbouring lanes, and areas.
 
 use crate::simd::{Eight, each};
-use crate::tree::{LANES, Planes};
+use crate::tree::{BoxPlanes, LANES};
 use bvh_layout::Ranges;
 use geom::Aabb;
 
@@ -11,9 +11,16 @@ pub(crate) struct EightBoxes<L> {
     pub(crate) high: [L; 3],
 }
 
+/// The union of eight boxes, and areas of unions of some of them.
+pub(crate) struct FoldedBoxes<L> {
+    pub(crate) whole: Aabb,
+    /// Half the surface area of each range of boxes.
+    pub(crate) half_areas: L,
+}
+
 impl<L: Eight> EightBoxes<L> {
     #[inline(always)]
-    pub(crate) fn load(planes: &Planes) -> Self {
+    pub(crate) fn load(planes: &BoxPlanes) -> Self {
         let halves = each!(axis => planes[axis].as_chunks::<LANES>().0);
         Self {
             low: each!(axis => L::load(&halves[axis][0])),
@@ -49,7 +56,7 @@ impl<L: Eight> EightBoxes<L> {
 
     /// Returns the union of all lanes, and the half areas of the boxes of `ranges`.
     #[inline(always)]
-    pub(crate) fn fold(&self, ranges: &Ranges) -> (Aabb, L) {
+    pub(crate) fn fold(&self, ranges: &Ranges) -> FoldedBoxes<L> {
         let twos = self.joined(1);
         let fours = twos.joined(2);
         let [first, second] = ranges.places();
@@ -66,7 +73,10 @@ impl<L: Eight> EightBoxes<L> {
             max: each!(axis => all.high[axis].store()[0]),
         };
         let used = L::mask((1 << ranges.count()) - 1);
-        (whole, L::splat(0.0).replace(used, of_ranges.half_areas()))
+        FoldedBoxes {
+            whole,
+            half_areas: L::splat(0.0).replace(used, of_ranges.half_areas()),
+        }
     }
 
     /// Returns half the surface area of each box, rounded to single precision.
@@ -99,23 +109,5 @@ impl Sums {
             total += sum;
         }
         total
-    }
-}
-
-/// Returns the box of one lane.
-#[inline(always)]
-pub(crate) fn bounds(planes: &Planes, lane: usize) -> Aabb {
-    Aabb {
-        min: each!(axis => planes[axis][lane]),
-        max: each!(axis => planes[axis][lane + LANES]),
-    }
-}
-
-/// Sets the box of one lane.
-#[inline(always)]
-pub(crate) fn set_bounds(planes: &mut Planes, lane: usize, bounds: &Aabb) {
-    for (axis, planes) in planes.iter_mut().enumerate() {
-        planes[lane] = bounds.min[axis];
-        planes[lane + LANES] = bounds.max[axis];
     }
 }

@@ -2,107 +2,106 @@
 //!
 //! The reference resolves rays whose hit is uncertain.
 
-use crate::intersect::{Intersect, Touch};
+use crate::intersect::{AnyHitTest, AnyHits};
 use crate::leaf::{OfBlock, OfLane, TriangleRay, Triangles, edges, solve};
-use crate::packet::{self, Packet, Patient, within_reach};
+use crate::packet::{self, PacketHits, PacketSearch, RayPacket};
 use crate::rays::{MOST_RAYS, OneRay};
-use crate::simd::{Halves, Isa, Lanes, Vector};
-use crate::tree::{LANES, NOWHERE, Wide, place};
-use crate::walk::{NodeRay, Placed, Stack, Visitor, walk};
-use cpu_ref::intersect::{DEPTH, Exact, SHEAR, SMALL};
+use crate::simd::{Isa, Lanes, PlaneVector, set_lanes};
+use crate::single::PlacedHit;
+use crate::tree::{Bvh8, LANES, NOWHERE, place};
+use crate::walk::{NodeRay, TraversalStack, Visitor, walk};
 use cpu_ref::scale::LEAST;
+use cpu_ref::{DEPTH, SHEAR, SMALL};
 use geom::Hit;
 
-impl Intersect for Exact {
-    const IS_EXACT: bool = true;
-    type Reference = Self;
+/// Intersector `exact` in lanes.
+pub(crate) struct ExactFilter;
 
+impl AnyHitTest for ExactFilter {
     #[inline(always)]
-    fn touch<L: Lanes>(ray: &TriangleRay<L>, triangles: &impl Triangles<L>) -> Touch {
-        match judge(ray, triangles, ray.t_max) {
-            Some(judged) => Touch {
-                hit: judged.sure,
-                open: judged.possible & !judged.sure,
+    fn any_hit<L: Lanes>(ray: &TriangleRay<L>, triangles: &impl Triangles<L>) -> AnyHits {
+        match filter(ray, triangles, ray.t_max) {
+            Some(possible) => AnyHits {
+                hit: possible.sure,
+                open: possible.lanes & !possible.sure,
             },
-            None => Touch::NOTHING,
+            None => AnyHits::default(),
         }
     }
+}
 
-    #[inline(always)]
-    fn closest_alone<I: Isa>(
-        tree: &Wide,
-        ray: &OneRay<'_, impl Lanes>,
-        stack: &mut Stack,
-    ) -> Placed {
-        let mut closest = Alone {
-            tree,
-            ray,
-            bound: ray.t_max(),
-            low: NEVER,
-            other: NEVER,
-            place: NOWHERE,
-        };
-        let node_ray = NodeRay::<I::Eight>::new(ray, tree.spread);
-        walk::<I>(tree, (&node_ray, ray.t_max()), stack, &mut closest);
-        Placed {
-            hit: Hit::MISS,
-            place: closest.place,
-            is_open: closest.other < NEVER && closest.other <= closest.bound,
-        }
+/// Returns the triangle that one ray hits first. The reference computes its numbers.
+#[inline(always)]
+pub(crate) fn closest_of_ray<I: Isa>(
+    tree: &Bvh8,
+    ray: &OneRay<'_, impl Lanes>,
+    stack: &mut TraversalStack,
+) -> PlacedHit {
+    let mut closest = ExactClosestOfRay {
+        tree,
+        ray,
+        bound: ray.t_max(),
+        low: NEVER,
+        other: NEVER,
+        place: NOWHERE,
+    };
+    let node_ray = NodeRay::<I::Eight>::new(ray, tree.spread);
+    walk::<I>(tree, &node_ray, stack, &mut closest);
+    PlacedHit {
+        hit: Hit::MISS,
+        place: closest.place,
+        is_open: closest.other < NEVER && closest.other <= closest.bound,
     }
+}
 
-    #[inline(always)]
-    fn closest_together<I: Isa>(
-        tree: &Wide,
-        packet: &Packet<I::Packet, I::Planes>,
-        stack: &mut Stack,
-    ) -> Option<packet::Found<I::Packet>> {
-        let never = I::Packet::splat(NEVER);
-        let mut closest = Together {
-            tree,
-            packet,
-            bound: packet.t_max,
-            low: never,
-            other: never,
-            places: [NOWHERE; MOST_RAYS],
-            placed: 0,
-            patience: Patient::FULL,
-        };
-        let rays = (&packet.bundle, packet.bound);
-        let gave_up = walk::<I>(tree, rays, stack, &mut closest);
-        let zero = I::Packet::splat(0.0);
-        let other = closest.other;
-        let open = I::Packet::both(other.less(never), other.at_most(closest.bound));
-        (!gave_up).then_some(packet::Found {
-            t: closest.bound,
-            u: zero,
-            v: zero,
-            places: closest.places,
-            open: I::Packet::bits(open),
-        })
-    }
+/// Returns the triangles that the rays of a packet hit first, or `None` if tracing its rays singly is likely to be faster.
+#[inline(always)]
+pub(crate) fn closest_of_packet<I: Isa>(
+    tree: &Bvh8,
+    packet: &RayPacket<I::Packet, I::Planes>,
+    stack: &mut TraversalStack,
+) -> Option<PacketHits<I::Packet>> {
+    let never = I::Packet::splat(NEVER);
+    let mut closest = ExactClosestOfPacket {
+        bound: packet.t_max,
+        low: never,
+        other: never,
+        places: [NOWHERE; MOST_RAYS],
+        placed: 0,
+    };
+    let completed = packet::search::<I>(tree, packet, stack, &mut closest);
+    let zero = I::Packet::splat(0.0);
+    let other = closest.other;
+    let open = I::Packet::both(other.less(never), other.at_most(closest.bound));
+    completed.then_some(PacketHits {
+        t: closest.bound,
+        u: zero,
+        v: zero,
+        places: closest.places,
+        open: I::Packet::bits(open),
+    })
 }
 
 /// A `t` after the start of every interval.
 const NEVER: f32 = f32::MAX;
 
 /// Triangles that may be hit, with an interval that contains the exact `t` of a hit.
-struct Judged<L> {
+struct PossibleHits<L> {
     /// Lanes that may be hit.
-    possible: u32,
+    lanes: u32,
     /// Lanes that are certainly hit within the ray's limits.
     sure: u32,
     low: L,
     high: L,
 }
 
-/// Tests triangles whose boxes are entered no later than `best`, as the reference's `judge` does.
+/// Tests triangles whose boxes are entered no later than `best`, as the reference's filter does.
 #[inline(always)]
-fn judge<L: Lanes>(
+fn filter<L: Lanes>(
     ray: &TriangleRay<L>,
     triangles: &impl Triangles<L>,
     best: L,
-) -> Option<Judged<L>> {
+) -> Option<PossibleHits<L>> {
     let corners = ray.relative(triangles);
     let [x, y, along] = ray.sheared(&corners);
     let edges = edges(&x, &y);
@@ -146,8 +145,8 @@ fn judge<L: Lanes>(
     let high = spans.exit.replace(tells, far);
     let [after, before] = sure_limits(ray);
     let within = L::both(after.less(low), high.less(before));
-    Some(Judged {
-        possible,
+    Some(PossibleHits {
+        lanes: possible,
         sure: possible & L::bits(L::both(certain, within)),
         low,
         high,
@@ -183,8 +182,8 @@ fn least_of<L: Lanes>([a, b, c]: &[L; 3]) -> L {
 }
 
 /// The closest hit of one ray so far.
-struct Alone<'a, R: Lanes> {
-    tree: &'a Wide,
+struct ExactClosestOfRay<'a, R: Lanes> {
+    tree: &'a Bvh8,
     ray: &'a OneRay<'a, R>,
     /// Least upper end of the intervals of certain hits.
     bound: f32,
@@ -196,24 +195,21 @@ struct Alone<'a, R: Lanes> {
     place: u32,
 }
 
-impl<I: Isa, R: Lanes> Visitor<I> for Alone<'_, R> {
+impl<I: Isa, R: Lanes> Visitor<I> for ExactClosestOfRay<'_, R> {
     #[inline(always)]
     fn block(&mut self, block: usize, bound: f32) -> Option<f32> {
         let tree = self.tree;
         let ray = TriangleRay::<I::Eight>::single(self.ray);
-        let Some(judged) = judge(&ray, &OfBlock { tree, block }, I::Eight::splat(bound)) else {
+        let Some(possible) = filter(&ray, &OfBlock { tree, block }, I::Eight::splat(bound)) else {
             return Some(bound);
         };
-        let (low, high) = (judged.low.store(), judged.high.store());
-        let mut lanes = judged.possible;
-        while lanes != 0 {
-            let lane = lanes.trailing_zeros() as usize % LANES;
-            lanes &= lanes - 1;
+        let (low, high) = (possible.low.store(), possible.high.store());
+        for lane in set_lanes::<LANES>(possible.lanes) {
             let (low, high) = (low[lane], high[lane]);
             if low > self.bound {
                 continue;
             }
-            if judged.sure >> lane & 1 == 0 || high >= self.bound {
+            if possible.sure >> lane & 1 == 0 || high >= self.bound {
                 self.other = self.other.min(low);
                 continue;
             }
@@ -227,48 +223,25 @@ impl<I: Isa, R: Lanes> Visitor<I> for Alone<'_, R> {
     }
 }
 
-/// The closest hits of a packet so far, one per lane. The fields correspond to those of [`Alone`].
-struct Together<'a, L: Lanes, P> {
-    tree: &'a Wide,
-    packet: &'a Packet<L, P>,
+/// The closest hits of a packet so far, one per lane. The fields correspond to those of [`ExactClosestOfRay`].
+struct ExactClosestOfPacket<L> {
     bound: L,
     low: L,
     other: L,
     places: [u32; MOST_RAYS],
     /// Lanes that have a hit.
     placed: u32,
-    patience: Patient,
 }
 
-impl<I, L: Lanes, P: Halves> Visitor<I> for Together<'_, L, P> {
+impl<L: Lanes> PacketSearch<L> for ExactClosestOfPacket<L> {
     #[inline(always)]
-    fn block(&mut self, block: usize, bound: f32) -> Option<f32> {
-        let tree = self.tree;
-        let mut lanes = within_reach(&tree.blocks[block], &self.packet.bundle, bound);
-        self.patience.spend(lanes.count_ones())?;
-        let mut changed = false;
-        while lanes != 0 {
-            let lane = lanes.trailing_zeros() as usize % LANES;
-            lanes &= lanes - 1;
-            changed |= self.triangle(OfLane { tree, block, lane });
-        }
-        if changed {
-            return Some(self.bound.mul(self.packet.level).most());
-        }
-        Some(bound)
-    }
-}
-
-impl<L: Lanes, P> Together<'_, L, P> {
-    /// Tests a triangle. Returns whether a bound has changed.
-    #[inline(always)]
-    fn triangle(&mut self, triangle: OfLane<'_>) -> bool {
-        let Some(judged) = judge(&self.packet.rays, &triangle, self.bound) else {
+    fn triangle(&mut self, rays: &TriangleRay<L>, triangle: OfLane<'_>) -> bool {
+        let Some(possible) = filter(rays, &triangle, self.bound) else {
             return false;
         };
-        let (low, high) = (judged.low, judged.high);
-        let counts = judged.possible & L::bits(low.at_most(self.bound));
-        let better = counts & judged.sure & L::bits(high.less(self.bound));
+        let (low, high) = (possible.low, possible.high);
+        let counts = possible.lanes & L::bits(low.at_most(self.bound));
+        let better = counts & possible.sure & L::bits(high.less(self.bound));
         let as_near = better & self.placed & L::bits(self.low.at_most(high));
         let begins = self.low.replace(L::mask(counts & !better), low);
         let others = L::mask((counts & !better) | as_near);
@@ -279,5 +252,10 @@ impl<L: Lanes, P> Together<'_, L, P> {
         L::put(&mut self.places, mask, place(triangle.block, triangle.lane));
         self.placed |= better;
         better != 0
+    }
+
+    #[inline(always)]
+    fn bound(&self) -> L {
+        self.bound
     }
 }

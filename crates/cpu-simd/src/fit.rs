@@ -1,14 +1,14 @@
 //! Preprocess and refit: computes corners and boxes from positions, block by block and node by node.
 
-use crate::boxes::{EightBoxes, Sums, set_bounds};
-use crate::leaf::scaled;
-use crate::simd::{Eight, Isa, Lanes, Vector, Work, each, prefetch};
+use crate::boxes::{EightBoxes, FoldedBoxes, Sums};
+use crate::simd::{Eight, Isa, Lanes, PlaneVector, VectorWork, each, prefetch, set_lanes};
 use crate::subtrees::{LevelPart, Subtrees};
-use crate::tree::{Block, EMPTY, LANES, Link, Node, Wide};
-use bvh_layout::{Block as Source, BlockTree};
-use cpu_ref::pass::{Which, Window};
+use crate::tree::{Bvh8, EMPTY, LANES, Link, Node8, TriangleBlock, set_bounds, triangle};
+use crate::units::scaled;
+use crate::window::Window;
+use bvh_layout::{Block, BlockTree};
 use cpu_ref::{Geometry, Unhittable};
-use geom::{Aabb, Triangle, is_degenerate};
+use geom::is_degenerate;
 use std::ops::Add;
 
 /// Distance, in blocks, at which vertices are prefetched, because they are scattered in memory.
@@ -33,22 +33,38 @@ impl Add for Fitted {
     }
 }
 
-impl Wide {
-    /// Sets the corners of blocks, and all boxes from there up to the root's lanes. `which` has the nodes to fit of
+/// A tree, and the positions that its corners and boxes are computed from.
+pub(crate) struct FitTask<'a> {
+    pub(crate) tree: &'a mut Bvh8,
+    pub(crate) shape: &'a BlockTree,
+    /// Set if nodes and blocks still have the contents of another tree. Then every node and block is fitted.
+    pub(crate) stale: bool,
+    pub(crate) geometry: &'a Geometry<'a>,
+    /// The numbers of all nodes.
+    pub(crate) all_nodes: &'a [u32],
+}
+
+impl FitTask<'_> {
+    /// Sets the corners of all blocks and the boxes of all nodes.
+    pub(crate) fn fit_all(&mut self) -> Fitted {
+        let (levels, all) = (self.shape.levels.iter(), self.all_nodes);
+        self.fit(levels.map(|level| &all[level.clone()]), None)
+    }
+
+    /// Sets the corners of blocks, and all boxes from there up to the root's lanes. `selected` has the nodes to fit of
     /// each level, root first. `lanes` has a bit for each lane to fit of each node; `None` fits all lanes.
-    pub(crate) fn fit<'a>(
-        &'a mut self,
-        which: impl Iterator<Item = Which<'a>>,
+    pub(crate) fn fit<'s>(
+        &'s mut self,
+        selected: impl Iterator<Item = &'s [u32]>,
         lanes: Option<&[u8]>,
-        geometry: &Geometry<'_>,
     ) -> Fitted {
-        let (shape, instructions) = (&*self.shape, self.level);
-        let stale = std::mem::take(&mut self.stale);
-        let tree = Subtrees::of(shape, which, (&mut self.nodes, &mut self.blocks));
-        tree.fold(shape, &|level, below| {
-            instructions.run(FitLevel {
-                level,
-                inputs: Inputs {
+        let (shape, level) = (self.shape, self.tree.level);
+        let (nodes, blocks) = (&mut self.tree.nodes, &mut self.tree.blocks);
+        let (geometry, stale) = (self.geometry, std::mem::take(&mut self.stale));
+        Subtrees::of(shape, selected, nodes, blocks).fold(shape, &|part, below| {
+            level.run(FitLevel {
+                level: part,
+                inputs: FitInputs {
                     shape,
                     geometry,
                     stale,
@@ -62,56 +78,55 @@ impl Wide {
 
 struct FitLevel<'a, 'b> {
     level: &'a mut LevelPart<'b>,
-    inputs: Inputs<'a>,
+    inputs: FitInputs<'a>,
 }
 
 /// Input of fitting a level.
 #[derive(Clone, Copy)]
-struct Inputs<'a> {
+struct FitInputs<'a> {
     shape: &'a BlockTree,
     geometry: &'a Geometry<'a>,
-    /// Set if nodes and blocks still have the contents of another tree. Then every node and block is fitted.
     stale: bool,
     lanes: Option<&'a [u8]>,
     /// The level below, which is fitted already.
-    below: Option<&'a Window<'a, Node>>,
+    below: Option<&'a Window<'a, Node8>>,
 }
 
-impl Work for FitLevel<'_, '_> {
+impl VectorWork for FitLevel<'_, '_> {
     type Out = Fitted;
 
     #[inline(always)]
     fn run<I: Isa>(self) -> Fitted {
         let (level, inputs) = (self.level, self.inputs);
         let (mut fitted, mut sums) = (Fitted::default(), Sums::default());
-        for place in 0..level.which.count() {
-            let n = level.which.at(place);
+        for &n in level.selected {
+            let n = n as usize;
             let lanes = inputs.lanes.map_or(u8::MAX, |lanes| lanes[n]);
             let node = &mut level.nodes[n];
             if inputs.stale {
                 let shape = &inputs.shape.nodes[n];
-                *node = Node {
+                *node = Node8 {
                     planes: EMPTY,
                     links: shape.links,
                     ranges: shape.ranges,
                 };
             }
-            for lane in 0..LANES {
+            for lane in set_lanes::<LANES>(u32::from(lanes)) {
                 let link = node.links[lane];
-                if lanes >> lane & 1 == 0 || link == Link::ROOT {
+                if link == Link::ROOT {
                     continue;
                 }
-                let (whole, areas) = if link.is_block() {
+                let folded = if link.is_block() {
                     let block = &mut level.blocks[link.index()];
-                    inputs.fit_block::<I>((link.index(), block), &mut fitted.unhittable)
+                    inputs.fit_block::<I>(link.index(), block, &mut fitted.unhittable)
                 } else if let Some(below) = inputs.below {
                     let child = &below[link.index()];
                     EightBoxes::load(&child.planes).fold(&child.ranges)
                 } else {
                     continue;
                 };
-                set_bounds(&mut node.planes, lane, &whole);
-                sums.add(areas);
+                set_bounds(&mut node.planes, lane, &folded.whole);
+                sums.add(folded.half_areas);
             }
         }
         fitted.areas = sums.total();
@@ -119,14 +134,15 @@ impl Work for FitLevel<'_, '_> {
     }
 }
 
-impl Inputs<'_> {
+impl FitInputs<'_> {
     /// Sets a block's corners. Returns its box, and the half areas of the boxes within.
     #[inline(always)]
     fn fit_block<I: Isa>(
         &self,
-        (number, block): (usize, &mut Block),
+        number: usize,
+        block: &mut TriangleBlock,
         unhittable: &mut Unhittable,
-    ) -> (Aabb, I::Eight) {
+    ) -> FoldedBoxes<I::Eight> {
         let source = &self.shape.blocks[number];
         let later = self.shape.blocks.get(number + AHEAD).unwrap_or(source);
         // The other vertices of a triangle are mostly near its first one in memory.
@@ -137,8 +153,11 @@ impl Inputs<'_> {
             block.triangles = source.triangles;
         }
         let boxes = fill::<I>(self.geometry, source, block, unhittable);
-        let (whole, areas) = boxes.fold(&source.ranges);
-        (whole, areas.add(boxes.half_areas()))
+        let folded = boxes.fold(&source.ranges);
+        FoldedBoxes {
+            half_areas: folded.half_areas.add(boxes.half_areas()),
+            ..folded
+        }
     }
 }
 
@@ -146,8 +165,8 @@ impl Inputs<'_> {
 #[inline(always)]
 fn fill<I: Isa>(
     geometry: &Geometry<'_>,
-    source: &Source,
-    block: &mut Block,
+    source: &Block,
+    block: &mut TriangleBlock,
     unhittable: &mut Unhittable,
 ) -> EightBoxes<I::Eight> {
     let corners = each!(corner => {
@@ -192,16 +211,14 @@ fn hittable<L: Eight>(corners: &[[L; 3]; 3], count: u32, unhittable: &mut Unhitt
     ));
     let finite = L::bits(finite);
     unhittable.inactive += u64::from(count - finite.count_ones());
-    let mut doubtful = finite & !clear;
+    let doubtful = finite & !clear;
     let mut hittable = finite & clear;
     if doubtful == 0 {
         return hittable;
     }
     let corners = each!(axis => each!(i => corners[i][axis].store()));
-    while doubtful != 0 {
-        let lane = doubtful.trailing_zeros();
-        doubtful &= doubtful - 1;
-        if is_degenerate(&triangle(&corners, lane as usize)) {
+    for lane in set_lanes::<LANES>(doubtful) {
+        if is_degenerate(&triangle(&corners, lane)) {
             unhittable.degenerate += 1;
         } else {
             hittable |= 1 << lane;
@@ -218,9 +235,4 @@ fn stands_clear<L: Lanes>(edges: &[[L; 2]; 3], i: usize, j: usize) -> L::Mask {
     let size = p.abs().add(q.abs());
     let doubt = size.mul(L::splat(8.0 * f32::EPSILON));
     doubt.add(L::splat(1e-30)).less(p.sub(q).abs())
-}
-
-#[inline(always)]
-pub(crate) fn triangle(corners: &[[[f32; LANES]; 3]; 3], lane: usize) -> Triangle {
-    each!(c => each!(axis => corners[axis][c][lane]))
 }

@@ -1,111 +1,61 @@
-//! Vectorized intersectors. Each returns the same bits as the reference.
+//! The triangle tests in lanes. Each returns the same bits as the reference.
 
-use crate::leaf::{Meetings, TriangleRay, Triangles};
-use crate::packet::{self, Packet};
-use crate::rays::OneRay;
-use crate::simd::{Isa, Lanes, each};
-use crate::tree::Wide;
-use crate::walk::{self, Placed, Stack};
-use cpu_ref::intersect::{MollerTrumbore, Search, Watertight, Woop};
-
-/// An intersector as the tracer of the wide tree sees it. All functions must be `#[inline(always)]`.
-pub(crate) trait Intersect: Sync {
-    /// Whether the lanes only filter hits, so that the reference computes the reported values.
-    const IS_EXACT: bool;
-    /// The same intersector for one ray and one triangle.
-    type Reference: for<'a> Search<&'a Wide>;
-
-    /// Returns the lanes that hit within the ray's limits.
-    fn touch<L: Lanes>(ray: &TriangleRay<L>, triangles: &impl Triangles<L>) -> Touch;
-
-    /// Returns the closest hit of one ray, with `t` in scaled units.
-    fn closest_alone<I: Isa>(
-        tree: &Wide,
-        ray: &OneRay<'_, impl Lanes>,
-        stack: &mut Stack,
-    ) -> Placed;
-
-    /// Returns the closest hits of a packet, or `None` if tracing its rays singly is likely to be faster.
-    fn closest_together<I: Isa>(
-        tree: &Wide,
-        packet: &Packet<I::Packet, I::Planes>,
-        stack: &mut Stack,
-    ) -> Option<packet::Found<I::Packet>>;
-}
-
-/// Lanes that certainly hit, and lanes that rounded arithmetic cannot decide.
-#[derive(Clone, Copy)]
-pub(crate) struct Touch {
-    pub(crate) hit: u32,
-    pub(crate) open: u32,
-}
-
-impl Touch {
-    pub(crate) const NOTHING: Self = Self { hit: 0, open: 0 };
-}
+use crate::leaf::{TriangleHits, TriangleRay, Triangles};
+use crate::simd::{Lanes, each};
+use cpu_ref::intersect::{MollerTrumbore, Watertight, Woop};
 
 /// A test that computes the reported values itself.
 pub(crate) trait LaneTest: Sync {
     /// Returns the intersections with `t` clamped and at most `best`. Must be `#[inline(always)]`.
-    fn meet<L: Lanes>(
+    fn intersect<L: Lanes>(
         ray: &TriangleRay<L>,
         triangles: &impl Triangles<L>,
         best: L,
-    ) -> Option<Meetings<L>>;
+    ) -> Option<TriangleHits<L>>;
 }
 
-impl<T: LaneTest + for<'a> Search<&'a Wide>> Intersect for T {
-    const IS_EXACT: bool = false;
-    type Reference = T;
+/// A test that any-hit searches use.
+pub(crate) trait AnyHitTest: Sync {
+    /// Returns the lanes that hit within the ray's limits. Must be `#[inline(always)]`.
+    fn any_hit<L: Lanes>(ray: &TriangleRay<L>, triangles: &impl Triangles<L>) -> AnyHits;
+}
 
-    #[inline(always)]
-    fn touch<L: Lanes>(ray: &TriangleRay<L>, triangles: &impl Triangles<L>) -> Touch {
-        match T::meet(ray, triangles, ray.t_max) {
-            Some(met) => Touch {
-                hit: met.lanes,
-                open: 0,
-            },
-            None => Touch::NOTHING,
-        }
-    }
+/// Lanes that certainly hit, and lanes that rounded arithmetic cannot decide.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct AnyHits {
+    pub(crate) hit: u32,
+    pub(crate) open: u32,
+}
 
+impl<T: LaneTest> AnyHitTest for T {
     #[inline(always)]
-    fn closest_alone<I: Isa>(
-        tree: &Wide,
-        ray: &OneRay<'_, impl Lanes>,
-        stack: &mut Stack,
-    ) -> Placed {
-        walk::closest::<I, T>(tree, ray, stack)
-    }
-
-    #[inline(always)]
-    fn closest_together<I: Isa>(
-        tree: &Wide,
-        packet: &Packet<I::Packet, I::Planes>,
-        stack: &mut Stack,
-    ) -> Option<packet::Found<I::Packet>> {
-        packet::closest::<I, T>(tree, packet, stack)
+    fn any_hit<L: Lanes>(ray: &TriangleRay<L>, triangles: &impl Triangles<L>) -> AnyHits {
+        let hit = match T::intersect(ray, triangles, ray.t_max) {
+            Some(hits) => hits.lanes,
+            None => 0,
+        };
+        AnyHits { hit, open: 0 }
     }
 }
 
 impl LaneTest for Watertight {
     #[inline(always)]
-    fn meet<L: Lanes>(
+    fn intersect<L: Lanes>(
         ray: &TriangleRay<L>,
         triangles: &impl Triangles<L>,
         best: L,
-    ) -> Option<Meetings<L>> {
-        ray.meet_watertight(triangles, best)
+    ) -> Option<TriangleHits<L>> {
+        ray.intersect_watertight(triangles, best)
     }
 }
 
 impl LaneTest for MollerTrumbore {
     #[inline(always)]
-    fn meet<L: Lanes>(
+    fn intersect<L: Lanes>(
         ray: &TriangleRay<L>,
         triangles: &impl Triangles<L>,
         best: L,
-    ) -> Option<Meetings<L>> {
+    ) -> Option<TriangleHits<L>> {
         let [a, b, c] = each!(c => each!(i => triangles.corner(i, c)));
         let (e1, e2) = (each!(i => b[i].sub(a[i])), each!(i => c[i].sub(a[i])));
         let p = cross(&ray.direction, &e2);
@@ -115,17 +65,17 @@ impl LaneTest for MollerTrumbore {
         let q = cross(&s, &e1);
         let v = dot(&ray.direction, &q).mul(inverse);
         let t = dot(&e2, &q).mul(inverse);
-        meet_textbook(ray, triangles, [t, u, v], best)
+        clamp_inside(ray, triangles, [t, u, v], best)
     }
 }
 
 impl LaneTest for Woop {
     #[inline(always)]
-    fn meet<L: Lanes>(
+    fn intersect<L: Lanes>(
         ray: &TriangleRay<L>,
         triangles: &impl Triangles<L>,
         best: L,
-    ) -> Option<Meetings<L>> {
+    ) -> Option<TriangleHits<L>> {
         let [to_u, to_v, to_height] = each!(row => Row {
             vector: each!(i => triangles.record(row, i)),
             offset: triangles.record(row, 3),
@@ -137,7 +87,7 @@ impl LaneTest for Woop {
         let u = u.add(t.mul(to_u.of(&ray.direction, none)));
         let v = to_v.of(&ray.start, one);
         let v = v.add(t.mul(to_v.of(&ray.direction, none)));
-        meet_textbook(ray, triangles, [t, u, v], best)
+        clamp_inside(ray, triangles, [t, u, v], best)
     }
 }
 
@@ -157,13 +107,14 @@ impl<L: Lanes> Row<L> {
     }
 }
 
+/// Returns the hits that are inside their triangle, with `t` clamped to the triangle's box.
 #[inline(always)]
-fn meet_textbook<L: Lanes>(
+fn clamp_inside<L: Lanes>(
     ray: &TriangleRay<L>,
     triangles: &impl Triangles<L>,
     [t, u, v]: [L; 3],
     best: L,
-) -> Option<Meetings<L>> {
+) -> Option<TriangleHits<L>> {
     let (zero, one) = (L::splat(0.0), L::splat(1.0));
     let positive = L::both(zero.at_most(u), zero.at_most(v));
     let inside = L::bits(L::both(positive, u.add(v).at_most(one)));

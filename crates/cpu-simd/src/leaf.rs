@@ -1,12 +1,11 @@
 //! Parts of all triangle tests in lanes, for one ray and eight triangles or many rays and one triangle, and the watertight test.
 
-use crate::rays::{Group, OneRay};
-use crate::simd::{Lanes, each};
-use crate::tree::{LANES, Wide};
+use crate::rays::{Group, MOST_RAYS, OneRay};
+use crate::simd::{Lanes, each, set_lanes};
+use crate::tree::{Bvh8, LANES};
+use crate::units::flushed;
 use cpu_ref::intersect::has_equal_signs;
-use cpu_ref::scale::{LEAST, Scale};
-use cpu_ref::slab::{FARTHEST, PAD};
-use glam::Vec4;
+use cpu_ref::{FARTHEST, PAD};
 
 /// Rays prepared for the test, one per lane, or one ray in all lanes.
 /// Axes are in the order `kx, ky, kz`, which all lanes share, as they share the signs of directions.
@@ -38,7 +37,7 @@ pub(crate) trait Triangles<L> {
 /// All triangles of a block, one in each lane.
 #[derive(Clone, Copy)]
 pub(crate) struct OfBlock<'a> {
-    pub(crate) tree: &'a Wide,
+    pub(crate) tree: &'a Bvh8,
     pub(crate) block: usize,
 }
 
@@ -57,7 +56,7 @@ impl<L: Lanes<Array = [f32; LANES]>> Triangles<L> for OfBlock<'_> {
 /// One triangle of a block, in all lanes.
 #[derive(Clone, Copy)]
 pub(crate) struct OfLane<'a> {
-    pub(crate) tree: &'a Wide,
+    pub(crate) tree: &'a Bvh8,
     pub(crate) block: usize,
     pub(crate) lane: usize,
 }
@@ -88,7 +87,7 @@ pub(crate) fn slack<L: Lanes>([x, y, z]: &[[L; 2]; 3]) -> L {
 const AXES: [[usize; 3]; 3] = [[1, 2, 0], [2, 0, 1], [0, 1, 2]];
 
 /// Hits of a ray with triangles of a block, or of rays with one triangle.
-pub(crate) struct Meetings<L: Lanes> {
+pub(crate) struct TriangleHits<L: Lanes> {
     /// Bit `lane` is set if that lane has a hit.
     pub(crate) lanes: u32,
     pub(crate) t: L,
@@ -148,13 +147,13 @@ impl<L: Lanes> TriangleRay<L> {
 
     /// Tests each lane's ray with each lane's triangle. `t` is clamped, and at most `best`.
     ///
-    /// Distances must be below [`cpu_ref::slab::CALM`], so that no edge function overflows.
+    /// Distances must be below [`cpu_ref::CALM`], so that no edge function overflows.
     #[inline(always)]
-    pub(crate) fn meet_watertight(
+    pub(crate) fn intersect_watertight(
         &self,
         triangles: &impl Triangles<L>,
         best: L,
-    ) -> Option<Meetings<L>> {
+    ) -> Option<TriangleHits<L>> {
         let corners = &self.relative(triangles);
         let [x, y, along] = self.sheared(corners);
         let edges = edges(&x, &y);
@@ -167,7 +166,7 @@ impl<L: Lanes> TriangleRay<L> {
         if lanes == 0 {
             return None;
         }
-        lanes = settle(lanes, &edges, &x, &y);
+        lanes = resolve_zeros(lanes, &edges, &x, &y);
         let depths = self.depths(&along);
         let [t, u, v] = solve(&edges, &depths);
         self.within(&spans, lanes, [t, u, v], best)
@@ -181,14 +180,14 @@ impl<L: Lanes> TriangleRay<L> {
         mut lanes: u32,
         [t, u, v]: [L; 3],
         best: L,
-    ) -> Option<Meetings<L>> {
+    ) -> Option<TriangleHits<L>> {
         let t = t
             .replace(t.less(spans.entry), spans.entry)
             .replace(spans.exit.less(t), spans.exit);
         let t = flushed(t);
         let within = L::both(self.t_min.less(t), t.less(self.t_max));
         lanes &= L::bits(L::both(within, t.at_most(best)));
-        (lanes != 0).then_some(Meetings { lanes, t, u, v })
+        (lanes != 0).then_some(TriangleHits { lanes, t, u, v })
     }
 
     /// Returns the corners relative to the ray's origin.
@@ -259,7 +258,7 @@ fn without_conflict<L: Lanes>([u, v, w]: &[L; 3]) -> L::Mask {
 
 /// Removes the lanes that miss once signs of zeros are computed exactly. No lane in `lanes` has opposite signs.
 #[inline(always)]
-fn settle<L: Lanes>(lanes: u32, edges: &[L; 3], x: &[L; 3], y: &[L; 3]) -> u32 {
+fn resolve_zeros<L: Lanes>(lanes: u32, edges: &[L; 3], x: &[L; 3], y: &[L; 3]) -> u32 {
     let zero = L::splat(0.0);
     let [u, v, w] = edges;
     let (least, most) = (u.min(*v).min(*w), u.max(*v).max(*w));
@@ -272,37 +271,19 @@ fn settle<L: Lanes>(lanes: u32, edges: &[L; 3], x: &[L; 3], y: &[L; 3]) -> u32 {
         each!(i => x[i].store()),
         each!(i => y[i].store()),
     ];
-    lanes & (sure | settle_exactly::<L>(lanes & !sure, &stored))
+    lanes & (sure | resolve_exactly::<L>(lanes & !sure, &stored))
 }
 
 /// Returns the subset of `lanes` that are hit, with all signs exact.
 #[cold]
 #[inline(never)]
-fn settle_exactly<L: Lanes>(mut lanes: u32, [edges, x, y]: &[[L::Array; 3]; 3]) -> u32 {
+fn resolve_exactly<L: Lanes>(lanes: u32, [edges, x, y]: &[[L::Array; 3]; 3]) -> u32 {
     let mut hit = 0;
-    while lanes != 0 {
-        let lane = lanes.trailing_zeros() as usize;
-        lanes &= lanes - 1;
-        let at = |of: &[L::Array; 3]| {
-            let [a, b, c] = of.each_ref().map(|x| x.as_ref()[lane]);
-            Vec4::new(a, b, c, 0.0)
-        };
-        hit |= u32::from(has_equal_signs(at(edges), at(x), at(y))) << lane;
+    for lane in set_lanes::<MOST_RAYS>(lanes) {
+        let at = |of: &[L::Array; 3]| of.each_ref().map(|x| x.as_ref()[lane]);
+        hit |= u32::from(has_equal_signs(&at(edges), &at(x), &at(y))) << lane;
     }
     hit
-}
-
-/// Returns `x`, or zero where `|x|` is below `2^-100`.
-#[inline(always)]
-pub(crate) fn flushed<L: Lanes>(x: L) -> L {
-    x.replace(x.abs().less(L::splat(LEAST)), L::splat(0.0))
-}
-
-/// Applies [`Scale::apply`] to each lane.
-#[inline(always)]
-pub(crate) fn scaled<L: Lanes>(scale: Scale, x: L) -> L {
-    let x = x.mul(L::splat(scale.factor()));
-    x.replace(x.abs().less(L::splat(Scale::LEAST)), L::splat(0.0))
 }
 
 /// Computes distance and weights, as the reference's `solve` does, for each lane.

@@ -3,7 +3,18 @@
 //! The adopted binary tree is collapsed (Wald, Benthin, Boulos 2008). A subtree of at most eight triangles becomes a
 //! *block*, whose triangles are tested together. Above the blocks, each node has up to eight children, whose boxes are
 //! tested together. Boxes of single triangles are not stored, since they are computed from the corners when needed.
+//!
+//! Each module uses only modules above it in this list:
+//!
+//! - `simd`, `units`: vectors; `window`, `tiles`: work for parallel tasks;
+//! - `tree`, `boxes`: nodes, blocks, and operations on eight boxes;
+//! - `rays`, `leaf`, `intersect`: prepared rays, and the triangle tests in lanes;
+//! - `walk`, `single`, `packet`, `exact`, `search`: traversal, and the searches of rays and packets;
+//! - `light`, `visit`, `trace`: shadow rays, the reference's view of the tree, and all rays of a query;
+//! - `subtrees`, `fit`, `moving`: preprocess and refit, of all nodes or of the moving ones;
+//! - `accelerator`: the tree that the backend adopts.
 
+mod accelerator;
 mod boxes;
 mod exact;
 mod fit;
@@ -13,21 +24,26 @@ mod light;
 mod moving;
 mod packet;
 mod rays;
+mod search;
 mod simd;
+mod single;
 mod subtrees;
 #[cfg(test)]
 mod tests {
     mod boxes;
     mod simd;
 }
+mod tiles;
 mod trace;
 mod tree;
+mod units;
 mod visit;
 mod walk;
+mod window;
 
+use accelerator::WideAccelerator;
 use backend::{BackendName, Result};
 use cpu_ref::CpuBackend;
-use tree::Wide;
 
 pub use simd::Level;
 
@@ -46,6 +62,6 @@ pub fn open(threads: Option<usize>) -> Result<CpuBackend> {
 /// See [`CpuBackend::new`].
 pub fn open_at(level: Level, threads: Option<usize>) -> Result<CpuBackend> {
     CpuBackend::with_trees(BackendName::Cpu, threads, move || {
-        Box::new(Wide::new(level))
+        Box::new(WideAccelerator::new(level))
     })
 }

@@ -1,23 +1,22 @@
 //! Results of a few rays, and their shadow rays to a light, one per lane: [`Light::ray`] in vectors.
 
-use crate::leaf::flushed;
-use crate::rays::{Given, MOST_RAYS};
-use crate::simd::{Isa, Lanes, Vector, each};
-use crate::tree::{NOWHERE, Wide};
-use cpu_ref::Geometry;
+use crate::rays::{InputRays, MOST_RAYS};
+use crate::simd::{Isa, Lanes, PlaneVector, each};
+use crate::tree::{Bvh8, NOWHERE};
+use crate::units::flushed;
 use cpu_ref::scale::Scale;
 use cpu_ref::shadow::{Light, ROUNDING};
-use cpu_ref::tiles::{Answer, Counts};
+use cpu_ref::{Geometry, HitCounts, RayAnswer};
 use geom::Hit;
 
 /// Closest hits, the places of their triangles, and a bit for each occluded lane.
-pub(crate) struct Found {
+pub(crate) struct LaneAnswers {
     pub(crate) hits: [Hit; MOST_RAYS],
     pub(crate) places: [u32; MOST_RAYS],
     pub(crate) blocked: u32,
 }
 
-impl Found {
+impl LaneAnswers {
     pub(crate) const NOTHING: Self = Self {
         hits: [Hit::MISS; MOST_RAYS],
         places: [NOWHERE; MOST_RAYS],
@@ -26,14 +25,17 @@ impl Found {
 
     /// Returns the answer of one lane.
     #[inline(always)]
-    pub(crate) fn answer(&self, lane: usize) -> Answer {
-        (self.hits[lane], (self.blocked >> lane & 1) as u8)
+    pub(crate) fn answer(&self, lane: usize) -> RayAnswer {
+        RayAnswer {
+            hit: self.hits[lane],
+            blocked: self.blocked >> lane & 1 == 1,
+        }
     }
 
     /// Returns the counts of these lanes.
     #[inline(always)]
-    pub(crate) fn counts(&self, lanes: u32) -> Counts {
-        Counts {
+    pub(crate) fn counts(&self, lanes: u32) -> HitCounts {
+        HitCounts {
             hits: u64::from((self.lanes() & lanes).count_ones()),
             blocked: u64::from((self.blocked & lanes).count_ones()),
         }
@@ -54,7 +56,7 @@ impl Found {
     pub(crate) fn corners<I: Isa>(
         &self,
         geometry: &Geometry<'_>,
-        tree: &Wide,
+        tree: &Bvh8,
     ) -> [[I::Packet; 3]; 3] {
         let mut corners = [[I::Packet::splat(0.0).store(); 3]; 3];
         for lane in 0..I::Packet::ALL.count_ones() as usize {
@@ -99,7 +101,7 @@ pub(crate) fn shadow_rays<L: Lanes>(
     [a, b, c]: &[Points<L>; 3],
     [u, v]: [L; 2],
     eyes: &Points<L>,
-) -> Given<L> {
+) -> InputRays<L> {
     let at = each!(i => L::splat(light.at[i]));
     let (e1, e2) = (minus(b, a), minus(c, a));
     let p = each!(i => {
@@ -118,7 +120,7 @@ pub(crate) fn shadow_rays<L: Lanes>(
         .mul(largest)
         .add(L::splat(32.0 * ROUNDING).mul(extent));
     let origin = each!(i => p[i].add(side.mul(sign(normal[i])).mul(delta)));
-    Given {
+    InputRays {
         origin,
         direction: minus(&at, &origin),
         limits: [L::splat(0.0), L::splat(1.0)],

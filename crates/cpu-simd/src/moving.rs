@@ -1,20 +1,18 @@
 //! The moving parts of the wide tree. Preprocess and refit skip static parts once they are fitted.
 
-use crate::fit::Fitted;
-use crate::tree::{Link, Wide};
-use bvh_layout::{Block as Source, BlockTree};
-use cpu_ref::Geometry;
-use cpu_ref::pass::Which;
+use crate::fit::{FitTask, Fitted};
+use crate::tree::Link;
+use bvh_layout::{Block, BlockTree};
+use geom::StaticParts;
 use rayon::prelude::*;
 use std::ops::Range;
-use std::sync::Arc;
 
 /// Nodes that one task handles.
 const RUN: usize = 128;
 
 /// The moving nodes, and the results of the static ones since the tree was adopted.
-#[derive(Debug, Default)]
-pub(crate) struct Moving {
+#[derive(Debug)]
+pub(crate) struct MovingLanes {
     /// For each node, a bit for each moving lane.
     lanes: Vec<u8>,
     /// Nodes with a moving lane, ascending.
@@ -25,33 +23,53 @@ pub(crate) struct Moving {
     still: Option<Fitted>,
 }
 
-impl Moving {
-    /// Lists the moving nodes of a tree that was just adopted.
-    pub(crate) fn of(shape: &BlockTree, is_static: &[bool]) -> Self {
+impl MovingLanes {
+    /// Lists the moving nodes of a tree that was just adopted. Returns `None` if more than half of all lanes move: see
+    /// [`StaticParts::pays`].
+    pub(crate) fn of(shape: &BlockTree, is_static: &[bool]) -> Option<Self> {
         let lanes = moving_lanes(shape, is_static);
         let numbers = 0..lanes.len() as u32;
         let nodes: Vec<u32> = numbers.filter(|&n| lanes[n as usize] != 0).collect();
         let place = |n: usize| nodes.partition_point(|&i| (i as usize) < n);
         let levels = shape.levels.iter();
-        Self {
-            levels: levels.map(|l| place(l.start)..place(l.end)).collect(),
-            nodes,
+        let levels = levels.map(|l| place(l.start)..place(l.end)).collect();
+        let moving: u32 = lanes.iter().map(|lanes| lanes.count_ones()).sum();
+        // Every block and every node but the root is in a lane.
+        let all = shape.blocks.len() + shape.nodes.len() - 1;
+        StaticParts::pays(moving as usize, all).then(|| Self {
             lanes,
+            nodes,
+            levels,
             still: None,
-        }
+        })
     }
 
-    fn fit(&self, tree: &mut Wide, geometry: &Geometry<'_>) -> Fitted {
+    /// Sets all corners and boxes. After the first call for a tree, sets only the moving ones.
+    pub(crate) fn fit(&mut self, task: &mut FitTask<'_>) -> Fitted {
+        if let Some(still) = self.still {
+            // `still` has no inactive triangles, because static triangles with a leaf are active.
+            return still + self.fit_moving(task);
+        }
+        let fitted = task.fit_all();
+        let moving = self.fit_moving(task);
+        let mut still = Fitted::default();
+        still.unhittable.degenerate = fitted.unhittable.degenerate - moving.unhittable.degenerate;
+        still.areas = fitted.areas - moving.areas;
+        self.still = Some(still);
+        fitted
+    }
+
+    fn fit_moving(&self, task: &mut FitTask<'_>) -> Fitted {
         let levels = self.levels.iter();
-        let listed = levels.map(|level| Which::Listed(&self.nodes[level.clone()]));
-        tree.fit(listed, Some(&self.lanes), geometry)
+        let listed = levels.map(|level| &self.nodes[level.clone()]);
+        task.fit(listed, Some(&self.lanes))
     }
 }
 
 /// Computes, for each node, a bit for each lane above a moving triangle, deepest level first.
 fn moving_lanes(shape: &BlockTree, is_static: &[bool]) -> Vec<u8> {
     let mut lanes = vec![0; shape.nodes.len()];
-    let moves = |block: &Source| {
+    let moves = |block: &Block| {
         let triangles = block.triangles.iter().filter(|&&t| t != u32::MAX);
         triangles.into_iter().any(|&t| !is_static[t as usize])
     };
@@ -71,32 +89,4 @@ fn moving_lanes(shape: &BlockTree, is_static: &[bool]) -> Vec<u8> {
         });
     }
     lanes
-}
-
-impl Wide {
-    /// Sets all corners and boxes. After the first call for a tree, sets only the moving ones.
-    pub(crate) fn fit_moving(&mut self, geometry: &Geometry<'_>) -> Fitted {
-        let mut moving = self.moving.take();
-        let still = moving.as_ref().and_then(|moving| moving.still);
-        let fitted = match (&mut moving, still) {
-            // `still` has no inactive triangles, because static triangles with a leaf are active.
-            (Some(moving), Some(still)) => still + moving.fit(self, geometry),
-            (moving, _) => {
-                let shape = Arc::clone(&self.shape);
-                let all = shape.levels.iter().cloned().map(Which::All);
-                let fitted = self.fit(all, None, geometry);
-                if let Some(moving) = moving {
-                    let again = moving.fit(self, geometry);
-                    let mut still = Fitted::default();
-                    still.unhittable.degenerate =
-                        fitted.unhittable.degenerate - again.unhittable.degenerate;
-                    still.areas = fitted.areas - again.areas;
-                    moving.still = Some(still);
-                }
-                fitted
-            }
-        };
-        self.moving = moving;
-        fitted
-    }
 }

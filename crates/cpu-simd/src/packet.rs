@@ -5,31 +5,29 @@
 //! on these give bounds on every ray's entry and exit. A box that the bounds exclude is excluded by each ray's own
 //! test.
 
-use crate::intersect::{Intersect, LaneTest, Touch};
+use crate::intersect::{AnyHitTest, AnyHits, LaneTest};
 use crate::leaf::{OfLane, TriangleRay};
 use crate::rays::{Group, MOST_RAYS};
-use crate::simd::{Halves, Isa, Lanes, Vector, each};
-use crate::tree::{Block, LANES, NOWHERE, Planes, Wide, place};
-use crate::walk::{BoxTest, Stack, Visitor, walk};
+use crate::simd::{Halves, Isa, Lanes, PlaneVector, each, set_lanes};
+use crate::tree::{BoxPlanes, Bvh8, LANES, NOWHERE, TriangleBlock, place};
+use crate::walk::{BoxTest, MetBoxes, TraversalStack, Visitor, walk};
 use geom::Hit;
 use std::marker::PhantomData;
 
 /// Rays that are traced together.
-pub(crate) struct Packet<L, P> {
+pub(crate) struct RayPacket<L, P> {
     pub(crate) rays: TriangleRay<L>,
     pub(crate) bundle: Bundle<P>,
     /// Factor from distances of each ray to the units of the first ray, a power of two.
     pub(crate) level: L,
     /// The `t_max` of each ray.
-    /// The greatest `t_max`, in units of the first ray.
     pub(crate) t_max: L,
-    pub(crate) bound: f32,
 }
 
 /// Limit on the ratio of direction lengths in one packet, so that distances stay in the normal range.
 const APART: f32 = 16.0;
 
-impl<L: Lanes, P: Halves> Packet<L, P> {
+impl<L: Lanes, P: Halves> RayPacket<L, P> {
     /// Creates a packet. Returns `None` if some ray is unusual, if directions differ in main axis or sign, or if their
     /// exponents differ by too much.
     #[inline(always)]
@@ -43,13 +41,11 @@ impl<L: Lanes, P: Halves> Packet<L, P> {
         if level.most() > APART * level.least() {
             return None;
         }
-        let [t_min, t_max] = [L::load(&group.limits[0]), L::load(&group.limits[1])];
         Some(Self {
             rays: TriangleRay::all(group, main),
-            bundle: Bundle::new(group, turned, level, t_min.mul(level).least()),
+            bundle: Bundle::new(group, turned, level),
             level,
-            t_max,
-            bound: t_max.mul(level).most(),
+            t_max: L::load(&group.limits[1]),
         })
     }
 }
@@ -73,13 +69,16 @@ pub(crate) struct Bundle<P> {
     turned: [bool; 3],
     /// The least `t_min` for the entries, negative infinity for the negated exits.
     floor: P,
+    /// The greatest `t_max`, in units of the first ray.
+    limit: f32,
 }
 
 impl<P: Halves> Bundle<P> {
     /// Computes the bounds. `level` brings distances of all rays to one unit, exactly. `turned` marks negative
     /// directions.
     #[inline(always)]
-    fn new<L: Lanes>(group: &Group<L>, turned: [bool; 3], level: L, t_min: f32) -> Self {
+    fn new<L: Lanes>(group: &Group<L>, turned: [bool; 3], level: L) -> Self {
+        let [t_min, t_max] = [L::load(&group.limits[0]), L::load(&group.limits[1])];
         let origin = each!(i => L::load(&group.origin[i]));
         Self {
             origin: each!(i => halves(origin[i].most(), origin[i].least())),
@@ -90,13 +89,14 @@ impl<P: Halves> Bundle<P> {
             }),
             pad: each!(i => P::splat(L::load(&group.pad[i]).mul(level).most())),
             turned,
-            floor: halves(t_min, f32::NEG_INFINITY),
+            floor: halves(t_min.mul(level).least(), f32::NEG_INFINITY),
+            limit: t_max.mul(level).most(),
         }
     }
 
     /// Runs [`BoxTest::meet`] on planes in registers: lower ones, then upper ones.
     #[inline(always)]
-    pub(crate) fn meet_planes(&self, planes: &[P; 3], best: f32) -> (u32, P::Half) {
+    fn meet_planes(&self, planes: &[P; 3], best: f32) -> MetBoxes<P::Half> {
         let [x, y, z] = each!(axis => {
             let from = planes[axis].sub(self.origin[axis]);
             let [least, most] = self.inverse[axis];
@@ -107,13 +107,21 @@ impl<P: Halves> Bundle<P> {
         });
         let spans = self.floor.max(x).max(y).max(z);
         let exit = spans.high().neg().min(P::Half::splat(best));
-        (P::Half::bits(spans.low().at_most(exit)), spans.low())
+        MetBoxes {
+            lanes: P::Half::bits(spans.low().at_most(exit)),
+            entry: spans.low(),
+        }
     }
 }
 
 impl<P: Halves> BoxTest<P::Half> for Bundle<P> {
     #[inline(always)]
-    fn meet(&self, planes: &Planes, best: f32) -> (u32, P::Half) {
+    fn limit(&self) -> f32 {
+        self.limit
+    }
+
+    #[inline(always)]
+    fn meet(&self, planes: &BoxPlanes, best: f32) -> MetBoxes<P::Half> {
         let planes = each!(axis => P::load(&planes[axis]));
         self.meet_planes(&planes, best)
     }
@@ -126,7 +134,7 @@ fn halves<P: Halves>(low: f32, high: f32) -> P {
 }
 
 /// Closest hits so far, one per lane.
-pub(crate) struct Found<L: Lanes> {
+pub(crate) struct PacketHits<L: Lanes> {
     /// Distances in units of the prepared directions.
     pub(crate) t: L,
     pub(crate) u: L,
@@ -137,36 +145,84 @@ pub(crate) struct Found<L: Lanes> {
     pub(crate) open: u32,
 }
 
-/// A `skipped` argument of [`any`] that skips no triangle.
+/// The rays of a packet that an any-hit search is for.
+#[derive(Clone, Copy)]
+pub(crate) struct AnyQuery<'a> {
+    /// Lanes to search.
+    pub(crate) active: u32,
+    /// The triangle that the ray in each lane passes through.
+    pub(crate) skipped: &'a [u32; MOST_RAYS],
+}
+
+/// Skips no triangle.
 pub(crate) const NONE: [u32; MOST_RAYS] = [Hit::MISS.triangle; MOST_RAYS];
 
-/// Number of triangles that a packet may still test before its rays are traced singly, as when each hits a different triangle.
-pub(crate) struct Patient(u32);
+/// A search that tests the rays of a packet with one triangle at a time.
+pub(crate) trait PacketSearch<L> {
+    /// Tests a triangle. Returns whether a bound has changed. Must be `#[inline(always)]`.
+    fn triangle(&mut self, rays: &TriangleRay<L>, triangle: OfLane<'_>) -> bool;
 
-impl Patient {
-    pub(crate) const FULL: Self = Self(256);
+    /// Returns the distance up to which each ray searches.
+    fn bound(&self) -> L;
+}
 
-    /// Subtracts tested triangles. Returns `None` if this exceeds the remaining number.
+/// Searches the triangles that a packet may hit. Returns `false` if tracing its rays singly is likely to be faster.
+#[inline(always)]
+pub(crate) fn search<I: Isa>(
+    tree: &Bvh8,
+    packet: &RayPacket<I::Packet, I::Planes>,
+    stack: &mut TraversalStack,
+    search: &mut impl PacketSearch<I::Packet>,
+) -> bool {
+    let mut visitor = PacketVisitor {
+        tree,
+        packet,
+        search,
+        budget: TRIANGLE_BUDGET,
+    };
+    !walk::<I>(tree, &packet.bundle, stack, &mut visitor)
+}
+
+/// Number of triangles that a packet tests before its rays are traced singly, as when each hits a different triangle.
+const TRIANGLE_BUDGET: u32 = 256;
+
+struct PacketVisitor<'a, L: Lanes, P, S> {
+    tree: &'a Bvh8,
+    packet: &'a RayPacket<L, P>,
+    search: &'a mut S,
+    /// Number of triangles that may still be tested.
+    budget: u32,
+}
+
+impl<I, L: Lanes, P: Halves, S: PacketSearch<L>> Visitor<I> for PacketVisitor<'_, L, P, S> {
     #[inline(always)]
-    pub(crate) fn spend(&mut self, triangles: u32) -> Option<()> {
-        self.0 = self.0.checked_sub(triangles)?;
-        Some(())
+    fn block(&mut self, block: usize, bound: f32) -> Option<f32> {
+        let (tree, packet) = (self.tree, self.packet);
+        let lanes = within_reach(&tree.blocks[block], &packet.bundle, bound);
+        self.budget = self.budget.checked_sub(lanes.count_ones())?;
+        let mut changed = false;
+        for lane in set_lanes::<LANES>(lanes) {
+            let triangle = OfLane { tree, block, lane };
+            changed |= self.search.triangle(&packet.rays, triangle);
+        }
+        if changed {
+            return Some(self.search.bound().mul(packet.level).most());
+        }
+        Some(bound)
     }
 }
 
 /// Returns the closest hits of a packet, or `None` if tracing its rays singly is likely to be faster.
 #[inline(always)]
 pub(crate) fn closest<I: Isa, T: LaneTest>(
-    tree: &Wide,
-    packet: &Packet<I::Packet, I::Planes>,
-    stack: &mut Stack,
-) -> Option<Found<I::Packet>> {
-    let mut closest = Closest {
-        patience: Patient::FULL,
+    tree: &Bvh8,
+    packet: &RayPacket<I::Packet, I::Planes>,
+    stack: &mut TraversalStack,
+) -> Option<PacketHits<I::Packet>> {
+    let mut closest = ClosestOfPacket {
         test: PhantomData::<T>,
         tree,
-        packet,
-        found: Found {
+        hits: PacketHits {
             t: packet.t_max,
             u: I::Packet::splat(0.0),
             v: I::Packet::splat(0.0),
@@ -174,137 +230,110 @@ pub(crate) fn closest<I: Isa, T: LaneTest>(
             open: 0,
         },
     };
-    let rays = (&packet.bundle, packet.bound);
-    let gave_up = walk::<I>(tree, rays, stack, &mut closest);
-    (!gave_up).then_some(closest.found)
+    search::<I>(tree, packet, stack, &mut closest).then_some(closest.hits)
 }
 
 /// Number of blocks that a packet visits before its rays are traced singly. Packets are wide where hits are far apart.
-const PATIENCE: u32 = 16;
+const BLOCK_BUDGET: u32 = 16;
 
-/// Returns the lanes of `asked` that hit any triangle except the one in `skipped`, or `None` if tracing the rays singly
-/// is likely to be faster.
+/// Returns the active lanes that hit any triangle except the skipped one, or `None` if tracing the rays singly is likely
+/// to be faster.
 #[inline(always)]
-pub(crate) fn any<I: Isa, T: Intersect>(
-    tree: &Wide,
-    packet: &Packet<I::Packet, I::Planes>,
-    (asked, skipped): (u32, &[u32; MOST_RAYS]),
-    stack: &mut Stack,
-) -> Option<Touch> {
+pub(crate) fn any<I: Isa, T: AnyHitTest>(
+    tree: &Bvh8,
+    packet: &RayPacket<I::Packet, I::Planes>,
+    query: AnyQuery<'_>,
+    stack: &mut TraversalStack,
+) -> Option<AnyHits> {
     let mut any = Any {
         tree,
         packet,
-        skipped,
-        left: asked,
+        skipped: query.skipped,
+        left: query.active,
         open: 0,
-        patience: PATIENCE,
+        budget: BLOCK_BUDGET,
         test: PhantomData::<T>,
     };
-    let rays = (&packet.bundle, packet.bound);
-    let ended = walk::<I>(tree, rays, stack, &mut any);
-    (!ended || any.left == 0).then_some(Touch {
-        hit: asked & !any.left,
+    let ended = walk::<I>(tree, &packet.bundle, stack, &mut any);
+    (!ended || any.left == 0).then_some(AnyHits {
+        hit: query.active & !any.left,
         open: any.left & any.open,
     })
 }
 
 /// Returns the triangles of a block whose own boxes some ray may meet.
 #[inline(always)]
-pub(crate) fn within_reach<P: Halves>(block: &Block, rays: &Bundle<P>, bound: f32) -> u32 {
+fn within_reach<P: Halves>(block: &TriangleBlock, rays: &Bundle<P>, bound: f32) -> u32 {
     let planes = each!(axis => {
         let [a, b, c] = &block.corners[axis];
         let (a, b, c) = (P::Half::load(a), P::Half::load(b), P::Half::load(c));
         P::join(a.min(b).min(c), a.max(b).max(c))
     });
-    rays.meet_planes(&planes, bound).0
+    rays.meet_planes(&planes, bound).lanes
 }
 
-struct Closest<'a, L: Lanes, P, T> {
-    tree: &'a Wide,
-    packet: &'a Packet<L, P>,
-    found: Found<L>,
-    patience: Patient,
+struct ClosestOfPacket<'a, L: Lanes, T> {
+    tree: &'a Bvh8,
+    hits: PacketHits<L>,
     test: PhantomData<T>,
 }
 
-impl<I, L: Lanes, P: Halves, T: LaneTest> Visitor<I> for Closest<'_, L, P, T> {
+impl<L: Lanes, T: LaneTest> PacketSearch<L> for ClosestOfPacket<'_, L, T> {
     #[inline(always)]
-    fn block(&mut self, block: usize, bound: f32) -> Option<f32> {
-        let tree = self.tree;
-        let mut lanes = within_reach(&tree.blocks[block], &self.packet.bundle, bound);
-        self.patience.spend(lanes.count_ones())?;
-        let mut changed = false;
-        while lanes != 0 {
-            let lane = lanes.trailing_zeros() as usize % LANES;
-            lanes &= lanes - 1;
-            changed |= self.triangle(OfLane { tree, block, lane });
-        }
-        if changed {
-            return Some(self.found.t.mul(self.packet.level).most());
-        }
-        Some(bound)
-    }
-}
-
-impl<L: Lanes, P, T: LaneTest> Closest<'_, L, P, T> {
-    #[inline(always)]
-    fn triangle(&mut self, triangle: OfLane<'_>) -> bool {
-        let found = &mut self.found;
-        let Some(met) = T::meet(&self.packet.rays, &triangle, found.t) else {
+    fn triangle(&mut self, rays: &TriangleRay<L>, triangle: OfLane<'_>) -> bool {
+        let best = &mut self.hits;
+        let Some(hits) = T::intersect(rays, &triangle, best.t) else {
             return false;
         };
         let place = place(triangle.block, triangle.lane);
-        let mut better = L::bits(met.t.less(found.t)) & met.lanes;
-        let mut as_near = met.lanes & !better;
-        while as_near != 0 {
-            let ray = as_near.trailing_zeros() as usize % MOST_RAYS;
-            as_near &= as_near - 1;
+        let mut better = L::bits(hits.t.less(best.t)) & hits.lanes;
+        for ray in set_lanes::<MOST_RAYS>(hits.lanes & !better) {
             // At equal distance, the lower index wins.
-            let other = found.places[ray];
+            let other = best.places[ray];
             if other == NOWHERE || self.tree.triangle_at(place) < self.tree.triangle_at(other) {
                 better |= 1 << ray;
             }
         }
         let mask = L::mask(better);
-        found.t = found.t.replace(mask, met.t);
-        found.u = found.u.replace(mask, met.u);
-        found.v = found.v.replace(mask, met.v);
-        L::put(&mut found.places, mask, place);
+        best.t = best.t.replace(mask, hits.t);
+        best.u = best.u.replace(mask, hits.u);
+        best.v = best.v.replace(mask, hits.v);
+        L::put(&mut best.places, mask, place);
         better != 0
+    }
+
+    #[inline(always)]
+    fn bound(&self) -> L {
+        self.hits.t
     }
 }
 
 struct Any<'a, L, P, T> {
-    tree: &'a Wide,
-    packet: &'a Packet<L, P>,
+    tree: &'a Bvh8,
+    packet: &'a RayPacket<L, P>,
     skipped: &'a [u32; MOST_RAYS],
     /// Rays without a hit yet.
     left: u32,
     /// Rays that may have hit something.
     open: u32,
     /// Number of blocks that may still be visited.
-    patience: u32,
+    budget: u32,
     test: PhantomData<T>,
 }
 
-impl<I, L: Lanes, P: Halves, T: Intersect> Visitor<I> for Any<'_, L, P, T> {
+impl<I, L: Lanes, P: Halves, T: AnyHitTest> Visitor<I> for Any<'_, L, P, T> {
     #[inline(always)]
     fn block(&mut self, block: usize, bound: f32) -> Option<f32> {
-        self.patience = self.patience.checked_sub(1)?;
+        self.budget = self.budget.checked_sub(1)?;
         let tree = self.tree;
         let triangles = &tree.blocks[block].triangles;
-        let mut lanes = within_reach(&tree.blocks[block], &self.packet.bundle, bound);
-        while lanes != 0 {
-            let lane = lanes.trailing_zeros() as usize % LANES;
-            lanes &= lanes - 1;
-            let touch = T::touch(&self.packet.rays, &OfLane { tree, block, lane });
-            let mut rays = (touch.hit | touch.open) & self.left;
-            while rays != 0 {
-                let ray = rays.trailing_zeros() as usize % MOST_RAYS;
-                rays &= rays - 1;
+        let lanes = within_reach(&tree.blocks[block], &self.packet.bundle, bound);
+        for lane in set_lanes::<LANES>(lanes) {
+            let hits = T::any_hit(&self.packet.rays, &OfLane { tree, block, lane });
+            for ray in set_lanes::<MOST_RAYS>((hits.hit | hits.open) & self.left) {
                 if self.skipped[ray] != triangles[lane] {
-                    self.left &= !(touch.hit & 1 << ray);
-                    self.open |= touch.open & 1 << ray;
+                    self.left &= !(hits.hit & 1 << ray);
+                    self.open |= hits.open & 1 << ray;
                 }
             }
             if self.left == 0 {

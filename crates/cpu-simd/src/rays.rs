@@ -1,12 +1,11 @@
 //! Rays that are traced singly through the wide tree, prepared alone or together with as many as fit in a vector.
 
-use crate::leaf::{flushed, scaled};
-use crate::simd::{Lanes, Plain, Vector, each};
-use cpu_ref::Geometry;
+use crate::simd::{Lanes, Plain, PlaneVector, each};
+use crate::tiles::Tiles;
+use crate::units::{flushed, scaled};
 use cpu_ref::scale::{LEAST_COMPONENT, PreparedRay, Scale};
-use cpu_ref::slab::{CALM, FARTHEST, PAD, SMALLEST};
-use cpu_ref::tiles::Tiles;
-use geom::{Aabb, Camera, Range, Ray};
+use cpu_ref::{CALM, FARTHEST, PAD, SMALLEST};
+use geom::{Aabb, Camera, Ray};
 
 /// Number of rays of the widest packet.
 pub(crate) const MOST_RAYS: usize = 16;
@@ -42,14 +41,14 @@ pub(crate) struct Group<L: Lanes> {
 }
 
 /// Rays as passed by the caller, one per lane.
-pub(crate) struct Given<L> {
+pub(crate) struct InputRays<L> {
     pub(crate) origin: [L; 3],
     pub(crate) direction: [L; 3],
     /// `t_min` and `t_max`.
     pub(crate) limits: [L; 2],
 }
 
-impl<L: Lanes> Given<L> {
+impl<L: Lanes> InputRays<L> {
     /// Loads neighbouring rays of a list. Lanes beyond its end get rays that cannot hit anything.
     #[inline(always)]
     pub(crate) fn listed(rays: &[Ray]) -> Self {
@@ -107,18 +106,6 @@ impl<L: Lanes> Given<L> {
         each!(i => scaled(scale, self.origin[i]))
     }
 
-    /// Returns the lanes whose rays are extreme at a moment that is not extreme ([`geom::Range::is_extreme`]).
-    #[inline(always)]
-    pub(crate) fn extreme(&self, geometry: &Geometry<'_>) -> u32 {
-        let origin = self.scaled_origin(geometry.scale);
-        let [x, y, z] = each!(i => origin[i].abs());
-        let size = x.max(y).max(z);
-        let number = x.add(y).add(z).at_most(L::splat(f32::INFINITY));
-        let usual = L::bits(L::both(number, size.less(L::splat(Range::FAR))));
-        let near = L::bits(size.less(L::splat(Range::NEAR)));
-        !usual | if geometry.range.tiny { near } else { 0 }
-    }
-
     /// Returns the lanes whose origin and direction are finite, and whose limits are in order.
     #[inline(always)]
     fn sound(&self) -> u32 {
@@ -133,20 +120,30 @@ impl<L: Lanes> Given<L> {
     }
 }
 
-/// Returns `2^e` and `2^-e`, with `e` the exponent of each lane's largest component, and the lanes within `USUAL`.
+/// `2^e` and `2^-e`, with `e` the exponent of each lane's largest component, and the lanes within `USUAL`.
+struct Powers<L> {
+    up: L,
+    down: L,
+    usual: u32,
+}
+
 #[inline(always)]
-fn powers<L: Lanes>([x, y, z]: &[L; 3]) -> ([L; 2], u32) {
+fn powers<L: Lanes>([x, y, z]: &[L; 3]) -> Powers<L> {
     let [least, most] = USUAL.map(L::splat);
     let up = x.abs().max(y.abs()).max(z.abs()).power();
     let usual = L::both(least.at_most(up), up.at_most(most));
-    ([up, L::splat(1.0).div(up)], L::bits(usual))
+    Powers {
+        up,
+        down: L::splat(1.0).div(up),
+        usual: L::bits(usual),
+    }
 }
 
 impl<L: Lanes> Group<L> {
     /// Prepares the rays in all lanes of `L`. `root` is the tree's root box.
     #[inline(always)]
-    pub(crate) fn new(given: &Given<L>, scale: Scale, root: &Aabb) -> Self {
-        let ([up, down], usual) = powers(&given.direction);
+    pub(crate) fn new(given: &InputRays<L>, scale: Scale, root: &Aabb) -> Self {
+        let Powers { up, down, usual } = powers(&given.direction);
         let origin = given.scaled_origin(scale);
         let direction = each!(i => {
             let d = given.direction[i].mul(down);
@@ -157,7 +154,7 @@ impl<L: Lanes> Group<L> {
         let up = up.mul(L::splat(scale.factor()));
         let [t_min, t_max] = given.limits;
         let unscaled = scale.usual_inverse();
-        let scaled = Given {
+        let scaled = InputRays {
             origin,
             direction,
             limits: [flushed(t_min.mul(up)), flushed(t_max.mul(up))],
@@ -171,7 +168,7 @@ impl<L: Lanes> Group<L> {
 
     /// Prepares rays in scaled units for boxes and triangles. Distances stay in the units of these rays.
     #[inline(always)]
-    fn prepared(rays: &Given<L>, farthest: L) -> Self {
+    fn prepared(rays: &InputRays<L>, farthest: L) -> Self {
         let (origin, d) = (&rays.origin, &rays.direction);
         let padding = L::splat(PAD).mul(farthest);
         let inverse = each!(i => L::splat(1.0).div(d[i].abs().max(L::splat(SMALLEST))));
@@ -184,7 +181,7 @@ impl<L: Lanes> Group<L> {
             let wide = inverse[i].mul(wide);
             [from.sub(wide).store(), from.add(wide).store()]
         });
-        let (main, shear) = turned(d, &signed);
+        let Shears { main, shear } = shears(d, &signed);
         Self {
             ready: L::ALL,
             origin: each!(i => origin[i].store()),
@@ -215,7 +212,7 @@ impl Group<Plain<1>> {
     /// Prepares one ray of any kind. Distances stay in its own units.
     #[inline]
     pub(crate) fn alone(ray: &PreparedRay, root: &Aabb) -> Self {
-        let rays = Given {
+        let rays = InputRays {
             origin: ray.origin.map(Plain::splat),
             direction: ray.direction.map(Plain::splat),
             limits: [ray.t_min, ray.t_max].map(Plain::splat),
@@ -268,9 +265,15 @@ fn farthest<L: Lanes>(origin: &[L; 3], root: &Aabb) -> L {
     farthest
 }
 
-/// Returns `kz` of each lane, the axis of its largest component (the first of equals), and its shear from `r`.
+/// The axis `kz` of each lane, and the shear that aligns the ray with it.
+struct Shears<L> {
+    main: [u32; MOST_RAYS],
+    shear: [L; 3],
+}
+
+/// Returns the axis of the largest component of `d`, the first of equals, and the shear from `r`.
 #[inline(always)]
-fn turned<L: Lanes>(d: &[L; 3], r: &[L; 3]) -> ([u32; MOST_RAYS], [L; 3]) {
+fn shears<L: Lanes>(d: &[L; 3], r: &[L; 3]) -> Shears<L> {
     let [x, y, z] = each!(i => d[i].abs());
     let along_x = L::both(y.at_most(x), z.at_most(x));
     let along_y = z.at_most(y);
@@ -279,7 +282,10 @@ fn turned<L: Lanes>(d: &[L; 3], r: &[L; 3]) -> ([u32; MOST_RAYS], [L; 3]) {
     L::put(&mut main, along_x, 0);
     let of = each!(i => d[i].replace(along_y, d[(i + 2) % 3]).replace(along_x, d[(i + 1) % 3]));
     let inverse = r[2].replace(along_y, r[1]).replace(along_x, r[0]);
-    (main, [of[0].div(of[2]), of[1].div(of[2]), inverse])
+    Shears {
+        main,
+        shear: [of[0].div(of[2]), of[1].div(of[2]), inverse],
+    }
 }
 
 /// Columns of a cell of pixels. The number of rows follows from the number of lanes.
@@ -288,7 +294,7 @@ pub(crate) const COLUMNS: usize = 4;
 /// A few columns and rows of a picture. Lanes are row by row. Lanes beyond the edge repeat the last row or column.
 pub(crate) struct Cell {
     /// Lanes within the picture.
-    pub(crate) asked: u32,
+    pub(crate) active: u32,
     lanes: usize,
     /// Upper left pixel.
     corner: [usize; 2],
@@ -306,12 +312,12 @@ impl Cell {
         let columns = COLUMNS.min(tiles.columns() - at[0]);
         let rows = rows.min(tiles.height() - at[1]);
         let row = (1 << columns) - 1;
-        let mut asked = 0;
+        let mut active = 0;
         for y in 0..rows {
-            asked |= row << (y * COLUMNS);
+            active |= row << (y * COLUMNS);
         }
         Self {
-            asked,
+            active,
             lanes,
             corner,
             last: [corner[0] + columns - 1, corner[1] + rows - 1],
@@ -329,8 +335,8 @@ impl Cell {
 
     /// Returns the camera's rays, equal to those of [`Camera::ray`].
     #[inline(always)]
-    pub(crate) fn rays<L: Lanes>(&self, camera: &Camera) -> Given<L> {
-        Given {
+    pub(crate) fn rays<L: Lanes>(&self, camera: &Camera) -> InputRays<L> {
+        InputRays {
             origin: each!(i => L::splat(camera.eye[i])),
             direction: self.directions(camera),
             limits: [L::splat(0.0), L::splat(f32::INFINITY)],

@@ -27,10 +27,34 @@ macro_rules! each {
 }
 pub(crate) use each;
 
+/// The lanes that are set in a mask, in ascending order. `N` is a power of two above every lane, so that arrays of `N` are
+/// accessed without a bounds check.
+pub(crate) struct SetLanes<const N: usize>(u32);
+
+/// Returns the lanes that are set in a mask.
+#[inline(always)]
+pub(crate) fn set_lanes<const N: usize>(mask: u32) -> SetLanes<N> {
+    SetLanes(mask)
+}
+
+impl<const N: usize> Iterator for SetLanes<N> {
+    type Item = usize;
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<usize> {
+        if self.0 == 0 {
+            return None;
+        }
+        let lane = self.0.trailing_zeros() as usize % N;
+        self.0 &= self.0 - 1;
+        Some(lane)
+    }
+}
+
 /// A vector of single-precision numbers, with the operations that box planes need.
 ///
 /// If an operand is NaN, `min` and `max` return their second operand.
-pub(crate) trait Vector: Copy {
+pub(crate) trait PlaneVector: Copy {
     /// Array with the same numbers.
     type Array: Copy + AsRef<[f32]> + AsMut<[f32]>;
 
@@ -43,7 +67,7 @@ pub(crate) trait Vector: Copy {
 }
 
 /// A vector with all operations.
-pub(crate) trait Lanes: Vector {
+pub(crate) trait Lanes: PlaneVector {
     /// One truth value per lane.
     type Mask: Copy;
     /// Mask bits with every lane set.
@@ -83,13 +107,13 @@ pub(crate) trait Eight: Lanes<Array = [f32; 8]> {
     /// Returns the coordinates of these points, axis by axis.
     fn coordinates(points: [&Point; 8]) -> [Self; 3];
     /// Returns the greater when compared as signed integers (Embree's `maxi`), in a quarter of the time of
-    /// [`Vector::max`]. For two negative numbers that is the lesser, so the result is never more than that of
-    /// [`Vector::max`].
+    /// [`PlaneVector::max`]. For two negative numbers that is the lesser, so the result is never more than that of
+    /// [`PlaneVector::max`].
     #[inline(always)]
     fn maxi(self, other: Self) -> Self {
         self.max(other)
     }
-    /// Returns the lesser when compared as signed integers, which is never less than the result of [`Vector::min`].
+    /// Returns the lesser when compared as signed integers, which is never less than the result of [`PlaneVector::min`].
     #[inline(always)]
     fn mini(self, other: Self) -> Self {
         self.min(other)
@@ -99,7 +123,7 @@ pub(crate) trait Eight: Lanes<Array = [f32; 8]> {
 }
 
 /// Sixteen numbers as two halves of eight.
-pub(crate) trait Halves: Vector<Array = [f32; 16]> {
+pub(crate) trait Halves: PlaneVector<Array = [f32; 16]> {
     type Half: Eight;
 
     /// Returns both halves, exchanged if `turn`.
@@ -154,7 +178,7 @@ pub(crate) fn prefetch<T>(of: &[T], index: usize) {
 }
 
 /// A task that uses vectors.
-pub(crate) trait Work {
+pub(crate) trait VectorWork {
     /// The result.
     type Out;
 
@@ -171,12 +195,12 @@ pub(crate) trait Outlined<I: Isa> {
     fn run(self) -> Self::Out;
 }
 
-impl<I: Isa, W: Work> Outlined<I> for W {
+impl<I: Isa, W: VectorWork> Outlined<I> for W {
     type Out = W::Out;
 
     #[inline(always)]
     fn run(self) -> W::Out {
-        Work::run::<I>(self)
+        VectorWork::run::<I>(self)
     }
 }
 
@@ -229,7 +253,7 @@ impl Level {
 
     /// Runs `work` with this level's instructions.
     #[inline]
-    pub(crate) fn run<W: Work>(self, work: W) -> W::Out {
+    pub(crate) fn run<W: VectorWork>(self, work: W) -> W::Out {
         match self.0 {
             Set::Portable => Portable::outlined(work),
             #[cfg(target_arch = "x86_64")]

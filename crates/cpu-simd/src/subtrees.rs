@@ -1,8 +1,8 @@
 //! Bottom-up passes over the tree, parallel across disjoint subtrees.
 
-use crate::tree::{Block, Node};
+use crate::tree::{Node8, TriangleBlock};
+use crate::window::Window;
 use bvh_layout::BlockTree;
-use cpu_ref::pass::{SplitAt, Which, Window};
 use std::ops::Add;
 
 /// Nodes that one task handles.
@@ -10,15 +10,16 @@ const RUN: usize = 32;
 
 /// Neighbouring nodes of one level, with their blocks.
 pub(crate) struct LevelPart<'a> {
-    pub(crate) which: Which<'a>,
-    pub(crate) nodes: Window<'a, Node>,
-    pub(crate) blocks: Window<'a, Block>,
+    /// The nodes to process, ascending.
+    pub(crate) selected: &'a [u32],
+    pub(crate) nodes: Window<'a, Node8>,
+    pub(crate) blocks: Window<'a, TriangleBlock>,
 }
 
 impl LevelPart<'_> {
     fn reborrow(&mut self) -> LevelPart<'_> {
         LevelPart {
-            which: self.which.clone(),
+            selected: self.selected,
             nodes: self.nodes.reborrow(),
             blocks: self.blocks.reborrow(),
         }
@@ -26,17 +27,18 @@ impl LevelPart<'_> {
 
     /// Splits off everything from a node on.
     fn split(self, node: usize, shape: &BlockTree) -> [Self; 2] {
-        let [which, more_which] = self.which.split_before(node);
+        let place = self.selected.partition_point(|&n| (n as usize) < node);
+        let (selected, more_selected) = self.selected.split_at(place);
         let [nodes, more_nodes] = self.nodes.split(node);
         let [blocks, more_blocks] = self.blocks.split(shape.first_blocks[node] as usize);
-        let level = |which, nodes, blocks| Self {
-            which,
+        let level = |selected, nodes, blocks| Self {
+            selected,
             nodes,
             blocks,
         };
         [
-            level(which, nodes, blocks),
-            level(more_which, more_nodes, more_blocks),
+            level(selected, nodes, blocks),
+            level(more_selected, more_nodes, more_blocks),
         ]
     }
 }
@@ -45,23 +47,24 @@ impl LevelPart<'_> {
 pub(crate) struct Subtrees<'a>(Vec<LevelPart<'a>>);
 
 impl<'a> Subtrees<'a> {
-    /// Creates the whole tree. `which` selects nodes of each level, root first. The ancestors of a selected node must
+    /// Creates the whole tree. `selected` selects nodes of each level, root first. The ancestors of a selected node must
     /// be selected too.
     pub(crate) fn of(
         shape: &BlockTree,
-        which: impl Iterator<Item = Which<'a>>,
-        (mut nodes, mut blocks): (&'a mut [Node], &'a mut [Block]),
+        selected: impl Iterator<Item = &'a [u32]>,
+        mut nodes: &'a mut [Node8],
+        mut blocks: &'a mut [TriangleBlock],
     ) -> Self {
-        let levels = shape.levels.iter().zip(which);
-        let parts = levels.map_while(|(level, which)| {
+        let levels = shape.levels.iter().zip(selected);
+        let parts = levels.map_while(|(level, selected)| {
             let [first, end] = [level.start, level.end].map(|n| shape.first_blocks[n] as usize);
             Some(LevelPart {
-                which,
+                selected,
                 nodes: Window::new(level.start, nodes.split_off_mut(..level.len())?),
                 blocks: Window::new(first, blocks.split_off_mut(..end - first)?),
             })
         });
-        Self(parts.filter(|part| part.which.count() > 0).collect())
+        Self(parts.filter(|part| !part.selected.is_empty()).collect())
     }
 
     /// Runs `task` on each level, after the level below, with that level as its second argument. Large subtrees run in
@@ -71,22 +74,22 @@ impl<'a> Subtrees<'a> {
         shape: &BlockTree,
         task: &(impl Fn(&mut LevelPart<'_>, Option<&LevelPart<'_>>) -> S + Sync),
     ) -> S {
-        let counts = self.0.iter().map(|level| level.which.count());
+        let counts = self.0.iter().map(|level| level.selected.len());
         if counts.sum::<usize>() <= RUN {
             let levels = (0..self.0.len()).rev();
-            return levels.fold(S::default(), |sum, level| sum + self.give(level, task));
+            return levels.fold(S::default(), |sum, level| sum + self.run(level, task));
         }
-        if self.0[0].which.count() == 1 {
+        if self.0[0].selected.len() == 1 {
             let below = self.0[1..].iter_mut().map(LevelPart::reborrow);
             let below = Subtrees(below.collect()).fold(shape, task);
-            return below + self.give(0, task);
+            return below + self.run(0, task);
         }
         let [left, right] = self.halves(shape);
         let (a, b) = rayon::join(|| left.fold(shape, task), || right.fold(shape, task));
         a + b
     }
 
-    fn give<S>(
+    fn run<S>(
         &mut self,
         level: usize,
         task: &impl Fn(&mut LevelPart<'_>, Option<&LevelPart<'_>>) -> S,
@@ -97,14 +100,14 @@ impl<'a> Subtrees<'a> {
 
     /// Splits in the middle of the uppermost nodes.
     fn halves(self, shape: &BlockTree) -> [Self; 2] {
-        let top = &self.0[0].which;
-        let mut node = top.at(top.count() / 2);
+        let top = self.0[0].selected;
+        let mut node = top[top.len() / 2] as usize;
         let [mut left, mut right] = [0; 2].map(|_| Vec::with_capacity(self.0.len()));
         for level in self.0 {
             let [before, after] = level.split(node, shape);
             node = shape.first_children[node] as usize;
-            left.extend(Some(before).filter(|level| level.which.count() > 0));
-            right.extend(Some(after).filter(|level| level.which.count() > 0));
+            left.extend(Some(before).filter(|level| !level.selected.is_empty()));
+            right.extend(Some(after).filter(|level| !level.selected.is_empty()));
         }
         [Self(left), Self(right)]
     }

@@ -1,63 +1,111 @@
 //! Tracing through the wide tree: neighbouring rays as packets where that is faster, other rays singly.
 
-use crate::intersect::{Intersect, Touch};
-use crate::light::{Found, shadow_rays};
-use crate::packet::{self, NONE, Packet};
-use crate::rays::{COLUMNS, Cell, Given, Group, MOST_RAYS, OneRay};
-use crate::simd::{Isa, Lanes, Outlined, Vector, Work};
-use crate::tree::{NOWHERE, Wide};
-use crate::walk;
-use backend::{QueryKind, Rays};
-use cpu_ref::intersect::{Exact, Search};
+use crate::exact::ExactFilter;
+use crate::intersect::AnyHits;
+use crate::light::{LaneAnswers, shadow_rays};
+use crate::packet::{self, AnyQuery, NONE, PacketHits, RayPacket};
+use crate::rays::{COLUMNS, Cell, Group, InputRays, MOST_RAYS, OneRay};
+use crate::search::ClosestSearch;
+use crate::simd::{Isa, Lanes, Outlined, PlaneVector, VectorWork, each, set_lanes};
+use crate::single;
+use crate::tiles::{Tiles, fill};
+use crate::tree::{Bvh8, NOWHERE};
+use crate::walk::TraversalStack;
+use backend::{Intersector, QueryKind, Rays};
+use cpu_ref::intersect::{MollerTrumbore, Watertight, Woop};
 use cpu_ref::scale::Scale;
-use cpu_ref::tiles::{Counts, Output, Tiles, fill};
-use cpu_ref::trace::Tracer;
-use cpu_ref::traverse;
-use geom::{Camera, Hit, Ray};
+use cpu_ref::{Geometry, HitCounts, QueryTracer, TraceOutput, is_extreme};
+use geom::{Camera, Hit, Range, Ray};
 use std::marker::PhantomData;
-use std::ops::Range;
+use std::ops;
 
-type PacketOf<I> = Packet<<I as Isa>::Packet, <I as Isa>::Planes>;
-type Stack<'a> = traverse::Stack<&'a Wide>;
+type PacketOf<I> = RayPacket<<I as Isa>::Packet, <I as Isa>::Planes>;
+
+/// Traces all rays and writes the answers in their order.
+pub(crate) fn trace(tracer: &QueryTracer<'_>, tree: &Bvh8, out: TraceOutput<'_>) -> HitCounts {
+    let is_extreme = match tracer.query.rays {
+        Rays::Camera(camera) => is_extreme(&tracer.geometry, camera.eye),
+        Rays::List(_) | Rays::OnDevice(_) => tracer.geometry.range.extreme,
+    };
+    match tracer.intersector {
+        _ if is_extreme => tracer.trace(out),
+        Intersector::MollerTrumbore => WideTracer::<MollerTrumbore>::new(tracer, tree).trace(out),
+        Intersector::Woop => WideTracer::<Woop>::new(tracer, tree).trace(out),
+        Intersector::Watertight => WideTracer::<Watertight>::new(tracer, tree).trace(out),
+        Intersector::Exact => WideTracer::<ExactFilter>::new(tracer, tree).trace(out),
+    }
+}
+
+/// Returns the lanes whose rays are extreme at a moment that is not extreme ([`geom::Range::is_extreme`]).
+#[inline(always)]
+fn extreme_lanes<L: Lanes>(rays: &InputRays<L>, geometry: &Geometry<'_>) -> u32 {
+    let origin = rays.scaled_origin(geometry.scale);
+    let [x, y, z] = each!(i => origin[i].abs());
+    let size = x.max(y).max(z);
+    let number = x.add(y).add(z).at_most(L::splat(f32::INFINITY));
+    let usual = L::bits(L::both(number, size.less(L::splat(Range::FAR))));
+    let near = L::bits(size.less(L::splat(Range::NEAR)));
+    !usual | if geometry.range.tiny { near } else { 0 }
+}
 
 /// A tracer for an intersector in vectors.
-pub(crate) struct WideTracer<'a, T> {
-    tracer: Tracer<'a, &'a Wide>,
+struct WideTracer<'a, T> {
+    tracer: &'a QueryTracer<'a>,
+    tree: &'a Bvh8,
     intersector: PhantomData<T>,
 }
 
-impl<'a, T: Intersect> WideTracer<'a, T> {
-    pub(crate) fn new(tracer: Tracer<'a, &'a Wide>) -> Self {
+/// Rays that are traced together.
+struct LaneBatch<'a, L> {
+    rays: &'a InputRays<L>,
+    /// Conversion from the rays' units to scaled units.
+    scale: Scale,
+    /// Lanes whose rays are traced.
+    active: u32,
+}
+
+/// Hits that the reference must report.
+struct Unreported {
+    rays: [Ray; MOST_RAYS],
+    /// Lanes to report.
+    active: u32,
+    /// Lanes that rounded arithmetic cannot decide.
+    open: u32,
+}
+
+impl<'a, T: ClosestSearch> WideTracer<'a, T> {
+    fn new(tracer: &'a QueryTracer<'a>, tree: &'a Bvh8) -> Self {
         Self {
             tracer,
+            tree,
             intersector: PhantomData,
         }
     }
 
     /// Traces all rays and writes the answers in their order.
-    pub(crate) fn trace(&self, out: Output<'_>) -> Counts {
-        fill(self.tracer.task.query.rays, out, |tiles| {
+    fn trace(&self, out: TraceOutput<'_>) -> HitCounts {
+        fill(self.tracer.query.rays, out, |tiles| {
             let tracer = self;
-            self.tracer.tree.level.run(TilesTask { tiles, tracer })
+            self.tree.level.run(TilesTask { tiles, tracer })
         })
     }
 
     /// Converts the hits of a packet. `back` is the factor from its distances to units of the given directions.
     #[inline(always)]
-    fn unpack<I: Isa>(&self, packet: &packet::Found<I::Packet>, back: I::Packet) -> Found {
-        let t = packet.t.mul(back).store();
-        let (u, v) = (packet.u.store(), packet.v.store());
-        let mut found = Found::NOTHING;
+    fn unpack<I: Isa>(&self, hits: &PacketHits<I::Packet>, back: I::Packet) -> LaneAnswers {
+        let t = hits.t.mul(back).store();
+        let (u, v) = (hits.u.store(), hits.v.store());
+        let mut answers = LaneAnswers::NOTHING;
         for (lane, &t) in t.as_ref().iter().enumerate() {
-            let place = packet.places[lane];
+            let place = hits.places[lane];
             if place != NOWHERE {
                 let (u, v) = (u.as_ref()[lane], v.as_ref()[lane]);
-                let triangle = self.tracer.tree.triangle_at(place);
-                found.hits[lane] = Hit { t, u, v, triangle };
+                let triangle = self.tree.triangle_at(place);
+                answers.hits[lane] = Hit { t, u, v, triangle };
             }
         }
-        found.places = packet.places;
-        found
+        answers.places = hits.places;
+        answers
     }
 
     /// Returns the closest hits of rays that are prepared together: traced as a packet where that is faster, else
@@ -65,125 +113,121 @@ impl<'a, T: Intersect> WideTracer<'a, T> {
     #[inline(always)]
     fn closest<I: Isa>(
         &self,
-        rays: &Given<I::Packet>,
-        asked: u32,
-        State { stack, closest, .. }: &mut State<'a>,
-    ) -> Found {
-        let (scale, tree) = (self.tracer.task.geometry.scale, self.tracer.tree);
-        let group = Group::<I::Packet>::new(rays, scale, &tree.root);
+        batch: &LaneBatch<'_, I::Packet>,
+        TaskState { stack, closest, .. }: &mut TaskState,
+    ) -> LaneAnswers {
+        let (rays, active, tree) = (batch.rays, batch.active, self.tree);
+        let group = Group::<I::Packet>::new(rays, batch.scale, &tree.root);
         let packet = closest.packet::<I>(&group, tree);
         if let Some(packet) = packet {
-            let found = T::closest_together::<I>(tree, &packet, &mut stack.waiting);
-            closest.saw(found.is_some());
-            if let Some(packet) = found {
-                let mut found = self.unpack::<I>(&packet, I::Packet::load(&group.back));
-                if T::IS_EXACT {
-                    self.report(&rays.rays(), (asked, packet.open), &mut found, stack);
+            let hits = T::closest_of_packet::<I>(tree, &packet, stack);
+            closest.record(hits.is_some());
+            if let Some(hits) = hits {
+                let mut answers = self.unpack::<I>(&hits, I::Packet::load(&group.back));
+                if T::IS_FILTER {
+                    let unreported = Unreported {
+                        rays: rays.rays(),
+                        active,
+                        open: hits.open,
+                    };
+                    self.report(&unreported, &mut answers);
                 }
-                return found;
+                return answers;
             }
         }
-        let (mut found, mut open) = (Found::NOTHING, 0);
-        for lane in 0..MOST_RAYS {
-            if (group.ready & asked) >> lane & 1 == 1 {
+        let (mut answers, mut open) = (LaneAnswers::NOTHING, 0);
+        for lane in set_lanes::<MOST_RAYS>(active) {
+            if group.ready >> lane & 1 == 1 {
                 let group = &group;
                 let ray = OneRay { group, lane };
-                let best = T::closest_alone::<I>(tree, &ray, &mut stack.waiting);
+                let best = T::closest_of_ray::<I>(tree, &ray, stack);
                 open |= u32::from(best.is_open) << lane;
-                found.places[lane] = best.place;
+                answers.places[lane] = best.place;
                 if best.hit.is_hit() {
                     let t = ray.unscaled(best.hit.t);
-                    found.hits[lane] = Hit { t, ..best.hit };
+                    answers.hits[lane] = Hit { t, ..best.hit };
                 }
-            } else if asked >> lane & 1 == 1 {
-                found.hits[lane] = self.closest_unusual(&rays.ray(lane), scale, stack);
+            } else {
+                answers.hits[lane] = self.closest_unusual(&rays.ray(lane));
             }
         }
-        if T::IS_EXACT {
-            self.report(&rays.rays(), (asked & group.ready, open), &mut found, stack);
+        if T::IS_FILTER {
+            let unreported = Unreported {
+                rays: rays.rays(),
+                active: active & group.ready,
+                open,
+            };
+            self.report(&unreported, &mut answers);
         }
-        found
+        answers
     }
 
-    /// Has the reference report the exact hits of the lanes of `asked`. It traces the rays of `open` lanes again.
+    /// Has the reference report exact hits. It traces the rays of open lanes again.
     #[inline(never)]
-    fn report(
-        &self,
-        rays: &[Ray; MOST_RAYS],
-        (asked, open): (u32, u32),
-        found: &mut Found,
-        stack: &mut Stack<'a>,
-    ) {
-        let scale = self.tracer.task.geometry.scale;
-        for (lane, ray) in rays.iter().enumerate() {
-            let place = found.places[lane];
-            if asked >> lane & 1 == 0 {
-                continue;
-            }
-            if open >> lane & 1 == 1 {
-                found.hits[lane] = self.closest_unusual(ray, scale, stack);
-                found.places[lane] = NOWHERE;
+    fn report(&self, hits: &Unreported, answers: &mut LaneAnswers) {
+        for lane in set_lanes::<MOST_RAYS>(hits.active) {
+            let (ray, place) = (&hits.rays[lane], answers.places[lane]);
+            if hits.open >> lane & 1 == 1 {
+                answers.hits[lane] = self.closest_unusual(ray);
+                answers.places[lane] = NOWHERE;
             } else if place != NOWHERE {
-                let asked = self.tracer.asked(*ray, scale);
-                let hit = Exact::sure_hit(&asked, place as usize);
-                found.hits[lane] = hit.unwrap_or(Hit::MISS);
+                let search = self.tracer.search(*ray, self.tracer.geometry.scale);
+                let hit = search.certain_hit(self.tree.triangle_at(place));
+                answers.hits[lane] = hit.unwrap_or(Hit::MISS);
             }
         }
     }
 
-    /// Returns the rays of `asked` that hit any triangle except the skipped ones. Traces them as a packet or singly.
+    /// Returns the active lanes that hit any triangle except the skipped ones. Traces them as a packet or singly.
     #[inline(always)]
     fn any<I: Isa>(
         &self,
-        (rays, scale): (&Given<I::Packet>, Scale),
-        (asked, skipped): (u32, &[u32; MOST_RAYS]),
-        State { stack, any, .. }: &mut State<'a>,
+        batch: &LaneBatch<'_, I::Packet>,
+        skipped: &[u32; MOST_RAYS],
+        TaskState { stack, any, .. }: &mut TaskState,
     ) -> u32 {
-        let tree = self.tracer.tree;
-        let group = Group::<I::Packet>::new(rays, scale, &tree.root);
-        let all = asked == I::Packet::ALL;
-        let packet = if all {
+        let (rays, active, tree) = (batch.rays, batch.active, self.tree);
+        let group = Group::<I::Packet>::new(rays, batch.scale, &tree.root);
+        let packet = if active == I::Packet::ALL {
             any.packet::<I>(&group, tree)
         } else {
             None
         };
         if let Some(packet) = packet {
-            let found = packet::any::<I, T>(tree, &packet, (asked, skipped), &mut stack.waiting);
-            any.saw(found.is_some());
-            if let Some(touch) = found {
-                return self.settle_any((rays, scale), touch, skipped, stack);
+            let query = AnyQuery { active, skipped };
+            let found = packet::any::<I, T>(tree, &packet, query, stack);
+            any.record(found.is_some());
+            if let Some(hits) = found {
+                return self.decide(batch, hits, skipped);
             }
         }
-        let (mut hit, mut open) = (0, 0);
-        for (lane, &skipped) in skipped.iter().enumerate() {
-            if (group.ready & asked) >> lane & 1 == 1 {
+        let mut all = AnyHits::default();
+        for lane in set_lanes::<MOST_RAYS>(active) {
+            if group.ready >> lane & 1 == 1 {
                 let group = &group;
                 let ray = OneRay { group, lane };
-                let touch = walk::any::<I, T>(tree, &ray, skipped, &mut stack.waiting);
-                hit |= touch.hit << lane;
-                open |= touch.open << lane;
-            } else if asked >> lane & 1 == 1 {
-                let found = self.any_unusual(&rays.ray(lane), scale, skipped, stack);
-                hit |= u32::from(found) << lane;
+                let hits = single::any::<I, T>(tree, &ray, skipped[lane], stack);
+                all.hit |= hits.hit << lane;
+                all.open |= hits.open << lane;
+            } else {
+                let hit = self.any_unusual(&rays.ray(lane), batch.scale, skipped[lane]);
+                all.hit |= u32::from(hit) << lane;
             }
         }
-        self.settle_any((rays, scale), Touch { hit, open }, skipped, stack)
+        self.decide(batch, all, skipped)
     }
 
     /// Returns the lanes that hit anything. The reference traces the rays of open lanes again.
     #[inline(always)]
-    fn settle_any<L: Lanes>(
+    fn decide<L: Lanes>(
         &self,
-        (rays, scale): (&Given<L>, Scale),
-        touch: Touch,
+        batch: &LaneBatch<'_, L>,
+        hits: AnyHits,
         skipped: &[u32; MOST_RAYS],
-        stack: &mut Stack<'a>,
     ) -> u32 {
-        let (mut hit, mut open) = (touch.hit, touch.open);
-        while open != 0 {
-            let lane = open.trailing_zeros() as usize % MOST_RAYS;
-            open &= open - 1;
-            let found = self.any_unusual(&rays.ray(lane), scale, skipped[lane], stack);
+        let mut hit = hits.hit;
+        for lane in set_lanes::<MOST_RAYS>(hits.open) {
+            let found = self.any_unusual(&batch.rays.ray(lane), batch.scale, skipped[lane]);
             hit |= u32::from(found) << lane;
         }
         hit
@@ -192,40 +236,40 @@ impl<'a, T: Intersect> WideTracer<'a, T> {
     /// Returns the closest hit of a ray that vectors do not answer.
     #[cold]
     #[inline(never)]
-    fn closest_unusual(&self, ray: &Ray, scale: Scale, stack: &mut Stack<'a>) -> Hit {
-        let hit = T::Reference::closest(&self.tracer.asked(*ray, scale), stack);
-        hit.unwrap_or(Hit::MISS)
+    fn closest_unusual(&self, ray: &Ray) -> Hit {
+        let search = self.tracer.search(*ray, self.tracer.geometry.scale);
+        search.closest().unwrap_or(Hit::MISS)
     }
 
     /// Returns whether a ray that vectors do not answer hits any triangle except `skipped`.
     #[cold]
     #[inline(never)]
-    fn any_unusual(&self, ray: &Ray, scale: Scale, skipped: u32, stack: &mut Stack<'a>) -> bool {
-        T::Reference::any(&self.tracer.asked(*ray, scale), Some(skipped), stack)
+    fn any_unusual(&self, ray: &Ray, scale: Scale, skipped: u32) -> bool {
+        self.tracer.search(*ray, scale).any(Some(skipped))
     }
 
     /// Answers rays of a list one by one, because some are extreme.
     #[cold]
     #[inline(never)]
-    fn singly(&self, indices: Range<usize>, stack: &mut Stack<'a>) -> Found {
-        let mut found = Found::NOTHING;
+    fn singly(&self, indices: ops::Range<usize>) -> LaneAnswers {
+        let mut answers = LaneAnswers::NOTHING;
         for (lane, index) in indices.enumerate() {
-            let (hit, blocked) = self.tracer.answer::<T::Reference>(index, stack);
-            found.hits[lane] = hit;
-            found.blocked |= u32::from(blocked) << lane;
+            let answer = self.tracer.answer(index);
+            answers.hits[lane] = answer.hit;
+            answers.blocked |= u32::from(answer.blocked) << lane;
         }
-        found
+        answers
     }
 }
 
 /// State of a task that persists from packet to packet.
 #[derive(Default)]
-struct State<'a> {
-    stack: Stack<'a>,
+struct TaskState {
+    stack: TraversalStack,
     /// History of packets in closest-hit searches.
-    closest: Trust,
+    closest: PacketHistory,
     /// History of packets in any-hit searches.
-    any: Trust,
+    any: PacketHistory,
 }
 
 struct TilesTask<'a, 'o, T> {
@@ -233,65 +277,63 @@ struct TilesTask<'a, 'o, T> {
     tracer: &'a WideTracer<'a, T>,
 }
 
-impl<T: Intersect> Work for TilesTask<'_, '_, T> {
-    type Out = Counts;
+impl<T: ClosestSearch> VectorWork for TilesTask<'_, '_, T> {
+    type Out = HitCounts;
 
     #[inline(always)]
-    fn run<I: Isa>(self) -> Counts {
-        match self.tracer.tracer.task.query.rays {
+    fn run<I: Isa>(self) -> HitCounts {
+        match self.tracer.tracer.query.rays {
             Rays::Camera(camera) => self.picture::<I>(camera),
             Rays::List(list) => self.list::<I>(list),
-            Rays::OnDevice(_) => Counts::default(),
+            Rays::OnDevice(_) => HitCounts::default(),
         }
     }
 }
 
-impl<T: Intersect> TilesTask<'_, '_, T> {
+impl<T: ClosestSearch> TilesTask<'_, '_, T> {
     #[inline(always)]
-    fn list<I: Isa>(mut self, list: &[Ray]) -> Counts {
-        let (mut state, mut sum) = (State::default(), Counts::default());
+    fn list<I: Isa>(mut self, list: &[Ray]) -> HitCounts {
+        let (mut state, mut sum) = (TaskState::default(), HitCounts::default());
         let (tracer, lanes) = (self.tracer, I::Packet::ALL.count_ones() as usize);
         let first = self.tiles.index(0, 0);
         let list = &list[first..first + self.tiles.columns()];
         for (i, rays) in list.chunks(lanes).enumerate() {
-            let (begin, asked) = (i * lanes, (1 << rays.len()) - 1);
-            let given = Given::listed(rays);
-            let geometry = &tracer.tracer.task.geometry;
-            let found = if given.extreme(geometry) & asked != 0 {
-                let indices = first + begin..first + begin + rays.len();
-                tracer.singly(indices, &mut state.stack)
+            let (begin, active) = (i * lanes, (1 << rays.len()) - 1);
+            let input = InputRays::listed(rays);
+            let found = if extreme_lanes(&input, &tracer.tracer.geometry) & active != 0 {
+                tracer.singly(first + begin..first + begin + rays.len())
             } else {
-                I::outlined(Answers {
+                I::outlined(AnswerLanes {
                     tracer,
-                    rays: &given,
-                    asked,
+                    rays: &input,
+                    active,
                     state: &mut state,
                 })
             };
             for lane in 0..rays.len() {
                 self.tiles.set(begin + lane, 0, found.answer(lane));
             }
-            sum = sum + found.counts(asked);
+            sum = sum + found.counts(active);
         }
         sum
     }
 
     #[inline(always)]
-    fn picture<I: Isa>(mut self, camera: &Camera) -> Counts {
-        let (mut state, mut sum) = (State::default(), Counts::default());
+    fn picture<I: Isa>(mut self, camera: &Camera) -> HitCounts {
+        let (mut state, mut sum) = (TaskState::default(), HitCounts::default());
         let size = [self.tiles.columns(), self.tiles.height()];
         let rows = I::Packet::ALL.count_ones() as usize / COLUMNS;
         for x in (0..size[0]).step_by(COLUMNS) {
             for y in (0..size[1]).step_by(rows) {
                 let cell = Cell::new(&self.tiles, [x, y], rows);
-                let found = I::outlined(Answers {
+                let found = I::outlined(AnswerLanes {
                     tracer: self.tracer,
                     rays: &cell.rays(camera),
-                    asked: cell.asked,
+                    active: cell.active,
                     state: &mut state,
                 });
                 self.write(&cell, [x, y], &found);
-                sum = sum + found.counts(cell.asked);
+                sum = sum + found.counts(cell.active);
             }
         }
         sum
@@ -299,65 +341,71 @@ impl<T: Intersect> TilesTask<'_, '_, T> {
 
     /// Writes the answers of the cell at `at`.
     #[inline(always)]
-    fn write(&mut self, cell: &Cell, at: [usize; 2], found: &Found) {
-        for lane in 0..MOST_RAYS {
-            if cell.asked >> lane & 1 == 1 {
-                let (x, y) = (at[0] + lane % COLUMNS, at[1] + lane / COLUMNS);
-                self.tiles.set(x, y, found.answer(lane));
-            }
+    fn write(&mut self, cell: &Cell, at: [usize; 2], found: &LaneAnswers) {
+        for lane in set_lanes::<MOST_RAYS>(cell.active) {
+            let (x, y) = (at[0] + lane % COLUMNS, at[1] + lane / COLUMNS);
+            self.tiles.set(x, y, found.answer(lane));
         }
     }
 }
 
-/// Answers the rays in the lanes of `asked`. Lists and pictures share this part, because it takes long to compile.
-struct Answers<'a, 't, L, T> {
+/// Answers the rays in the active lanes. Lists and pictures share this part, because it takes long to compile.
+struct AnswerLanes<'a, 't, L, T> {
     tracer: &'t WideTracer<'a, T>,
-    rays: &'t Given<L>,
-    asked: u32,
-    state: &'t mut State<'a>,
+    rays: &'t InputRays<L>,
+    active: u32,
+    state: &'t mut TaskState,
 }
 
-impl<I: Isa, T: Intersect> Outlined<I> for Answers<'_, '_, I::Packet, T> {
-    type Out = Found;
+impl<I: Isa, T: ClosestSearch> Outlined<I> for AnswerLanes<'_, '_, I::Packet, T> {
+    type Out = LaneAnswers;
 
     #[inline(always)]
-    fn run(self) -> Found {
-        let Self {
-            tracer,
-            rays,
-            asked,
-            state,
-        } = self;
-        let Tracer { task, tree, light } = &tracer.tracer;
-        let scale = task.geometry.scale;
-        let mut found = Found::NOTHING;
-        if task.query.kind == QueryKind::Any {
-            found.blocked = tracer.any::<I>((rays, scale), (asked, &NONE), state);
-            return found;
+    fn run(self) -> LaneAnswers {
+        let (tracer, state) = (self.tracer, self.state);
+        let QueryTracer {
+            query,
+            geometry,
+            light,
+            ..
+        } = tracer.tracer;
+        let batch = LaneBatch {
+            rays: self.rays,
+            scale: geometry.scale,
+            active: self.active,
+        };
+        if query.kind == QueryKind::Any {
+            let mut answers = LaneAnswers::NOTHING;
+            answers.blocked = tracer.any::<I>(&batch, &NONE, state);
+            return answers;
         }
-        found = tracer.closest::<I>(rays, asked, state);
-        let (Some(light), hit) = (light, asked & found.lanes()) else {
-            return found;
+        let mut answers = tracer.closest::<I>(&batch, state);
+        let (Some(light), hit) = (light, batch.active & answers.lanes()) else {
+            return answers;
         };
         if hit == 0 {
-            return found;
+            return answers;
         }
         // Shadow rays are traced now, while the results of the rays are in the nearest caches.
-        let corners = found.corners::<I>(&task.geometry, tree);
-        let eyes = rays.scaled_origin(scale);
-        let shadows = shadow_rays(light, &corners, found.weights::<I>(), &eyes);
+        let corners = answers.corners::<I>(geometry, tracer.tree);
+        let eyes = batch.rays.scaled_origin(batch.scale);
+        let shadows = LaneBatch {
+            rays: &shadow_rays(light, &corners, answers.weights::<I>(), &eyes),
+            scale: Scale::ONE,
+            active: hit,
+        };
         let mut skipped = NONE;
-        for (skipped, hit) in skipped.iter_mut().zip(&found.hits) {
+        for (skipped, hit) in skipped.iter_mut().zip(&answers.hits) {
             *skipped = hit.triangle;
         }
-        found.blocked = tracer.any::<I>((&shadows, Scale::ONE), (hit, &skipped), state);
-        found
+        answers.blocked = tracer.any::<I>(&shadows, &skipped, state);
+        answers
     }
 }
 
 /// History of whether packets were faster than single rays.
 #[derive(Default)]
-struct Trust {
+struct PacketHistory {
     failed: u32,
     /// Cells to trace singly before the next packet is tried.
     pause: u32,
@@ -366,19 +414,20 @@ struct Trust {
 /// The longest pause, in cells.
 const PAUSE: u32 = 7;
 
-impl Trust {
+impl PacketHistory {
     /// Creates a packet of a group's rays, unless a pause lasts or the tree is `spread`: packets pad boxes by the size
     /// of the whole tree.
     #[inline(always)]
-    fn packet<I: Isa>(&mut self, group: &Group<I::Packet>, tree: &Wide) -> Option<PacketOf<I>> {
+    fn packet<I: Isa>(&mut self, group: &Group<I::Packet>, tree: &Bvh8) -> Option<PacketOf<I>> {
         let tries = self.pause == 0 && !tree.spread;
         self.pause = self.pause.saturating_sub(1);
-        if tries { Packet::of(group) } else { None }
+        if tries { RayPacket::of(group) } else { None }
     }
 
+    /// Records whether a packet was faster than single rays.
     #[inline(always)]
-    fn saw(&mut self, worth: bool) {
-        self.failed = if worth { 0 } else { self.failed + 1 };
+    fn record(&mut self, succeeded: bool) {
+        self.failed = if succeeded { 0 } else { self.failed + 1 };
         self.pause = ((1 << self.failed.min(8)) - 1).min(PAUSE);
     }
 }

@@ -1,120 +1,90 @@
-//! Traversal of the wide tree for tests that take one triangle at a time.
+//! The reference's view of the wide tree: its searches take one triangle at a time.
 
-use crate::boxes::bounds;
 use crate::leaf::{OfBlock, TriangleRay};
 use crate::rays::{Group, OneRay};
-use crate::simd::{Isa, Lanes, Work};
-use crate::tree::{LANES, Records, Wide};
-use crate::walk::{NodeRay, Stack, Visitor, walk};
-use cpu_ref::intersect::{Record, TriangleTest};
+use crate::simd::{Isa, Lanes, VectorWork, set_lanes};
+use crate::tree::{Bvh8, LANES, Link, bounds};
+use crate::walk::{NodeRay, TraversalStack, Visitor, walk};
 use cpu_ref::scale::PreparedRay;
-use cpu_ref::traverse::{Below, Leaf, Tree};
+use cpu_ref::{Child, TreeTraversal, TriangleVisitor, VisitedTriangle, intersect};
 use geom::{Aabb, Hit};
 
-impl Tree for &Wide {
-    type Waiting = Stack;
-
+impl TreeTraversal for Bvh8 {
     fn root(&self) -> Aabb {
         self.root
     }
 
-    #[inline]
-    fn triangle(&self, place: usize) -> Option<u32> {
-        let triangle = self.blocks[place / LANES].triangles[place % LANES];
-        (triangle != Hit::MISS.triangle).then_some(triangle)
-    }
-
-    #[inline]
-    fn record<T: TriangleTest>(&self, place: usize) -> Record {
-        match self.records.get(place / LANES) {
-            Some(Records(rows)) => Record(rows.map(|row| row.map(|column| column[place % LANES]))),
-            None => T::record(&self.blocks[place / LANES].triangle(place % LANES)),
-        }
-    }
-
-    fn children(&self, node: u32, mut each: impl FnMut(&Aabb, Below)) {
-        let node = &self.nodes[node as usize];
-        for (lane, link) in node.links.into_iter().enumerate() {
-            let below = match link.is_block() {
-                true => Below::Places {
-                    first: link.index() * LANES,
-                    count: LANES,
-                },
-                false => Below::Node(link.index() as u32),
-            };
-            each(&bounds(&node.planes, lane), below);
-        }
-    }
-
-    #[inline]
-    fn visit(
-        &self,
-        ray: &PreparedRay,
-        stack: &mut Stack,
-        mut see: impl FnMut(&Leaf, f32) -> Option<f32>,
-    ) -> bool {
-        self.level.run(Visit {
+    fn traverse(&self, ray: &PreparedRay, visitor: &mut TriangleVisitor<'_>) -> bool {
+        self.level.run(Traversal {
             tree: self,
             ray,
-            stack,
-            see: &mut see,
+            visitor,
         })
+    }
+
+    fn children(&self, node: u32, each: &mut dyn FnMut(&Aabb, Child)) {
+        let node = &self.nodes[node as usize];
+        for (lane, link) in node.links.into_iter().enumerate() {
+            let bounds = bounds(&node.planes, lane);
+            if link.is_block() {
+                let triangles = self.blocks[link.index()].triangles.into_iter();
+                let triangles = triangles.filter(|&triangle| triangle != Hit::MISS.triangle);
+                triangles.for_each(|triangle| each(&bounds, Child::Triangle(triangle)));
+            } else if link != Link::ROOT {
+                each(&bounds, Child::Node(link.index() as u32));
+            }
+        }
     }
 }
 
-/// Callback that tests a leaf and returns the next bound, or `None` to end the visit.
-type See<'a> = dyn FnMut(&Leaf, f32) -> Option<f32> + 'a;
-
-struct Visit<'a> {
-    tree: &'a Wide,
+struct Traversal<'a, 'v> {
+    tree: &'a Bvh8,
     ray: &'a PreparedRay,
-    stack: &'a mut Stack,
-    /// Called through a pointer, so that the traversal is compiled once for all tests.
-    see: &'a mut See<'a>,
+    /// Called through a pointer, so that the traversal is compiled once for all searches.
+    visitor: &'a mut TriangleVisitor<'v>,
 }
 
-impl Work for Visit<'_> {
+impl VectorWork for Traversal<'_, '_> {
     type Out = bool;
 
     #[inline(always)]
     fn run<I: Isa>(self) -> bool {
         let group = &Group::alone(self.ray, &self.tree.root);
         let ray = OneRay { group, lane: 0 };
-        let mut each = EachTriangle {
+        let mut each = TriangleByTriangle {
             tree: self.tree,
             ray: TriangleRay::<I::Eight>::single(&ray),
-            see: self.see,
+            visitor: self.visitor,
         };
         let ray = NodeRay::<I::Eight>::new(&ray, self.tree.spread);
-        let rays = (&ray, self.ray.t_max);
-        walk::<I>(self.tree, rays, self.stack, &mut each)
+        walk::<I>(self.tree, &ray, &mut TraversalStack::default(), &mut each)
     }
 }
 
-/// Calls `see` for each triangle of a block whose own box the ray meets.
-struct EachTriangle<'a, L> {
-    tree: &'a Wide,
+/// Calls the visitor for each triangle of a block whose own box the ray meets.
+struct TriangleByTriangle<'a, 'v, L> {
+    tree: &'a Bvh8,
     ray: TriangleRay<L>,
-    see: &'a mut See<'a>,
+    visitor: &'a mut TriangleVisitor<'v>,
 }
 
-impl<I, L: Lanes<Array = [f32; LANES]>> Visitor<I> for EachTriangle<'_, L> {
+impl<I, L: Lanes<Array = [f32; LANES]>> Visitor<I> for TriangleByTriangle<'_, '_, L> {
     #[inline(always)]
     fn block(&mut self, block: usize, mut bound: f32) -> Option<f32> {
         let tree = self.tree;
         let spans = self.ray.spans(OfBlock { tree, block }, bound);
-        let (entry, exit) = (spans.entry.store(), spans.exit.store());
-        let mut lanes = spans.lanes;
-        while lanes != 0 {
-            let lane = lanes.trailing_zeros() as usize % LANES;
-            lanes &= lanes - 1;
-            let leaf = Leaf {
-                place: block * LANES + lane,
-                entry: entry[lane],
-                exit: exit[lane],
-            };
-            if leaf.entry <= bound {
-                bound = (self.see)(&leaf, bound)?;
+        let (entries, exits) = (spans.entry.store(), spans.exit.store());
+        let block = &tree.blocks[block];
+        for lane in set_lanes::<LANES>(spans.lanes) {
+            let (entry, exit) = (entries[lane], exits[lane]);
+            if entry <= bound {
+                let visited = VisitedTriangle {
+                    triangle: block.triangles[lane],
+                    record: &intersect::record(tree.intersector, &block.triangle(lane)),
+                    entry,
+                    exit,
+                };
+                bound = (self.visitor)(&visited, bound)?;
             }
         }
         Some(bound)

@@ -2,7 +2,7 @@
 //! or prepared together.
 
 use backend::{Backend, Generation, Inspect, Intersector, QueryKind, Rays};
-use bvh_layout::{First, Topology};
+use bvh_layout::{CollapseOptions, Topology};
 use conformance::stage::{ask, stand, tree_at};
 use conformance::{Cases, PROPERTIES, Reference, hold, nth_case, record};
 use cpu_ref::CpuBackend;
@@ -279,8 +279,8 @@ fn prebuilt_blocks_do_not_change_hits() {
     let intersector = Intersector::Watertight;
     let [good, bad] = trees(&animation);
     for (old, new) in [(&good, &bad), (&bad, &good)] {
-        let blocks = (&[][..], First::Left);
-        let with = new.clone().with_blocks(animation.triangles(), blocks);
+        let options = CollapseOptions::default();
+        let with = new.clone().with_blocks(animation.triangles(), options);
         let [found, expected] = [&with, new].map(|new| {
             let backend = cpu_simd::open(Some(1)).unwrap();
             let mut backend = ready(backend, &animation, intersector, old);

@@ -123,9 +123,9 @@ impl<D: GpuDevice> TreeBuffers<D> {
             None if self.last_bytes == 0 => return Ok(None),
             None => gpu.staging(self.last_bytes)?,
         };
-        let (to, animation) = (Arc::clone(&self.written), Arc::clone(&self.animation));
+        let to = Arc::clone(&self.written);
         Ok(Some(Box::new(move |tree| {
-            let treelets = tree.to_treelets(animation.static_parts());
+            let treelets = tree.to_treelets();
             let parts = treelets.parts();
             // If the staging buffer is too small, drop it. The next tree gets a larger one.
             if staging.fill(&parts) {
@@ -180,7 +180,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
         if let Some(written) = written.filter(|written| written.generation == generation) {
             return Ok(written);
         }
-        let treelets = tree.to_treelets(self.animation.static_parts());
+        let treelets = tree.to_treelets();
         let parts = treelets.parts();
         let mut staging = gpu.staging(bytes(&parts))?;
         if !staging.fill(&parts) {
@@ -285,7 +285,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
     ) -> Result<ArrivingTree<D::Buffer>> {
         let animation = &self.animation;
         check_tree(tree, animation)?;
-        let shape = Shape::of(&tree.to_treelets(animation.static_parts()));
+        let shape = Shape::of(&tree.to_treelets());
         self.send(gpu, tree, generation)?;
         let (_, buffer, arrival) = self.sent.take().expect("it was sent just now");
         Ok(ArrivingTree {

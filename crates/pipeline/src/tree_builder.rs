@@ -11,7 +11,7 @@ use bvh_build::{
     BinaryTree, BlockSize, Boxes, BuildError, Cancel, MovedTree, SahBuilder, SubtreeRebuilder,
     TreeCosts, sah_cost,
 };
-use bvh_layout::{Converter, First, Spare, Topology};
+use bvh_layout::{CollapseOptions, Converter, First, Spare, Topology};
 pub(crate) use degradation::BuildStrategy;
 use degradation::DegradationMonitor;
 use extrapolation::ExtrapolationMonitor;
@@ -341,20 +341,25 @@ impl TreeBuilder {
         }
     }
 
-    /// Returns the new tree as a topology, in the requested format, with lists of moving nodes.
+    /// Returns the new tree as a topology, in the requested format.
     fn convert(&mut self, animation: &Animation) -> Topology {
-        let spare = std::mem::take(&mut self.spare);
-        let convert = match self.format {
-            TreeFormat::Treelets => Converter::convert_with_treelets,
-            TreeFormat::Binary | TreeFormat::WideBlocks => Converter::convert,
-        };
-        let triangles = animation.triangle_count();
-        let mut topology = convert(&mut self.converter, &self.tree, triangles, spare);
-        if self.format == TreeFormat::WideBlocks {
-            let first = (self.builder.toward).map_or(First::Larger, |_| First::Left);
-            topology = topology.with_blocks(animation.triangles(), (&self.boxes, first));
+        let (tree, spare) = (&self.tree, std::mem::take(&mut self.spare));
+        let (converter, triangles) = (&mut self.converter, animation.triangle_count());
+        match self.format {
+            TreeFormat::Binary => converter.convert(tree, triangles, spare),
+            TreeFormat::Treelets => {
+                let topology = converter.convert_with_treelets(tree, triangles, spare);
+                topology.with_moving(animation.static_parts())
+            }
+            TreeFormat::WideBlocks => {
+                let topology = converter.convert(tree, triangles, spare);
+                let options = CollapseOptions {
+                    boxes: &self.boxes,
+                    first: self.builder.toward.map_or(First::Larger, |_| First::Left),
+                };
+                topology.with_blocks(animation.triangles(), options)
+            }
         }
-        topology.with_moving(animation.static_parts())
     }
 }
 

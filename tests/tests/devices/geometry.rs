@@ -76,7 +76,7 @@ pub(crate) fn skipping_static_treelets_preserves_bits(backend: &mut dyn Subject)
     let words = tree_at(&animation, 0.0).words().to_vec();
     let plain = Topology::from_words(words).unwrap();
     let listed = plain.clone().with_moving(animation.static_parts());
-    let treelets = listed.to_treelets(animation.static_parts());
+    let treelets = listed.to_treelets();
     let moving = treelets.moving.as_ref().unwrap().words.len();
     assert!(
         moving > 1 && moving < treelets.treelet_count() / 4,

@@ -91,7 +91,7 @@ fn join<T: Copy + Default + Send + Sync>(
     let mut places = Vec::with_capacity(from.len());
     for part in from {
         let place = rest.split_off_mut(..of(part).len());
-        places.push((place.expect("there is room for all"), part));
+        places.push((place.expect("as many entries as all parts have"), part));
     }
     let fill = |(place, part): (&mut [T], &TaskGroups)| place.copy_from_slice(of(part));
     places.into_par_iter().for_each(fill);
@@ -126,15 +126,15 @@ impl TaskGroups {
         let leaves = tree.triangles(task).iter().map(|&t| boxes.get(t));
         self.leaves.clear();
         self.leaves.extend(leaves);
-        let seen = self.see(tree, task, task.first_leaf);
-        self.areas.within_groups += seen.within.unwrap_or(0.0);
-        self.bounds = seen.bounds;
+        let visited = self.visit(tree, task, task.first_leaf);
+        self.areas.within_groups += visited.within.unwrap_or(0.0);
+        self.bounds = visited.bounds;
     }
 
     /// Adds the groups below `node`. The leaves of the task start at `first`.
-    fn see(&mut self, tree: &BinaryTree, node: Subtree, first: u32) -> Visited {
+    fn visit(&mut self, tree: &BinaryTree, node: Subtree, first: u32) -> Visited {
         let before = self.nodes.len();
-        let seen = if node.leaves == 1 {
+        let visited = if node.leaves == 1 {
             let bounds = self.leaves[(node.first_leaf - first) as usize];
             assert!(
                 is_usable(&bounds),
@@ -148,27 +148,27 @@ impl TaskGroups {
                 within,
             }
         } else {
-            let children = tree.children(node).map(|c| self.see(tree, c, first));
-            let seen = both(children, node.leaves);
-            if seen.within.is_none() {
+            let children = tree.children(node).map(|c| self.visit(tree, c, first));
+            let visited = combine(children, node.leaves);
+            if visited.within.is_none() {
                 let within = children.iter().filter_map(|c| c.within);
                 self.areas.within_groups += within.sum::<f64>();
             }
-            seen
+            visited
         };
-        self.areas.all += seen.area;
-        if seen.within.is_some() {
+        self.areas.all += visited.area;
+        if visited.within.is_some() {
             self.nodes.truncate(before);
             self.nodes.push(node);
             self.boxes.truncate(before);
-            self.boxes.push(seen.bounds);
+            self.boxes.push(visited.bounds);
         }
-        seen
+        visited
     }
 }
 
 /// Combines two children to a node of `leaves` leaves.
-fn both([a, b]: [Visited; 2], leaves: u32) -> Visited {
+fn combine([a, b]: [Visited; 2], leaves: u32) -> Visited {
     let bounds = a.bounds.union(b.bounds);
     let area = bounds.half_area();
     let apart = a.area + b.area;

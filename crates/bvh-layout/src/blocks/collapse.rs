@@ -1,23 +1,19 @@
 //! Collapses a binary record to a wide tree, in parallel, level by level.
 
 use super::costs::CostedTree;
-use super::{Block, BlockTree, First, LANES, Link, RUN, Ranges, WideNode};
+use super::{Block, BlockTree, CollapseOptions, LANES, Link, RUN, Ranges, WideNode};
 use crate::{NodeRank, Topology};
-use geom::Aabb;
 use rayon::prelude::*;
 
 impl BlockTree {
     /// Collapses a record, in the rayon pool that the caller installed. `triangles` holds three vertex indices for each
     /// triangle of the scene.
     ///
-    /// `with` is a box for each triangle, or an empty slice, and the child that an any-hit traversal visits first. The
-    /// nodes have the least possible total area. Without boxes, they have the least possible total number of triangles.
-    ///
     /// # Panics
     /// If the record does not belong to a scene of these triangles.
     #[must_use]
-    pub fn of(tree: &Topology, triangles: &[[u32; 3]], with: (&[Aabb], First)) -> Self {
-        let costed = &CostedTree::of(tree, with);
+    pub fn of(tree: &Topology, triangles: &[[u32; 3]], options: CollapseOptions<'_>) -> Self {
+        let costed = &CostedTree::of(tree, options);
         let (mut all, roots) =
             Self::nodes_of(costed, (tree.leaf_count() > 0).then(|| tree.ranks().of(0)));
         let leaves = tree.leaf_triangles();

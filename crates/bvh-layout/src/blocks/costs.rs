@@ -1,13 +1,13 @@
 //! Costs of binary subtrees after collapsing, computed from the bottom up.
 
-use super::{First, LANES, RUN};
+use super::{CollapseOptions, First, LANES, RUN};
 use crate::{NodeRank, NodeRanks, Topology};
 use geom::Aabb;
 use rayon::prelude::*;
 
 /// Summary of the subtree below a binary node.
 #[derive(Clone, Copy)]
-struct Subtree {
+struct SubtreeSummary {
     /// Empty if there are no boxes.
     bounds: Aabb,
     leaves: u32,
@@ -21,7 +21,7 @@ pub(super) type Costs = [f32; LANES - 1];
 pub(super) struct CostedTree<'a> {
     ranks: NodeRanks<'a>,
     /// One entry per inner node.
-    subtrees: Vec<Subtree>,
+    subtrees: Vec<SubtreeSummary>,
     /// Costs of each inner node that is too large for a block. The other entries are unused.
     large: Vec<Costs>,
     /// Reciprocal of the root's half area, if there are boxes.
@@ -31,8 +31,8 @@ pub(super) struct CostedTree<'a> {
 
 impl<'a> CostedTree<'a> {
     /// Computes all costs. Boxes are used only if there is one for each triangle.
-    pub(super) fn of(tree: &'a Topology, (boxes, first): (&[Aabb], First)) -> Self {
-        let boxes = Some(boxes).filter(|boxes| boxes.len() == tree.triangle_count());
+    pub(super) fn of(tree: &'a Topology, options: CollapseOptions<'_>) -> Self {
+        let boxes = Some(options.boxes).filter(|boxes| boxes.len() == tree.triangle_count());
         let subtrees = subtrees(tree, boxes);
         let root = subtrees.first().filter(|_| boxes.is_some());
         let mut costed = Self {
@@ -40,7 +40,7 @@ impl<'a> CostedTree<'a> {
             over_root: root.map(|root| 1.0 / root.bounds.half_area().max(f64::MIN_POSITIVE)),
             subtrees,
             large: Vec::new(),
-            first,
+            first: options.first,
         };
         costed.large = costed.costs_of_large(tree);
         costed
@@ -110,27 +110,28 @@ impl<'a> CostedTree<'a> {
         // A leaf's area is not stored: its `None` is less than any area.
         let known = |child: NodeRank| child.leaf().is_none().then(|| self.area(child));
         let has_order = self.first == First::Larger && self.over_root.is_some();
-        match has_order && known(left) < known(right) {
-            true => [left, right],
-            false => [right, left],
+        if has_order && known(left) < known(right) {
+            [left, right]
+        } else {
+            [right, left]
         }
     }
 }
 
 /// Summarizes the subtree of every inner node.
-fn subtrees(tree: &Topology, boxes: Option<&[Aabb]>) -> Vec<Subtree> {
+fn subtrees(tree: &Topology, boxes: Option<&[Aabb]>) -> Vec<SubtreeSummary> {
     let triangles = tree.leaf_triangles();
-    let leaf = |rank: u32| Subtree {
+    let leaf = |rank: u32| SubtreeSummary {
         bounds: boxes.map_or(Aabb::EMPTY, |boxes| {
             boxes[triangles[rank as usize] as usize]
         }),
         leaves: 1,
     };
-    let none = Subtree {
+    let none = SubtreeSummary {
         bounds: Aabb::EMPTY,
         leaves: 0,
     };
-    tree.bottom_up(none, leaf, |a, b| Subtree {
+    tree.bottom_up(none, leaf, |a, b| SubtreeSummary {
         bounds: a.bounds.union(b.bounds),
         leaves: a.leaves + b.leaves,
     })

@@ -3,6 +3,7 @@
 mod collapse;
 mod costs;
 
+use geom::Aabb;
 use std::ops::Range;
 
 /// Number of nodes or blocks per task.
@@ -11,12 +12,23 @@ const RUN: usize = 2048;
 /// Maximum number of children of a node, and of triangles of a block.
 pub const LANES: usize = 8;
 
+/// How a binary tree is collapsed.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct CollapseOptions<'a> {
+    /// A box for each triangle, or an empty slice. The nodes have the least possible total area. Without boxes, they have
+    /// the least possible total number of triangles.
+    pub boxes: &'a [Aabb],
+    /// The child that an any-hit traversal visits first.
+    pub first: First,
+}
+
 /// The child that an any-hit traversal visits first.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum First {
     /// The child of larger area, which is more likely to end the ray. Leaves come second. Without boxes, as `Left`.
     Larger,
     /// The left child, for trees that are built with the likely occluder on the left.
+    #[default]
     Left,
 }
 

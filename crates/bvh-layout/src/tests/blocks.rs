@@ -1,7 +1,7 @@
 //! Tests of the eight-wide form, read back lane by lane.
 
 use super::{random_tree, record, scene, shapes};
-use crate::{Block, BlockTree, First, LANES, Link};
+use crate::{Block, BlockTree, CollapseOptions, First, LANES, Link};
 use bvh_build::{BinaryTree, Subtree};
 use geom::Aabb;
 
@@ -55,7 +55,7 @@ fn triangles_of(block: &Block, out: &mut Vec<u32>) {
 fn check(binary: &BinaryTree) {
     let topology = &record(binary);
     let triangles = triangles(topology.triangle_count());
-    let tree = BlockTree::of(topology, &triangles, (&[], First::Left));
+    let tree = BlockTree::of(topology, &triangles, CollapseOptions::default());
     let mut found = Vec::new();
     let mut seen = vec![0; tree.nodes.len()];
     if topology.leaf_count() > 0 {
@@ -79,7 +79,7 @@ fn triangles_and_nodes_appear_once() {
 fn full_subtrees_make_full_nodes() {
     let tree = random_tree(20_000, 5);
     let corners = triangles(scene(&tree));
-    let wide = BlockTree::of(&record(&tree), &corners, (&[], First::Left));
+    let wide = BlockTree::of(&record(&tree), &corners, CollapseOptions::default());
     let upper = &wide.nodes[wide.levels[1].clone()];
     assert!(upper.iter().all(|node| !node.links.contains(&Link::ROOT)));
     assert!(wide.blocks.len() * 4 < 20_000);
@@ -109,8 +109,10 @@ fn known_areas_move_large_triangles_up() {
         let mut levels = wide.levels.iter();
         levels.position(|level| level.contains(&node)).unwrap()
     };
-    let [by_size, by_area] =
-        [&[][..], &boxes].map(|b| BlockTree::of(&record, &corners, (b, First::Larger)));
+    let [by_size, by_area] = [&[][..], &boxes].map(|boxes| {
+        let first = First::Larger;
+        BlockTree::of(&record, &corners, CollapseOptions { boxes, first })
+    });
     assert!(depth(&by_area) < depth(&by_size));
 }
 
@@ -133,7 +135,8 @@ fn visits_larger_or_left_subtree_first() {
         let boxes = boxes(scene(&tree), large);
         let corners = triangles(scene(&tree));
         for (first, found) in [(First::Larger, large), (First::Left, order[0])] {
-            let wide = BlockTree::of(&record, &corners, (&boxes, first));
+            let boxes = &boxes;
+            let wide = BlockTree::of(&record, &corners, CollapseOptions { boxes, first });
             let asked = asked_first(&wide).triangles;
             assert!(asked.contains(&found), "{large} {first:?}");
         }
@@ -204,11 +207,11 @@ fn wide_nodes_have_minimal_area() {
             Aabb { min, max }
         };
         let boxes: Vec<_> = (0..scene(&tree)).map(bounds).collect();
-        let wide = BlockTree::of(
-            &record(&tree),
-            &triangles(boxes.len()),
-            (&boxes, First::Left),
-        );
+        let options = CollapseOptions {
+            boxes: &boxes,
+            first: First::Left,
+        };
+        let wide = BlockTree::of(&record(&tree), &triangles(boxes.len()), options);
         let (_, found) = areas_below(&wide, Link::ROOT, &boxes);
         let all = AllForms {
             tree: &tree,

@@ -59,8 +59,8 @@ pub(crate) fn random_tree(leaves: usize, seed: u64) -> BinaryTree {
 /// Creates a tree of maximum depth. `left` returns the number of leaves on the left while the depth limit permits.
 fn deep(leaves: usize, left: impl Fn(u32) -> u32) -> BinaryTree {
     grow(leaves, |k, depth| {
-        let room = 1_u64 << (MAX_DEPTH - depth - 1);
-        if u64::from(k - 1) <= room {
+        let limit = 1_u64 << (MAX_DEPTH - depth - 1);
+        if u64::from(k - 1) <= limit {
             left(k)
         } else {
             k / 2

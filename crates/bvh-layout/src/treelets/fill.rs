@@ -32,32 +32,43 @@ struct Task<'a> {
     inner: &'a mut [u32],
 }
 
-/// Encodes all treelets. Reuses the memory of `room` and `words`, whatever they contain. `places` has an entry for
+/// Encodes all treelets. Reuses the memory of `scratch` and `words`, whatever they contain. `places` has an entry for
 /// every inner node, or is empty.
 pub(super) fn fill(
     tree: &BinaryTree,
     cuts: &[Cut],
-    room: &mut Vec<u32>,
+    scratch: &mut Vec<u32>,
     mut words: Vec<u32>,
     places: &Places,
 ) -> Treelets {
     let count = |of: fn(&Cut) -> usize| cuts.iter().map(of).sum::<usize>();
     let (treelets, roots) = (count(|c| c.treelets.len()), count(|c| c.roots.len()));
     let leaves = tree.order().len();
-    room.resize(
+    scratch.resize(
         count(|c| c.roots.iter().map(|r| r.leaves as usize).sum()),
         0,
     );
     let inner_at = treelets * Treelets::ENTRY_WORDS + roots + leaves;
     // Every word is written below, so reused words are not cleared.
-    words.reserve((inner_at + room.len()).saturating_sub(words.len()));
+    words.reserve((inner_at + scratch.len()).saturating_sub(words.len()));
     words.resize(inner_at, 0);
     let body = &mut words[treelets * Treelets::ENTRY_WORDS..];
-    let tasks = tasks(tree, cuts, body.split_at_mut(roots), room, places);
-    let found: Vec<(u32, u32)> = tasks.into_par_iter().map(Task::run).collect();
-    let inner_count = found.iter().map(|&(inner, _)| inner).sum();
+    let (root_words, triangles) = body.split_at_mut(roots);
+    let outputs = Outputs {
+        root_words,
+        triangles,
+        inner: scratch,
+    };
+    let tasks = tasks(tree, cuts, outputs, places);
+    let found: Vec<TreeletSize> = tasks.into_par_iter().map(Task::run).collect();
+    let inner_count = found.iter().map(|size| size.inner_count).sum();
     words.resize(inner_at + inner_count as usize, 0);
-    close_up(room, leaves_of_each(cuts), &found, &mut words[inner_at..]);
+    compact(
+        scratch,
+        leaves_of_each(cuts),
+        &found,
+        &mut words[inner_at..],
+    );
     let mut made = Treelets {
         words,
         leaf_count: leaves as u32,
@@ -74,28 +85,35 @@ fn leaves_of_each(cuts: &[Cut]) -> impl Iterator<Item = usize> {
         .flat_map(|cut| cut.treelets.iter().map(|t| cut.leaves(t).len()))
 }
 
-/// Compacts the inner nodes of all treelets, which have one entry for each leaf in `room`, into `inner`.
-fn close_up(
-    mut room: &[u32],
+/// Compacts the inner nodes of all treelets, which have one entry for each leaf in `scratch`, into `inner`.
+fn compact(
+    mut scratch: &[u32],
     leaves: impl Iterator<Item = usize>,
-    found: &[(u32, u32)],
+    found: &[TreeletSize],
     mut inner: &mut [u32],
 ) {
     let mut moves = Vec::with_capacity(found.len());
-    for (&(count, _), leaves) in found.iter().zip(leaves) {
-        let from = room.split_off(..leaves).expect("a place for each leaf");
-        moves.push((take(&mut inner, count as usize), from));
+    for (size, leaves) in found.iter().zip(leaves) {
+        let from = scratch.split_off(..leaves).expect("a place for each leaf");
+        moves.push((take(&mut inner, size.inner_count as usize), from));
     }
     let each = moves.into_par_iter().with_min_len(64);
     each.for_each(|(to, from)| to.copy_from_slice(&from[..to.len()]));
 }
 
-/// Splits the outputs for roots, triangles and inner nodes into one part per treelet.
+/// Memory that the tasks of all treelets fill.
+struct Outputs<'a> {
+    root_words: &'a mut [u32],
+    triangles: &'a mut [u32],
+    /// Inner nodes, one entry for each leaf.
+    inner: &'a mut [u32],
+}
+
+/// Splits the outputs into one part per treelet.
 fn tasks<'a>(
     tree: &'a BinaryTree,
     cuts: &'a [Cut],
-    (mut root_words, mut triangles): (&'a mut [u32], &'a mut [u32]),
-    mut inner: &'a mut [u32],
+    mut outputs: Outputs<'a>,
     places: &'a Places,
 ) -> Vec<Task<'a>> {
     let (mut left_leaves, mut names) = (tree.left_leaves(), None);
@@ -103,17 +121,17 @@ fn tasks<'a>(
     for cut in cuts {
         for treelet in &cut.treelets {
             let leaves = cut.leaves(treelet);
-            let own = leaves.len().min(triangles.len());
+            let own = leaves.len().min(outputs.triangles.len());
             tasks.push(Task {
                 number: tasks.len() as u32,
                 left_leaves,
                 names,
                 places,
                 roots: &cut.roots[treelet.clone()],
-                root_words: take(&mut root_words, treelet.len()),
-                triangles: take(&mut triangles, own),
+                root_words: take(&mut outputs.root_words, treelet.len()),
+                triangles: take(&mut outputs.triangles, own),
                 order: tree.order().get(leaves.clone()).unwrap_or_default(),
-                inner: take(&mut inner, leaves.len()),
+                inner: take(&mut outputs.inner, leaves.len()),
             });
         }
         (left_leaves, names) = (&cut.above, Some(&cut.names[..]));
@@ -123,11 +141,18 @@ fn tasks<'a>(
 
 fn take<'a>(from: &mut &'a mut [u32], count: usize) -> &'a mut [u32] {
     let part = from.split_off_mut(..count);
-    part.expect("there is room for all")
+    part.expect("as many words as all tasks need")
+}
+
+/// Size of an encoded treelet.
+#[derive(Clone, Copy)]
+struct TreeletSize {
+    inner_count: u32,
+    height: u32,
 }
 
 /// Inner nodes of a treelet in preorder.
-struct Inner {
+struct TreeletNodes {
     words: [u32; Treelets::LEAVES],
     count: u32,
     /// Entry `i` is the number of inner nodes of height `i + 1`.
@@ -135,27 +160,30 @@ struct Inner {
 }
 
 impl Task<'_> {
-    /// Encodes the treelet, with inner nodes sorted by height. Returns the number of inner nodes and the height.
-    fn run(mut self) -> (u32, u32) {
+    /// Encodes the treelet, with inner nodes sorted by height.
+    fn run(mut self) -> TreeletSize {
         let own = self.triangles.len();
         self.triangles.copy_from_slice(&self.order[..own]);
-        let mut inner = Inner {
+        let mut inner = TreeletNodes {
             words: [0; Treelets::LEAVES],
             count: 0,
             of_height: [0; MAX_DEPTH as usize],
         };
         let mut height = 0;
         for (i, &root) in self.roots.iter().enumerate() {
-            let (reference, its_height) = self.enter(root, &mut inner);
+            let (reference, its_height) = self.encode(root, &mut inner);
             self.root_words[i] = reference;
             height = its_height.max(height);
         }
         inner.sort_into(self.inner);
-        (inner.count, height)
+        TreeletSize {
+            inner_count: inner.count,
+            height,
+        }
     }
 
     /// Encodes a subtree. Returns its reference and height. The recursion is at most 64 levels deep, as the tree.
-    fn enter(&mut self, node: Subtree, inner: &mut Inner) -> (u32, u32) {
+    fn encode(&mut self, node: Subtree, inner: &mut TreeletNodes) -> (u32, u32) {
         let leaf = node.first_leaf - self.roots[0].first_leaf;
         let shared = node.leaves == 2 && !self.triangles.is_empty();
         if shared {
@@ -173,8 +201,8 @@ impl Task<'_> {
             }
         }
         let [left, right] = node.children(self.left_leaves);
-        let (left, left_height) = self.enter(left, inner);
-        let (right, right_height) = self.enter(right, inner);
+        let (left, left_height) = self.encode(left, inner);
+        let (right, right_height) = self.encode(right, inner);
         let below = left_height.max(right_height);
         inner.of_height[below as usize] += 1;
         inner.words[own as usize] = left | right << 9 | own << 18 | below << HEIGHT_AT;
@@ -182,7 +210,7 @@ impl Task<'_> {
     }
 }
 
-impl Inner {
+impl TreeletNodes {
     /// Sorts the words by height, lowest first, and in preorder within a height.
     fn sort_into(&mut self, to: &mut [u32]) {
         let mut ends = self.of_height;
@@ -199,7 +227,7 @@ impl Inner {
 }
 
 impl Treelets {
-    fn finish(&mut self, cuts: &[Cut], found: &[(u32, u32)], inner_at: usize) {
+    fn finish(&mut self, cuts: &[Cut], found: &[TreeletSize], inner_at: usize) {
         let mut next = Treelet {
             inner_at: inner_at as u32,
             inner_row: 4,
@@ -214,7 +242,10 @@ impl Treelets {
             let rows_here = next.root_row;
             for treelet in &cut.treelets {
                 let leaves = cut.leaves(treelet);
-                let (inner_count, height) = found[number];
+                let TreeletSize {
+                    inner_count,
+                    height,
+                } = found[number];
                 let entry = Treelet {
                     first_leaf: rows_below.map_or(leaves.start as u32, |row: u32| {
                         row + 2 * leaves.start as u32

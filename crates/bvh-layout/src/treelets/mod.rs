@@ -165,18 +165,22 @@ impl Treelets {
         Self::of_tree_in(tree, &mut Workspace::default(), Vec::new())
     }
 
-    /// Creates the treelets of a binary tree, reusing the memory of `room` and of `words`.
-    pub(crate) fn of_tree_in(tree: &BinaryTree, room: &mut Workspace, words: Vec<u32>) -> Self {
+    /// Creates the treelets of a binary tree, reusing the memory of `workspace` and of `words`.
+    pub(crate) fn of_tree_in(
+        tree: &BinaryTree,
+        workspace: &mut Workspace,
+        words: Vec<u32>,
+    ) -> Self {
         if tree.leaf_count() == 0 {
             return Self::default();
         }
         let cuts = Cut::all(tree);
         let is_wide = tree.leaf_count() <= WideTree::MOST_TRIANGLES;
         let nodes = if is_wide { tree.leaf_count() - 1 } else { 0 };
-        room.places.resize_with(nodes, AtomicU32::default);
-        let mut made = fill::fill(tree, &cuts, &mut room.inner, words, &room.places);
+        workspace.places.resize_with(nodes, AtomicU32::default);
+        let mut made = fill::fill(tree, &cuts, &mut workspace.inner, words, &workspace.places);
         if is_wide {
-            made.wide = WideTree::of(tree, &made, &room.places);
+            made.wide = WideTree::of(tree, &made, &workspace.places);
         }
         made
     }
@@ -192,7 +196,7 @@ impl Treelets {
     /// If `parts` lacks a triangle of the tree.
     #[must_use]
     pub fn with_moving(mut self, parts: &StaticParts) -> Self {
-        self.moving = Moving::of_treelets(&self, parts);
+        self.moving = Moving::of(&self, parts);
         let listed = self.moving.iter().flat_map(|m| &m.words);
         let parents = listed.map(|&number| self.treelet(number as usize).parent);
         let parents: Vec<_> = parents.filter(|&p| p != Treelet::NONE).collect();

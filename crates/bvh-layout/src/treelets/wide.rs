@@ -10,7 +10,7 @@ use std::sync::atomic::Ordering;
 const RUN: usize = 16;
 
 /// A binary tree, and the places of its nodes in treelets.
-struct Source<'a> {
+struct PlacedTree<'a> {
     left_leaves: &'a [u32],
     treelets: &'a Treelets,
     places: &'a Places,
@@ -29,11 +29,11 @@ impl Lane {
     }
 
     fn block(&self) -> u32 {
-        WideTree::BLOCK | goal(self.node.first_leaf, self.node.leaves)
+        WideTree::BLOCK | target(self.node.first_leaf, self.node.leaves)
     }
 }
 
-impl Source<'_> {
+impl PlacedTree<'_> {
     fn open(&self, node: Subtree) -> [Lane; 2] {
         let place = self.places[node.inner as usize].load(Ordering::Relaxed);
         let row = self.treelets.treelet(place as usize >> 8).inner_row + 4 * (place & 255);
@@ -61,31 +61,31 @@ impl Source<'_> {
 
 /// Lanes under construction, level by level.
 #[derive(Default)]
-struct Lanes {
+struct LaneList {
     rows: Vec<u32>,
-    goals: Vec<u32>,
+    targets: Vec<u32>,
 }
 
-impl Lanes {
+impl LaneList {
     /// Appends a node's lanes. Returns the node's target word, and adds the lanes whose nodes are still missing to
     /// `next`.
     fn add_node(&mut self, lanes: &[Lane], next: &mut Vec<(Subtree, usize)>) -> u32 {
-        let first = self.goals.len();
+        let first = self.targets.len();
         for lane in lanes {
             self.rows.push(lane.row);
             if lane.is_block() {
-                self.goals.push(lane.block());
+                self.targets.push(lane.block());
             } else {
-                next.push((lane.node, self.goals.len()));
-                self.goals.push(0);
+                next.push((lane.node, self.targets.len()));
+                self.targets.push(0);
             }
         }
-        goal(first as u32, lanes.len() as u32)
+        target(first as u32, lanes.len() as u32)
     }
 
     fn into_tree(mut self, root: u32) -> WideTree {
-        let lanes = self.goals.len();
-        self.rows.append(&mut self.goals);
+        let lanes = self.targets.len();
+        self.rows.append(&mut self.targets);
         WideTree {
             words: self.rows,
             lanes,
@@ -98,17 +98,17 @@ impl WideTree {
     /// Creates the wide form of a tree, in the rayon pool that the caller installed. Returns `None` if it is too deep.
     pub(super) fn of(tree: &BinaryTree, treelets: &Treelets, places: &Places) -> Option<Self> {
         let node = tree.root()?;
-        let tree = Source {
+        let tree = PlacedTree {
             left_leaves: tree.left_leaves(),
             treelets,
             places,
         };
-        let mut lanes = Lanes::default();
+        let mut lanes = LaneList::default();
         // Rows 0 and 1 hold the box of the whole tree.
         let all = Lane { node, row: 0 };
         if all.is_block() {
             lanes.add_node(&[all], &mut Vec::new());
-            return Some(lanes.into_tree(goal(0, 1)));
+            return Some(lanes.into_tree(target(0, 1)));
         }
         let mut level = Vec::new();
         let root = lanes.add_node(&tree.open_wide(node), &mut level);
@@ -117,7 +117,7 @@ impl WideTree {
             let opened: Vec<_> = opened.map(|&(node, _)| tree.open_wide(node)).collect();
             let mut next = Vec::new();
             for (&(_, lane), children) in level.iter().zip(&opened) {
-                lanes.goals[lane] = lanes.add_node(children, &mut next);
+                lanes.targets[lane] = lanes.add_node(children, &mut next);
             }
             level = next;
         }
@@ -126,7 +126,7 @@ impl WideTree {
 }
 
 /// Encodes a range of lanes or of triangles as a target word.
-fn goal(first: u32, count: u32) -> u32 {
+fn target(first: u32, count: u32) -> u32 {
     first << WideTree::FIRST_AT | count
 }
 
@@ -137,15 +137,15 @@ mod tests {
     use crate::tests::{chain, random_tree, shapes};
 
     /// Appends the triangles below a target. Returns its number of levels of nodes.
-    fn below(wide: &WideTree, goal: u32, triangles: &mut Vec<u32>) -> usize {
-        let (first, count) = ((goal & !WideTree::BLOCK) >> 6, goal & 63);
+    fn below(wide: &WideTree, target: u32, triangles: &mut Vec<u32>) -> usize {
+        let (first, count) = ((target & !WideTree::BLOCK) >> 6, target & 63);
         assert!((1..=32).contains(&count));
-        if goal & WideTree::BLOCK != 0 {
+        if target & WideTree::BLOCK != 0 {
             triangles.extend(first..first + count);
             return 0;
         }
-        let goals = &wide.words[wide.lanes + first as usize..][..count as usize];
-        let levels = goals.iter().map(|&goal| below(wide, goal, triangles));
+        let targets = &wide.words[wide.lanes + first as usize..][..count as usize];
+        let levels = targets.iter().map(|&target| below(wide, target, triangles));
         1 + levels.max().unwrap_or(0)
     }
 
@@ -163,10 +163,10 @@ mod tests {
             found.sort_unstable();
             assert!(found.into_iter().eq(0..treelets.leaf_count));
             let mut boxes = rows_of(&treelets);
-            let (rows, goals) = wide.words.split_at(wide.lanes);
-            for (row, &goal) in rows.iter().zip(goals) {
+            let (rows, targets) = wide.words.split_at(wide.lanes);
+            for (row, &target) in rows.iter().zip(targets) {
                 let mut found = Vec::new();
-                below(wide, goal, &mut found);
+                below(wide, target, &mut found);
                 found.sort_unstable();
                 let triangles = found.iter().map(|&at| tree.order()[at as usize]);
                 let of_box = boxes.remove(row).expect("a row that is not another lane's");

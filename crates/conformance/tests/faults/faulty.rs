@@ -157,17 +157,6 @@ impl Faulty {
     }
 }
 
-/// Returns the tree with wrong lists, in which a moving triangle and a static one are exchanged.
-fn mislisted(tree: &Topology, animation: &Animation) -> Topology {
-    let mut parts = animation.static_parts().clone();
-    let leaves = tree.leaf_triangles().iter().map(|&t| t as usize);
-    let mut both = [false, true].map(|kind| leaves.clone().find(|&t| parts.triangles[t] == kind));
-    if let [Some(moving), Some(still)] = &mut both {
-        parts.triangles.swap(*moving, *still);
-    }
-    tree.clone().with_moving(&parts)
-}
-
 impl Backend for Faulty {
     fn device(&self) -> &Device {
         &self.device
@@ -193,12 +182,7 @@ impl Backend for Faulty {
         let left = left.filter(|_| self.is("a tree that was left is adopted"));
         let tree = left.as_ref().unwrap_or(tree);
         self.seen.made = None;
-        let adopted = match &self.seen.animation {
-            Some(animation) if self.is("what moves is passed over") => {
-                self.inner.adopt(&mislisted(tree, animation), generation)
-            }
-            _ => self.inner.adopt(tree, generation),
-        };
+        let adopted = self.inner.adopt(tree, generation);
         match (self.fault, &adopted) {
             ("any tree is taken", Err(_)) => return Ok(()),
             (_, Ok(())) => self.seen.first_leaf = tree.leaf_triangles().first().copied(),

@@ -2,59 +2,45 @@
 //!
 //! *Fast, Minimum Storage Ray/Triangle Intersection* (1997), without culling and without its epsilon.
 
-use super::{Meeting, Record, TriangleTest};
+use super::record::{Record, TriangleHit};
 use crate::scale::PreparedRay;
 use geom::Triangle;
-use glam::Vec3A;
+use glam::Vec3;
 
-/// Möller, Trumbore 1997. A record holds the first vertex and the edges to the other two.
-pub struct MollerTrumbore;
-
-/// A ray as two vectors.
+/// A ray for the test of Möller, Trumbore 1997. A record holds the first vertex and the edges to the other two.
 #[derive(Clone, Copy, Debug)]
-pub struct RayVectors {
-    origin: Vec3A,
-    direction: Vec3A,
+pub struct MollerTrumbore {
+    origin: Vec3,
+    direction: Vec3,
 }
 
-impl TriangleTest for MollerTrumbore {
-    type Ray = RayVectors;
-
-    #[inline]
-    fn record(corners: &Triangle) -> Record {
-        let [a, b, c] = corners.map(Vec3A::from_array);
+impl MollerTrumbore {
+    pub(crate) fn record(corners: &Triangle) -> Record {
+        let [a, b, c] = corners.map(Vec3::from_array);
         Record([a, b - a, c - a].map(|v| v.extend(0.0).to_array()))
     }
 
-    #[inline]
-    fn prepare(ray: &PreparedRay) -> RayVectors {
-        RayVectors {
-            origin: Vec3A::from_array(ray.origin),
-            direction: Vec3A::from_array(ray.direction),
+    pub(crate) fn new(ray: &PreparedRay) -> Self {
+        Self {
+            origin: Vec3::from_array(ray.origin),
+            direction: Vec3::from_array(ray.direction),
         }
     }
 
-    #[inline(always)]
-    fn meet(ray: &RayVectors, record: &Record) -> Option<Meeting> {
-        let [a, e1, e2] = record.0.map(|row| Vec3A::from_vec4(row.into()));
-        let p = ray.direction.cross(e2);
-        let inverse = 1.0 / dot(e1, p);
-        let s = ray.origin - a;
-        let u = dot(s, p) * inverse;
+    #[inline]
+    pub(crate) fn intersect(&self, record: &Record) -> Option<TriangleHit> {
+        let [a, e1, e2] = record.0.map(|[x, y, z, _]| Vec3::new(x, y, z));
+        let p = self.direction.cross(e2);
+        let inverse = 1.0 / e1.dot(p);
+        let s = self.origin - a;
+        let u = s.dot(p) * inverse;
         let q = s.cross(e1);
-        let v = dot(ray.direction, q) * inverse;
+        let v = self.direction.dot(q) * inverse;
         // A determinant of zero makes u or v infinite or NaN, so the comparison fails.
-        (u >= 0.0 && v >= 0.0 && u + v <= 1.0).then(|| Meeting {
-            t: dot(e2, q) * inverse,
+        (u >= 0.0 && v >= 0.0 && u + v <= 1.0).then(|| TriangleHit {
+            t: e2.dot(q) * inverse,
             u,
             v,
         })
     }
-}
-
-/// Adds up in a fixed order, as the vectors of `cpu-simd` do.
-#[inline(always)]
-fn dot(a: Vec3A, b: Vec3A) -> f32 {
-    let p = a * b;
-    (p.x + p.y) + p.z
 }

@@ -3,69 +3,101 @@
 //! Woop, Benthin, Wald, *Watertight Ray/Triangle Intersection* (JCGT 2013).
 //! Exact signs and a symbolic perturbation (Edelsbrunner, Mücke 1990) replace
 //! the double-precision fallback: shared edges are decided as for one generic
-//! point. All three vertices are sheared at once, one in each lane.
+//! point.
 
-use super::{Meeting, Record, TriangleTest};
-use crate::extreme::Rule;
-use crate::scale::{PreparedRay, flushed4};
+use super::record::{Record, TriangleHit};
+use crate::scale::{PreparedRay, flushed};
 use geom::{Point, Triangle};
-use glam::{Vec4, Vec4Swizzles};
 
-/// Woop, Benthin, Wald 2013. A record holds, for each axis, the coordinate of all three vertices.
-pub struct Watertight;
-
-/// Axes in the order `kx, ky, kz`, and the shear that aligns the ray with axis `kz`.
+/// A ray for the test of Woop, Benthin, Wald 2013: axes in the order `kx, ky, kz`, and the shear that aligns the ray with
+/// axis `kz`. A record holds, for each axis, the coordinate of all three vertices.
 #[derive(Clone, Copy, Debug)]
-pub struct Shear {
+pub struct Watertight {
     axes: [usize; 3],
-    origin: [Vec4; 3],
-    shear: [Vec4; 3],
+    origin: [f32; 3],
+    shear: [f32; 3],
 }
 
-/// Mask of the lanes that hold a vertex.
-const VERTICES: u32 = 0b111;
+/// A number for each vertex or for each edge of a triangle.
+type Three = [f32; 3];
 
-impl TriangleTest for Watertight {
-    const EXTREMES: Option<Rule> = Some(Rule::Moved);
+/// A triangle's vertices in the space where the ray is the axis `kz`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Sheared {
+    pub(crate) x: Three,
+    pub(crate) y: Three,
+    /// Distance from the ray's origin along `kz`, not scaled.
+    pub(crate) along: Three,
+}
 
-    type Ray = Shear;
-
-    #[inline]
-    fn record([a, b, c]: &Triangle) -> Record {
+impl Watertight {
+    pub(crate) fn record([a, b, c]: &Triangle) -> Record {
         Record([0, 1, 2].map(|axis| [a[axis], b[axis], c[axis], 0.0]))
     }
 
-    #[inline]
-    fn prepare(ray: &PreparedRay) -> Shear {
+    pub(crate) fn new(ray: &PreparedRay) -> Self {
         let d = ray.direction;
         let kz = main_axis(d);
         let axes = [(kz + 1) % 3, (kz + 2) % 3, kz];
         let [dx, dy, dz] = axes.map(|k| d[k]);
-        Shear {
+        Self {
             axes,
-            origin: axes.map(|k| Vec4::splat(ray.origin[k])),
-            shear: [dx / dz, dy / dz, 1.0 / dz].map(Vec4::splat),
+            origin: axes.map(|k| ray.origin[k]),
+            shear: [dx / dz, dy / dz, 1.0 / dz],
         }
     }
 
-    #[inline(always)]
-    fn meet(ray: &Shear, record: &Record) -> Option<Meeting> {
-        let sheared = ray.apply(record);
+    #[inline]
+    pub(crate) fn intersect(&self, record: &Record) -> Option<TriangleHit> {
+        let sheared = self.sheared(record);
         let edges = sheared.edges();
-        let negative = edges.cmplt(Vec4::ZERO).bitmask() & VERTICES;
-        let positive = edges.cmpgt(Vec4::ZERO).bitmask() & VERTICES;
-        if negative != 0 && positive != 0 {
+        let some_negative = edges.iter().any(|&e| e < 0.0);
+        let some_positive = edges.iter().any(|&e| e > 0.0);
+        if some_negative && some_positive {
             return None;
         }
-        if negative | positive != VERTICES && !has_equal_signs(edges, sheared.x, sheared.y) {
+        let some_open = edges.iter().any(|&e| e == 0.0 || e.is_nan());
+        if some_open && !has_equal_signs(&edges, &sheared.x, &sheared.y) {
             return None;
         }
-        Some(solve(edges, ray.depths(&sheared)))
+        Some(solve(&edges, &self.depths(&sheared)))
+    }
+
+    #[inline]
+    pub(crate) fn sheared(&self, record: &Record) -> Sheared {
+        let from_origin: [Three; 3] = std::array::from_fn(|i| {
+            let [a, b, c, _] = record.0[self.axes[i]];
+            [a, b, c].map(|coordinate| coordinate - self.origin[i])
+        });
+        let [x, y, along] = from_origin;
+        let [sx, sy, _] = self.shear;
+        Sheared {
+            x: std::array::from_fn(|vertex| x[vertex] - sx * along[vertex]),
+            y: std::array::from_fn(|vertex| y[vertex] - sy * along[vertex]),
+            along,
+        }
+    }
+
+    /// Returns the distances of the vertices in units of the direction.
+    #[inline]
+    pub(crate) fn depths(&self, sheared: &Sheared) -> Three {
+        sheared.along.map(|along| self.shear[2] * along)
+    }
+}
+
+impl Sheared {
+    /// Computes the edge functions `U = cx*by - cy*bx`, and `V` and `W` cyclically.
+    #[inline]
+    pub(crate) fn edges(&self) -> Three {
+        let Self { x, y, .. } = self;
+        std::array::from_fn(|i| {
+            let (p, q) = ((i + 2) % 3, (i + 1) % 3);
+            x[p] * y[q] - y[p] * x[q]
+        })
     }
 }
 
 /// Returns `kz`: the axis of the largest component, the first of equals.
-#[inline]
 fn main_axis(direction: Point) -> usize {
     let [x, y, z] = direction.map(f32::abs);
     if x >= y && x >= z {
@@ -77,75 +109,42 @@ fn main_axis(direction: Point) -> usize {
     }
 }
 
-/// A triangle's vertices in the space where the ray is the axis `kz`, one in each lane.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Sheared {
-    pub(crate) x: Vec4,
-    pub(crate) y: Vec4,
-    /// Distance from the ray's origin along `kz`, not scaled.
-    pub(crate) along: Vec4,
-}
-
-impl Shear {
-    #[inline(always)]
-    pub(crate) fn apply(&self, record: &Record) -> Sheared {
-        let [kx, ky, kz] = self.axes;
-        let [sx, sy, _] = self.shear;
-        let from_origin = |k: usize, i: usize| Vec4::from_array(record.0[k]) - self.origin[i];
-        let along = from_origin(kz, 2);
-        Sheared {
-            x: from_origin(kx, 0) - sx * along,
-            y: from_origin(ky, 1) - sy * along,
-            along,
-        }
-    }
-
-    /// Returns the distances of the vertices in units of the direction.
-    #[inline(always)]
-    pub(crate) fn depths(&self, sheared: &Sheared) -> Vec4 {
-        self.shear[2] * sheared.along
-    }
-}
-
-impl Sheared {
-    /// Computes `U = cx*by - cy*bx` in lane 0, and `V` and `W` cyclically in lanes 1 and 2.
-    #[inline(always)]
-    pub(crate) fn edges(&self) -> Vec4 {
-        self.x.zxyw() * self.y.yzxw() - self.y.zxyw() * self.x.yzxw()
-    }
-}
-
 /// Computes distance and weights of a hit from its edge functions and depths.
 #[inline]
-pub(crate) fn solve(edges: Vec4, depths: Vec4) -> Meeting {
-    let edges = flushed4(edges);
-    let det = (edges.x + edges.y) + edges.z;
+pub(crate) fn solve(edges: &Three, depths: &Three) -> TriangleHit {
+    let [e0, e1, e2] = edges.map(flushed);
+    let det = (e0 + e1) + e2;
     if det == 0.0 || !det.is_finite() {
-        return Meeting {
-            t: depths.x,
+        return TriangleHit {
+            t: depths[0],
             u: 0.0,
             v: 0.0,
         };
     }
-    let p = flushed4(edges * depths);
-    let [t, u, v, _] = (Vec4::new((p.x + p.y) + p.z, edges.y, edges.z, 0.0) / det).to_array();
-    Meeting { t, u, v }
+    let sum = (flushed(e0 * depths[0]) + flushed(e1 * depths[1])) + flushed(e2 * depths[2]);
+    TriangleHit {
+        t: sum / det,
+        u: e1 / det,
+        v: e2 / det,
+    }
 }
 
-/// Returns whether all three edge functions have the same sign. Signs that rounding left open are computed exactly.
+/// Returns whether all three edge functions have the same sign, for vertices at sheared `x` and `y`. Signs that rounding
+/// left open are computed exactly.
 #[cold]
 #[inline(never)]
-pub fn has_equal_signs(edges: Vec4, x: Vec4, y: Vec4) -> bool {
-    let sign = |e: f32, p: usize, q: usize| {
-        let rounded = order(&e, &0.0);
+pub fn has_equal_signs(edges: &[f32; 3], x: &[f32; 3], y: &[f32; 3]) -> bool {
+    let sign = |edge: usize| {
+        let (p, q) = ((edge + 2) % 3, (edge + 1) % 3);
+        let rounded = order(&edges[edge], &0.0);
         if rounded == 0 {
             exact_sign([x[p], y[p]], [x[q], y[q]])
         } else {
             rounded
         }
     };
-    let u = sign(edges.x, 2, 1);
-    u != 0 && u == sign(edges.y, 0, 2) && u == sign(edges.z, 1, 0)
+    let u = sign(0);
+    u != 0 && u == sign(1) && u == sign(2)
 }
 
 /// Returns the sign of `p x q`. If that is zero, the ray moves by `(e, e^2)`. The result is zero only if `p` is `q`.

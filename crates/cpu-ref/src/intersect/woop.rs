@@ -1,30 +1,26 @@
-//! Woop's test: an affine transform maps each triangle to the unit triangle. It leaks near edges.
+//! Woop's test, which the paper uses: an affine transform maps each triangle to the unit triangle. It leaks near edges.
 //!
 //! Woop, *A Ray Tracing Hardware Architecture for Dynamic Scenes* (2004).
 //! The third row is the unit normal. The normal over its squared length loses
 //! small triangles.
 
-use super::{Meeting, Record, TriangleTest};
+use super::record::{Record, TriangleHit};
 use crate::scale::PreparedRay;
-use geom::Triangle;
-use glam::{Vec3A, Vec4};
+use geom::{Point, Triangle};
+use glam::Vec3;
 
-/// Woop 2004. A record holds the rows of the transform, each a vector and an offset.
-pub struct Woop;
-
-/// A ray as a point, with last component 1, and a vector, with last component 0.
+/// A ray for the test of Woop 2004. A record holds the rows of the transform, each a vector and an offset.
 #[derive(Clone, Copy, Debug)]
-pub struct RayVectors {
-    origin: Vec4,
-    direction: Vec4,
+pub struct Woop {
+    origin: Point,
+    direction: Point,
 }
 
-impl TriangleTest for Woop {
-    type Ray = RayVectors;
-
+impl Woop {
+    /// Preprocesses a triangle.
     #[inline]
-    fn record(corners: &Triangle) -> Record {
-        let [a, b, c] = corners.map(Vec3A::from_array);
+    pub fn record(corners: &Triangle) -> Record {
+        let [a, b, c] = corners.map(Vec3::from_array);
         let (e1, e2) = (b - a, c - a);
         let normal = e1.cross(e2);
         let largest = normal.abs().max_element();
@@ -39,28 +35,28 @@ impl TriangleTest for Woop {
         Record(rows.map(|row| row.extend(-row.dot(a)).to_array()))
     }
 
-    #[inline]
-    fn prepare(ray: &PreparedRay) -> RayVectors {
-        RayVectors {
-            origin: Vec3A::from_array(ray.origin).extend(1.0),
-            direction: Vec3A::from_array(ray.direction).extend(0.0),
+    pub(crate) fn new(ray: &PreparedRay) -> Self {
+        Self {
+            origin: ray.origin,
+            direction: ray.direction,
         }
     }
 
-    #[inline(always)]
-    fn meet(ray: &RayVectors, record: &Record) -> Option<Meeting> {
-        let [to_u, to_v, to_height] = record.0.map(Vec4::from_array);
-        let t = -dot(to_height, ray.origin) / dot(to_height, ray.direction);
-        let u = dot(to_u, ray.origin) + t * dot(to_u, ray.direction);
-        let v = dot(to_v, ray.origin) + t * dot(to_v, ray.direction);
+    #[inline]
+    pub(crate) fn intersect(&self, record: &Record) -> Option<TriangleHit> {
+        let [to_u, to_v, to_height] = &record.0;
+        let point = |row| transformed(row, self.origin, 1.0);
+        let vector = |row| transformed(row, self.direction, 0.0);
+        let t = -point(to_height) / vector(to_height);
+        let u = point(to_u) + t * vector(to_u);
+        let v = point(to_v) + t * vector(to_v);
         // For a ray parallel to the plane, t is infinite or NaN, and so are u and v: no hit.
-        (u >= 0.0 && v >= 0.0 && u + v <= 1.0).then_some(Meeting { t, u, v })
+        (u >= 0.0 && v >= 0.0 && u + v <= 1.0).then_some(TriangleHit { t, u, v })
     }
 }
 
-/// Adds up in a fixed order, as the vectors of `cpu-simd` do.
-#[inline(always)]
-fn dot(a: Vec4, b: Vec4) -> f32 {
-    let p = a * b;
-    (p.x + p.z) + (p.y + p.w)
+/// Applies a row to a point (`w` is 1) or a vector (`w` is 0). The order of the sum is that of `cpu-simd`.
+#[inline]
+fn transformed(row: &[f32; 4], [x, y, z]: Point, w: f32) -> f32 {
+    (row[0] * x + row[2] * z) + (row[1] * y + row[3] * w)
 }

@@ -1,6 +1,6 @@
 //! Vectors as plain arrays, which the compiler may vectorize.
 
-use super::{Eight, Halves, Lanes, Vector};
+use super::{Eight, Halves, Lanes, PlaneVector};
 use geom::Point;
 use std::array::from_fn;
 
@@ -24,7 +24,7 @@ macro_rules! lanewise {
     )* };
 }
 
-impl<const N: usize> Vector for Plain<N> {
+impl<const N: usize> PlaneVector for Plain<N> {
     type Array = [f32; N];
 
     #[inline(always)]

@@ -8,7 +8,7 @@
     reason = "vector instructions that the machine was found to have"
 )]
 
-use super::{Eight, Halves, Isa, Lanes, Outlined, Vector};
+use super::{Eight, Halves, Isa, Lanes, Outlined, PlaneVector};
 use bvh_layout::Link;
 use geom::Point;
 use std::arch::is_x86_feature_detected as has;
@@ -98,7 +98,7 @@ macro_rules! vector {
         #[derive(Clone, Copy)]
         pub(crate) struct $name($register);
 
-        impl Vector for $name {
+        impl PlaneVector for $name {
             type Array = [f32; $count];
             operation! {
                 splat(x: f32) -> Self = Self($splat(x));
@@ -298,7 +298,7 @@ macro_rules! twice {
     )* };
 }
 
-impl Vector for YmmPair {
+impl PlaneVector for YmmPair {
     type Array = [f32; 16];
 
     #[inline(always)]

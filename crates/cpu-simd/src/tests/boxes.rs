@@ -1,12 +1,11 @@
 //! Tests of the boxes of inner nodes against the box test that decides hits.
 
-use crate::boxes::set_bounds;
-use crate::rays::{Given, Group, OneRay};
-use crate::simd::{Isa, Lanes, Level, Plain, Work};
-use crate::tree::{EMPTY, LANES, Planes};
+use crate::rays::{Group, InputRays, OneRay};
+use crate::simd::{Isa, Lanes, Level, Plain, VectorWork};
+use crate::tree::{BoxPlanes, EMPTY, LANES, set_bounds};
 use crate::walk::{BoxTest, NodeRay};
 use cpu_ref::scale::{PreparedRay, Scale};
-use cpu_ref::slab::{FARTHEST, PAD};
+use cpu_ref::{FARTHEST, PAD};
 use geom::{Aabb, Point, Ray};
 use proptest::prelude::*;
 
@@ -72,19 +71,19 @@ fn strict(ray: &OneRay<'_, impl Lanes>, bounds: &Aabb) -> [f32; 2] {
 /// Computes the lanes of `planes` that a ray meets, and its entry distance in each.
 struct Meet<'a, R: Lanes> {
     ray: &'a OneRay<'a, R>,
-    planes: Planes,
+    planes: BoxPlanes,
     /// Set if boxes are padded by their own distance.
     spread: bool,
 }
 
-impl<R: Lanes> Work for Meet<'_, R> {
+impl<R: Lanes> VectorWork for Meet<'_, R> {
     type Out = (u32, [f32; LANES]);
 
     #[inline(always)]
     fn run<I: Isa>(self) -> (u32, [f32; LANES]) {
         let node_ray = NodeRay::<I::Eight>::new(self.ray, self.spread);
-        let (lanes, entries) = node_ray.meet(&self.planes, f32::INFINITY);
-        (lanes, entries.store())
+        let met = node_ray.meet(&self.planes, f32::INFINITY);
+        (met.lanes, met.entry.store())
     }
 }
 
@@ -123,7 +122,7 @@ proptest! {
         };
         let alone = Group::alone(&prepared, &root);
         check(&OneRay { group: &alone, lane: 0 }, &bounds)?;
-        let group = Group::<Plain<8>>::new(&Given::listed(&[ray]), Scale::ONE, &root);
+        let group = Group::<Plain<8>>::new(&InputRays::listed(&[ray]), Scale::ONE, &root);
         if group.ready & 1 == 1 {
             check(&OneRay { group: &group, lane: 0 }, &bounds)?;
         }

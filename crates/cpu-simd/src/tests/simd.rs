@@ -1,6 +1,6 @@
 //! Tests that every instruction set gives the same results as the portable one.
 
-use crate::simd::{Eight, Halves, Isa, Lanes, Level, Plain, Vector, Work};
+use crate::simd::{Eight, Halves, Isa, Lanes, Level, Plain, PlaneVector, VectorWork};
 use bvh_layout::Link;
 use geom::Point;
 
@@ -26,7 +26,7 @@ const NUMBERS: [f32; 16] = [
     -1e-30,
 ];
 
-impl Work for Everything {
+impl VectorWork for Everything {
     type Out = Vec<u32>;
 
     #[inline(always)]

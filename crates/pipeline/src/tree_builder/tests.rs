@@ -315,7 +315,8 @@ fn light_ordered_blocks_keep_tree_order() {
         builder.order_toward(toward);
         let input = BuildInput::of(Vertices::KeyFrames(a.pose(0.0)));
         let tree = builder.build(&a, input, &Cancel::new()).unwrap().topology;
-        let of = |first| BlockTree::of(&tree, a.triangles(), (&builder.boxes[..], first));
+        let boxes = &builder.boxes;
+        let of = |first| BlockTree::of(&tree, a.triangles(), CollapseOptions { boxes, first });
         assert!(of(First::Larger) != of(First::Left));
         assert!(**tree.blocks().unwrap() == of(first), "{first:?}");
     }
@@ -333,8 +334,11 @@ fn requested_blocks_are_fuller() {
         let mut builder = TreeBuilder::with_format(format);
         let input = BuildInput::of(Vertices::KeyFrames(a.pose(0.0)));
         let tree = builder.build(&a, input, &Cancel::new()).unwrap().topology;
-        let with = (&builder.boxes[..], First::Larger);
-        BlockTree::of(&tree, a.triangles(), with).blocks.len()
+        let options = CollapseOptions {
+            boxes: &builder.boxes,
+            first: First::Larger,
+        };
+        BlockTree::of(&tree, a.triangles(), options).blocks.len()
     };
     let [full, others] = [TreeFormat::WideBlocks, TreeFormat::Binary].map(blocks);
     assert!(20 * full < 19 * others, "{full} {others}");

@@ -1,0 +1,56 @@
+//! The part of the backend that `cpu-simd` replaces.
+
+use crate::geometry::{Geometry, Unhittable};
+use crate::output::{HitCounts, TraceOutput};
+use crate::trace::QueryTracer;
+use crate::tree::TreeTraversal;
+use backend::{BackendError, Intersector, Result, TreeFormat};
+use bvh_layout::Topology;
+use geom::{Aabb, Animation};
+
+/// A tree that a backend adopts, fits to the moment's triangles, and traces.
+pub trait Accelerator: Send + Sync {
+    /// Returns the tree, to search for hits of single rays.
+    fn tree(&self) -> &dyn TreeTraversal;
+
+    /// Returns the form of a tree that [`Self::adopt`] reads.
+    fn format(&self) -> TreeFormat;
+
+    /// Copies the topology of a tree of this scene. Boxes are stale afterwards.
+    ///
+    /// # Errors
+    /// If memory does not suffice. The old tree is then still current.
+    fn adopt(&mut self, tree: &Topology, animation: &Animation) -> Result<()>;
+
+    /// Computes the record and the box of each leaf, and the boxes of inner nodes where one pass does both. Returns the
+    /// counts of leaves that cannot be hit at this moment.
+    fn preprocess(&mut self, geometry: &Geometry<'_>, intersector: Intersector) -> Unhittable;
+
+    /// Computes the remaining boxes of inner nodes. Returns the sum of all nodes' half areas, with the same bits for
+    /// every number of threads.
+    fn refit(&mut self) -> f64;
+
+    /// Traces all rays of a query. `tracer.tree` is [`Self::tree`].
+    fn trace(&self, tracer: &QueryTracer<'_>, out: TraceOutput<'_>) -> HitCounts;
+
+    /// Returns the boxes in the node order of the tree that was adopted.
+    ///
+    /// # Errors
+    /// If memory does not suffice.
+    fn boxes(&self, geometry: &Geometry<'_>) -> Result<Vec<Aabb>>;
+}
+
+/// Grows the capacity of `memory` to at least `count` entries.
+///
+/// # Errors
+/// [`BackendError::OutOfMemory`], which names `what` the entries are.
+pub fn reserve<T>(memory: &mut Vec<T>, count: usize, what: &str) -> Result<()> {
+    let more = count.saturating_sub(memory.len());
+    let bytes = (count as u64).saturating_mul(size_of::<T>() as u64);
+    memory
+        .try_reserve_exact(more)
+        .map_err(|_| BackendError::OutOfMemory {
+            what: what.to_owned(),
+            bytes,
+        })
+}

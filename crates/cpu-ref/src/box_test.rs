@@ -1,0 +1,68 @@
+//! The padded box test, which decides every hit (`docs/design/hits.md`, "Box test").
+
+use crate::scale::PreparedRay;
+use geom::{Aabb, Point};
+
+/// Least magnitude of a direction's component, `2^-60`. Smaller ones are pushed away from zero to it.
+pub const SMALLEST: f32 = f32::from_bits((127 - 60) << 23);
+/// `17 * 2^-24`: bound on the errors of the watertight test and of this test, in units of `D`.
+pub const PAD: f32 = 17.0 / 16_777_216.0;
+/// Upper bound of `D`, `2^80`, so that no product is infinite. `D` is the largest distance on one axis from the ray's
+/// origin to a corner of the box.
+pub const FARTHEST: f32 = f32::from_bits((127 + 80) << 23);
+/// Bound on distances up to which every product of the watertight test is finite, `2^60`.
+pub const CALM: f32 = f32::from_bits((127 + 60) << 23);
+
+/// A ray, prepared for the box test.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct BoxRay {
+    origin: Point,
+    /// `r`, the reciprocal of the direction, with the direction's sign.
+    inverse: Point,
+    t_min: f32,
+}
+
+/// The part of a ray within a box.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct BoxSpan {
+    /// The later of entry and `t_min`. Hits before `t_min` do not count, so `t` may be clamped to it.
+    pub(crate) entry: f32,
+    pub(crate) exit: f32,
+}
+
+impl BoxRay {
+    pub(crate) fn new(ray: &PreparedRay) -> Self {
+        Self {
+            origin: ray.origin,
+            inverse: ray
+                .direction
+                .map(|d| (1.0 / d.abs().max(SMALLEST)).copysign(d)),
+            t_min: ray.t_min,
+        }
+    }
+
+    /// Returns the part of the ray within a box, or `None` if the ray does not meet the box before `bound`.
+    #[inline]
+    pub(crate) fn meet(&self, bounds: &Aabb, bound: f32) -> Option<BoxSpan> {
+        let from_origin = |plane: &Point, axis: usize| plane[axis] - self.origin[axis];
+        let mut farthest = 0.0_f32;
+        for axis in 0..3 {
+            let [lower, upper] = [&bounds.min, &bounds.max].map(|p| from_origin(p, axis).abs());
+            farthest = farthest.max(lower).max(upper);
+        }
+        let slack = farthest.min(FARTHEST) * PAD;
+        let (mut entry, mut exit) = (self.t_min, f32::INFINITY);
+        for axis in 0..3 {
+            let r = self.inverse[axis];
+            let (near, far) = if r.is_sign_negative() {
+                (&bounds.max, &bounds.min)
+            } else {
+                (&bounds.min, &bounds.max)
+            };
+            let pad = slack * r.abs();
+            entry = entry.max(from_origin(near, axis) * r - pad);
+            exit = exit.min(from_origin(far, axis) * r + pad);
+        }
+        (entry <= exit.min(bound)).then_some(BoxSpan { entry, exit })
+    }
+}

@@ -1,0 +1,17 @@
+//! Data that the triangle tests read and return.
+
+/// A preprocessed triangle: 48 bytes, three rows of four floats. Each test defines their meaning.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[repr(C, align(16))]
+pub struct Record(pub [[f32; 4]; 3]);
+
+/// Intersection of a ray with a triangle, before `t` is clamped to the triangle's box.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TriangleHit {
+    /// Distance in scaled units.
+    pub t: f32,
+    /// Weight of the second vertex.
+    pub u: f32,
+    /// Weight of the third vertex.
+    pub v: f32,
+}

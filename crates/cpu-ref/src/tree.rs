@@ -1,0 +1,44 @@
+//! The interface through which rays are searched in a tree of any form.
+
+use crate::intersect::Record;
+use crate::scale::PreparedRay;
+use geom::Aabb;
+
+/// A tree with the boxes and triangles of one moment. Boxes are in scaled units.
+pub trait TreeTraversal: Sync {
+    /// Returns the root box.
+    fn root(&self) -> Aabb;
+
+    /// Calls `visitor` for every triangle whose own box the ray meets before the bound, nearer ones first. The bound is
+    /// `t_max` at first. Returns whether the visitor ended the traversal.
+    fn traverse(&self, ray: &PreparedRay, visitor: &mut TriangleVisitor<'_>) -> bool;
+
+    /// Calls `each` for the children of a node, with a box that contains the child. Node 0 is the root. An empty tree has
+    /// a root without children.
+    fn children(&self, node: u32, each: &mut dyn FnMut(&Aabb, Child));
+}
+
+/// A child of a node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Child {
+    /// Another node.
+    Node(u32),
+    /// A triangle, by its index in the scene.
+    Triangle(u32),
+}
+
+/// Returns the next bound, or `None` to end the traversal. The second parameter is the current bound.
+pub type TriangleVisitor<'a> = dyn FnMut(&VisitedTriangle<'_>, f32) -> Option<f32> + 'a;
+
+/// A triangle whose own box the ray meets, and the span of the ray within that box.
+#[derive(Clone, Copy, Debug)]
+pub struct VisitedTriangle<'a> {
+    /// Index of the triangle in the scene.
+    pub triangle: u32,
+    /// The triangle's record for the tree's intersector.
+    pub record: &'a Record,
+    /// The later of entry and `t_min`.
+    pub entry: f32,
+    /// Distance at which the ray leaves the box.
+    pub exit: f32,
+}

@@ -1,0 +1,149 @@
+//! Searches by one ray, which tests eight triangles at once.
+
+use crate::intersect::{AnyHitTest, AnyHits, LaneTest};
+use crate::leaf::{OfBlock, TriangleHits, TriangleRay};
+use crate::rays::OneRay;
+use crate::simd::{Isa, Lanes, PlaneVector, set_lanes};
+use crate::tree::{Bvh8, LANES, Link, NOWHERE, place};
+use crate::walk::{BoxTest, DEEPEST, NodeRay, TraversalStack, Visitor, walk};
+use geom::Hit;
+use std::marker::PhantomData;
+
+/// A hit, and the place of its triangle in the tree: the block's index times [`LANES`], plus the lane.
+#[derive(Clone, Copy)]
+pub(crate) struct PlacedHit {
+    pub(crate) hit: Hit,
+    pub(crate) place: u32,
+    /// Set if rounded arithmetic cannot decide.
+    pub(crate) is_open: bool,
+}
+
+/// The closest hit so far.
+struct ClosestOfRay<'a, R: Lanes, T> {
+    tree: &'a Bvh8,
+    ray: &'a OneRay<'a, R>,
+    best: PlacedHit,
+    test: PhantomData<T>,
+}
+
+impl<I: Isa, R: Lanes, T: LaneTest> Visitor<I> for ClosestOfRay<'_, R, T> {
+    #[inline(always)]
+    fn block(&mut self, block: usize, bound: f32) -> Option<f32> {
+        let tree = self.tree;
+        let ray = TriangleRay::<I::Eight>::single(self.ray);
+        let best = I::Eight::splat(bound);
+        if let Some(hits) = T::intersect(&ray, &OfBlock { tree, block }, best) {
+            self.take(block, &hits);
+        }
+        Some(self.best.hit.t)
+    }
+}
+
+impl<R: Lanes, T> ClosestOfRay<'_, R, T> {
+    /// Replaces the best hit by a nearer one of a block.
+    #[inline(always)]
+    fn take<L: Lanes<Array = [f32; LANES]>>(&mut self, block: usize, hits: &TriangleHits<L>) {
+        let (t, u, v) = (hits.t.store(), hits.u.store(), hits.v.store());
+        let triangles = &self.tree.blocks[block].triangles;
+        for lane in set_lanes::<LANES>(hits.lanes) {
+            let hit = Hit {
+                t: t[lane],
+                u: u[lane],
+                v: v[lane],
+                triangle: triangles[lane],
+            };
+            if hit.is_before(&self.best.hit) {
+                (self.best.hit, self.best.place) = (hit, place(block, lane));
+            }
+        }
+    }
+}
+
+/// Returns the closest hit, with `t` in scaled units. A miss has place [`NOWHERE`].
+#[inline(always)]
+pub(crate) fn closest<I: Isa, T: LaneTest>(
+    tree: &Bvh8,
+    ray: &OneRay<'_, impl Lanes>,
+    stack: &mut TraversalStack,
+) -> PlacedHit {
+    let mut closest = ClosestOfRay {
+        tree,
+        ray,
+        test: PhantomData::<T>,
+        best: PlacedHit {
+            hit: Hit {
+                t: ray.t_max(),
+                ..Hit::MISS
+            },
+            place: NOWHERE,
+            is_open: false,
+        },
+    };
+    let node_ray = NodeRay::<I::Eight>::new(ray, tree.spread);
+    walk::<I>(tree, &node_ray, stack, &mut closest);
+    closest.best
+}
+
+/// Returns whether a ray, as the only lane, hits any triangle except `skipped`. Visits the last child of each node first.
+#[inline(always)]
+pub(crate) fn any<I: Isa, T: AnyHitTest>(
+    tree: &Bvh8,
+    ray: &OneRay<'_, impl Lanes>,
+    skipped: u32,
+    stack: &mut TraversalStack,
+) -> AnyHits {
+    let mut open = 0;
+    let (links, node_ray) = (&mut stack.links, NodeRay::<I::Eight>::new(ray, tree.spread));
+    let (mut len, mut link, bound) = (0, Link::ROOT, ray.t_max());
+    loop {
+        if link.is_block() {
+            let hits = block_hits::<I, T>(tree, link.index(), ray, skipped);
+            if hits.hit != 0 {
+                return AnyHits { hit: 1, open: 0 };
+            }
+            open |= u32::from(hits.open != 0);
+        } else {
+            let node = &tree.nodes[link.index()];
+            let lanes = node_ray.meet(&node.planes, bound).lanes;
+            if lanes != 0 {
+                let first = 31 - lanes.leading_zeros();
+                let rest = lanes & !(1 << first);
+                let place = len % DEEPEST;
+                links[place..place + LANES].copy_from_slice(&I::packed(&node.links, rest));
+                len += rest.count_ones() as usize;
+                link = node.links[first as usize % LANES];
+                continue;
+            }
+        }
+        if len == 0 {
+            return AnyHits { hit: 0, open };
+        }
+        len -= 1;
+        link = links[len % DEEPEST];
+        // Prefetches the entry after this one.
+        tree.prefetch(links[len.saturating_sub(1) % DEEPEST]);
+    }
+}
+
+/// Returns the triangles of a block that a ray hits, except `skipped`.
+#[inline(always)]
+fn block_hits<I: Isa, T: AnyHitTest>(
+    tree: &Bvh8,
+    block: usize,
+    ray: &OneRay<'_, impl Lanes>,
+    skipped: u32,
+) -> AnyHits {
+    let ray = TriangleRay::<I::Eight>::single(ray);
+    let hits = T::any_hit(&ray, &OfBlock { tree, block });
+    if hits.hit | hits.open == 0 {
+        return hits;
+    }
+    let mut others = 0;
+    for (lane, &triangle) in tree.blocks[block].triangles.iter().enumerate() {
+        others |= u32::from(triangle != skipped) << lane;
+    }
+    AnyHits {
+        hit: hits.hit & others,
+        open: hits.open & others,
+    }
+}

@@ -1,0 +1,17 @@
+//! The reference's rounding of small numbers to zero, for each lane.
+
+use crate::simd::Lanes;
+use cpu_ref::scale::{LEAST, Scale};
+
+/// Returns `x`, or zero where `|x|` is below `2^-100`.
+#[inline(always)]
+pub(crate) fn flushed<L: Lanes>(x: L) -> L {
+    x.replace(x.abs().less(L::splat(LEAST)), L::splat(0.0))
+}
+
+/// Applies [`Scale::apply`] to each lane.
+#[inline(always)]
+pub(crate) fn scaled<L: Lanes>(scale: Scale, x: L) -> L {
+    let x = x.mul(L::splat(scale.factor()));
+    x.replace(x.abs().less(L::splat(Scale::LEAST)), L::splat(0.0))
+}
