@@ -185,7 +185,7 @@ impl ChartRun<'_> {
         name: &str,
         contenders: &[Contender],
     ) -> Result<Vec<ChartEntry>, Stop> {
-        let scene = match self.settings.measure.open(name, None) {
+        let scene = match self.settings.measure.open(name) {
             Ok(scene) => scene,
             Err(stop) => {
                 for contender in contenders {
@@ -374,7 +374,7 @@ impl ChartRun<'_> {
         let Some(title) = entries.first().map(|entry| entry.point.scene.clone()) else {
             return Ok(());
         };
-        let scene = self.settings.measure.open(name, None)?.scene;
+        let scene = self.settings.measure.open(name)?.scene;
         let sampler = self.sampler(&scene)?;
         let mut tallies = tallies(entries);
         for (number, stage) in STAGES.iter().enumerate() {

@@ -1,7 +1,5 @@
 //! `abvh inspect`: describes a scene's size and motion, the growth of its refit cost, and the choices of `auto`.
 
-mod reduce_keys;
-
 use crate::camera::CameraSettings;
 use crate::command::{Requirement, RunCommand};
 use crate::console;
@@ -17,11 +15,9 @@ use backend::Intersector;
 use clap::Args;
 use output::Taken;
 use pipeline::{CountRange, Decay, MotionStats};
-use reduce_keys::Tolerance;
 use scene::Scene;
 use serde::Serialize;
 use serde_json::{Value, json};
-use std::path::PathBuf;
 
 /// Number of times at which the first tree is compared with a fresh one.
 const SAMPLES: usize = 5;
@@ -33,13 +29,6 @@ pub(crate) struct InspectSettings {
     scene: String,
     #[command(flatten)]
     source: SceneSettings,
-    /// Instead, find the fewest key frames whose blends stay within TOL of every key frame, at every vertex. TOL is in
-    /// scene units, or in percent of the diagonal of the scene's bounds
-    #[arg(long, value_name = "TOL|TOL%")]
-    reduce_keys: Option<Tolerance>,
-    /// With --reduce-keys: directory for the key frames as .ply files, and times.json with their times
-    #[arg(long, value_name = "DIR", value_parser = parsers::file())]
-    reduced_out: Option<PathBuf>,
     /// JSON to standard output
     #[arg(long)]
     json: bool,
@@ -58,26 +47,7 @@ struct Inspection {
 
 impl RunCommand for InspectSettings {
     fn run(&self) -> Result<(), Stop> {
-        match self.reduce_keys {
-            Some(tolerance) => self.reduce_keys_to(tolerance),
-            None => self.inspect(),
-        }
-    }
-
-    fn requirements(&self) -> Vec<Requirement> {
-        let mut all = scene_source::requirements(&[&self.scene]);
-        all.push(Requirement::new(
-            "reduced_out",
-            self.reduce_keys.is_some(),
-            "goes only with --reduce-keys",
-        ));
-        all
-    }
-}
-
-impl InspectSettings {
-    fn inspect(&self) -> Result<(), Stop> {
-        let scene = self.source.open_to_trace(&self.scene, 0)?;
+        let scene = self.source.open(&self.scene, 0)?;
         setup::check_trees(scene.animation.triangle_count(), 0)?;
         let animation = &scene.animation;
         let [inactive, degenerate] = pipeline::unhittable(animation).map_err(Stop::bad)?;
@@ -98,33 +68,15 @@ impl InspectSettings {
         }
     }
 
-    /// Reduces the key frames, prints the result, and writes the remaining key frames if requested.
-    fn reduce_keys_to(&self, tolerance: Tolerance) -> Result<(), Stop> {
-        let scene = self.source.open(&self.scene)?;
-        if scene.animation.times().is_some() {
-            let why =
-                "its key frames have been reduced already: reduce those that they are left of";
-            return Err(Stop::bad(format!("{}: {why}", self.scene)));
-        }
-        if let Some(dir) = &self.reduced_out {
-            reduce_keys::prepare(dir)?;
-        }
-        let reduction = reduce_keys::reduce(&scene, tolerance)?;
-        if let Some(dir) = &self.reduced_out {
-            reduce_keys::write(dir, &scene, &reduction)?;
-        }
-        if self.json {
-            console::print_json(&reduction)
-        } else {
-            console::print(&reduce_keys::text(&scene.name, &reduction))
-        }
+    fn requirements(&self) -> Vec<Requirement> {
+        scene_source::requirements(&[&self.scene])
     }
 }
 
 /// Returns what `render` would choose if everything were `auto`.
 fn choices_of_auto(name: &str, scene: &Scene) -> Result<Vec<Taken>, Stop> {
     let animation = &scene.animation;
-    let frames = frame_list::list(None, None, animation.whole_times(), is_demo(name))?;
+    let frames = frame_list::list(None, None, animation.key_count(), is_demo(name))?;
     let settings = TracerSettings::of(None, Intersector::Watertight, None);
     let workload = Workload {
         frames: &frames,

@@ -7,7 +7,7 @@ mod timing;
 use crate::camera::{CameraSettings, LitCamera};
 use crate::command::Requirement;
 use crate::devices::{BackendChoice, Opening, backend_name};
-use crate::frame_list::{self, FrameChoice, TimeRange};
+use crate::frame_list::{self, FrameChoice};
 use crate::parsers;
 use crate::scene_source::{self, SceneSettings};
 use crate::setup::{self, Setup, Started};
@@ -83,12 +83,12 @@ pub(crate) struct MeasuredScene {
 
 impl MeasureSettings {
     /// Opens a scene, and lists the frames to measure.
-    pub(crate) fn open(&self, name: &str, range: Option<TimeRange>) -> Result<MeasuredScene, Stop> {
-        let scene = self.source.open_to_trace(name, self.camera.pixels())?;
-        let keys = scene.animation.whole_times();
+    pub(crate) fn open(&self, name: &str) -> Result<MeasuredScene, Stop> {
+        let scene = self.source.open(name, self.camera.pixels())?;
+        let keys = scene.animation.key_count();
         Ok(MeasuredScene {
             name: name.to_owned(),
-            frames: frame_list::list(Some(&self.frames), range, keys, false)?,
+            frames: frame_list::list(Some(&self.frames), None, keys, false)?,
             shot: self.camera.aim(&scene)?,
             scene,
         })
@@ -299,8 +299,6 @@ pub(crate) struct MeasuredRow {
     medians: BTreeMap<&'static str, Option<f64>>,
     /// Millions of rays per second, from primary and shadow rays and the time of both.
     pub(crate) mrays_per_s: Option<f64>,
-    pub(crate) build_ns_per_triangle: Option<f64>,
-    convert_ns_per_triangle: Option<f64>,
     pub(crate) trees: usize,
     /// Number of trees that were no better than the current one.
     rejected: usize,
@@ -360,8 +358,6 @@ impl MeasuredRow {
         let named = TIMES.iter().chain(&MORE);
         let medians: BTreeMap<_, _> = named.map(|&(name, time)| (name, median(time))).collect();
         let triangles = scene.animation.triangle_count();
-        let live = scene.animation.live_count().max(1) as f64;
-        let per_triangle = |name: &str| medians[name].map(|ms| ms * 1e6 / live);
         let is_camera = measuring.rays == RayKind::Camera;
         let rates = stats.iter().filter_map(|f| {
             let times = &f.report.times;
@@ -378,8 +374,6 @@ impl MeasuredRow {
             warm_up,
             frames: stats.len(),
             mrays_per_s: Summary::of(rates).map(|s| s.median),
-            build_ns_per_triangle: per_triangle("build_ms"),
-            convert_ns_per_triangle: per_triangle("convert_ms"),
             trees: stats.iter().filter(|f| f.tree.adopted).count(),
             rejected: stats.iter().filter(|f| f.tree.rejected).count(),
             first_ms: stats.first().and_then(|f| f.wall_ms),

@@ -10,7 +10,7 @@ use crate::command::{Requirement, RunCommand};
 use crate::console::{self, Progress};
 use crate::file_checks::CommandFiles;
 use crate::frame_list::{self, FrameChoice, Shard, TimeRange};
-use crate::machine::{self, VERSION};
+use crate::machine::VERSION;
 use crate::parsers;
 use crate::scene_source::{self, SceneSettings};
 use crate::setup::{self, Setup, Started};
@@ -23,13 +23,12 @@ use abvh::frames::{Frame, OutputSelection};
 use clap::Args;
 use files::FrameFiles;
 use frame_writer::{FrameLog, FrameWriter, Rendered};
-use output::{Chroma, FrameStats, RunTimeline, SCHEMA, Video};
+use output::{Chroma, FrameStats, SCHEMA, Video};
 use resume::{EarlierRun, Progressed};
 use scene::Scene;
 use serde_json::{Value, json};
 use statistics::RunPlan;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
 #[derive(Args, Debug)]
 pub(crate) struct RenderSettings {
@@ -75,9 +74,6 @@ pub(crate) struct RenderSettings {
     /// File for statistics of every frame, - for standard output
     #[arg(long, value_name = "FILE.json")]
     stats: Option<PathBuf>,
-    /// File for a timeline of host and device, for Perfetto or chrome://tracing
-    #[arg(long, value_name = "FILE.json", value_parser = parsers::file())]
-    timeline: Option<PathBuf>,
     /// File for the primary rays of a frame, as input for `abvh trace`
     #[arg(long, value_name = "FILE.npy", value_parser = parsers::file())]
     rays_out: Option<PathBuf>,
@@ -134,7 +130,6 @@ impl RenderSettings {
             folders: pictures.into_iter().chain(hits).collect(),
             ..CommandFiles::written(&[
                 ("--stats", &self.stats),
-                ("--timeline", &self.timeline),
                 ("--rays-out", &self.rays_out),
                 ("--video", &self.video),
                 ("--y4m", &self.y4m),
@@ -190,19 +185,15 @@ impl RenderSettings {
 
 fn run(settings: &RenderSettings) -> Result<(), Stop> {
     settings.check_files()?;
-    let mut start_up = vec![("begin", Instant::now())];
-    let mut passed = |step| start_up.push((step, Instant::now()));
     let files = FrameFiles::of(settings);
     let earlier = EarlierRun::find(settings, &files)?;
     if let Some(rows) = earlier.finished(settings, &files)? {
         return finish_complete(settings, &earlier, &rows);
     }
     let opening = setup::begin(&settings.tracer);
-    passed("look at files");
     let rays = settings.camera.pixels();
-    let scene = settings.source.open_to_trace(&settings.scene, rays)?;
-    passed("read the scene");
-    let keys = scene.animation.whole_times();
+    let scene = settings.source.open(&settings.scene, rays)?;
+    let keys = scene.animation.key_count();
     let all = resume::all_frames(settings, keys)?;
     let frames = frame_list::of_shard(&all, settings.shard);
     let plan = RunPlan {
@@ -223,7 +214,6 @@ fn run(settings: &RenderSettings) -> Result<(), Stop> {
     };
     let Started { mut tracer, setup } =
         setup::start_tracer(&scene, &settings.tracer, workload, opening)?;
-    passed("open the device, load the scene");
     let mut wanted = OutputSelection {
         hits: files.has_hits(),
         pixels: files.has_pictures() || files.video.any(),
@@ -241,11 +231,6 @@ fn run(settings: &RenderSettings) -> Result<(), Stop> {
     let Progressed { done, todo } = earlier.divide(frames, &files);
     let stats = with_plan(statistics_of(settings, &scene, &setup), &files, &plan);
     let mut journals = earlier.begin(settings, &plan, &stats)?;
-    passed("begin files");
-    let mut timeline = settings.timeline.is_some().then(RunTimeline::default);
-    if let Some(timeline) = &mut timeline {
-        timeline.start_up = start_up;
-    }
     signals::defer();
     let rendered = Rendered {
         scene: &scene,
@@ -255,7 +240,6 @@ fn run(settings: &RenderSettings) -> Result<(), Stop> {
     };
     let log = FrameLog {
         journals: &mut journals,
-        timeline: timeline.as_mut(),
         progress: settings.begin_progress(&scene, &setup, todo.len(), done.len()),
         video,
         rows: Vec::new(),
@@ -263,10 +247,6 @@ fn run(settings: &RenderSettings) -> Result<(), Stop> {
     };
     let rows = render_frames(tracer, &todo, rendered, log)?;
     settings.write_stats(stats, &[&done[..], &rows].concat())?;
-    if let (Some(file), Some(timeline)) = (&settings.timeline, &timeline) {
-        let remarks = json!({ "caption": setup.caption, "command_line": machine::command_line() });
-        timeline.write(file, remarks)?;
-    }
     settings.print(&results(settings, &scene, &setup, &rows))
 }
 

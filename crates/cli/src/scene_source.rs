@@ -31,14 +31,9 @@ pub(crate) struct SceneSettings {
 }
 
 impl SceneSettings {
-    /// Opens a scene that is only read.
-    pub(crate) fn open(&self, name: &str) -> Result<Scene, Stop> {
-        Ok(scene::open(name, &self.options())?)
-    }
-
     /// Opens a scene for a run that builds trees and traces `rays` rays at a time. The memory for both counts towards
     /// the limit that is checked before key frames are read.
-    pub(crate) fn open_to_trace(&self, name: &str, rays: usize) -> Result<Scene, Stop> {
+    pub(crate) fn open(&self, name: &str, rays: usize) -> Result<Scene, Stop> {
         let options = Options {
             more_bytes: trees_bytes(0, rays),
             triangle_bytes: TREE_BYTES,

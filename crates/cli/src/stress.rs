@@ -64,7 +64,7 @@ impl RunCommand for StressSettings {
     fn run(&self) -> Result<(), Stop> {
         let scenes = std::slice::from_ref(&self.scene);
         CommandFiles::written(&[("--json", &self.test.json)]).check(scenes)?;
-        let scene = (self.source).open_to_trace(&self.scene, self.camera.pixels())?;
+        let scene = (self.source).open(&self.scene, self.camera.pixels())?;
         let motion = StreamedMotion::new(&scene, self)?;
         let runs = self.runs()?;
         let expected = motion.expected_hits()?;

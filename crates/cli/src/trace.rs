@@ -98,12 +98,10 @@ fn run(settings: &TraceSettings) -> Result<(), Stop> {
     let tracer = settings.tracer();
     let opening = setup::begin(&tracer);
     let file = output::RayFile::open(&settings.rays).map_err(Stop::bad)?;
-    let scene = settings
-        .source
-        .open_to_trace(&settings.scene, file.count())?;
+    let scene = settings.source.open(&settings.scene, file.count())?;
     let offset = scene.facts.offset;
     let rays = file.read(offset.unwrap_or_default()).map_err(Stop::bad)?;
-    let keys = scene.animation.whole_times();
+    let keys = scene.animation.key_count();
     let time = frame_list::check_time("--time", settings.time, keys)?;
     let tree_time = match settings.update {
         Some(Policy::Refit) => {

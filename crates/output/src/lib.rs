@@ -1,4 +1,4 @@
-//! Output files: arrays, pictures, videos, timelines, statistics, and charts of measurements.
+//! Output files: arrays, pictures, videos, statistics, and charts of measurements.
 //!
 //! Each file is written under a temporary name in its directory and renamed when it is complete, so readers never see a
 //! partial file. After an error, a file with the final name is unchanged. The content depends only on the data, not on
@@ -10,7 +10,6 @@ mod journal;
 pub mod plot;
 mod rays;
 mod stats;
-mod timeline;
 mod video;
 
 pub use atomic::{
@@ -24,5 +23,4 @@ pub use stats::{
     FrameStats, SCHEMA, Summary, TIMES, Taken, Time, memory, mrays, overview, rates, trees,
     write_json,
 };
-pub use timeline::RunTimeline;
 pub use video::{Chroma, Planes, Video, drop_alpha, write_png};

@@ -8,7 +8,7 @@ use std::fs;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 
-/// Returns all files that determine the content of the scene `spec`: key frames, materials, buffers and times.
+/// Returns all files that determine the content of the scene `spec`: key frames, materials and buffers.
 ///
 /// The list is sorted and has no duplicates. Demos have no files. Fails if an input does not exist.
 pub fn files(spec: &str) -> Result<Vec<PathBuf>> {
@@ -39,10 +39,8 @@ fn of_input(spec: &str, all: &mut Vec<PathBuf>) -> Result<()> {
 
 fn in_folder(folder: &Path, all: &mut Vec<PathBuf>) -> Result<()> {
     for file in entries(folder)?.into_iter().filter(|f| f.is_file()) {
-        match extension(&file).as_str() {
-            "obj" | "ply" => with_companions(&file, all)?,
-            "json" => all.push(file),
-            _ => {}
+        if matches!(extension(&file).as_str(), "obj" | "ply") {
+            with_companions(&file, all)?;
         }
     }
     Ok(())

@@ -9,7 +9,7 @@ use crate::rounding::Position;
 use crate::source::{open_one, refuse_clip};
 use crate::stream::{KeySize, check_keys, within};
 use crate::{Facts, Options, Result, Scene, SceneError, stream};
-use geom::{Animation, Point};
+use geom::Point;
 use std::sync::Arc;
 
 /// Separator between inputs.
@@ -154,7 +154,7 @@ fn join(spec: &str, inputs: &[Input<'_>], options: &Options) -> Result<Scene> {
     let animation = stream::animation(source, size, triangles, options)?;
     Ok(Scene {
         name,
-        animation: Arc::new(timed(spec, animation, &scenes)?),
+        animation: Arc::new(animation),
         facts: Facts {
             offset,
             ..facts(&scenes)
@@ -176,29 +176,6 @@ fn recentre(places: &mut [InputPlacement], scenes: &[Scene]) -> Position {
         place.at = std::array::from_fn(|i| centre[i] - offset[i]);
     }
     common.unwrap_or_default()
-}
-
-/// Applies the key-frame times of the moving inputs, if any has times. All moving inputs must have equal times.
-fn timed(spec: &str, joined: Animation, scenes: &[Scene]) -> Result<Animation> {
-    let moving = || {
-        scenes
-            .iter()
-            .map(|s| &s.animation)
-            .filter(|a| a.key_count() > 1)
-    };
-    let Some(first) = moving().find(|a| a.times().is_some()) else {
-        return Ok(joined);
-    };
-    let same = |a: &Arc<Animation>| a.times() == first.times() && a.end() == first.end();
-    let bad = |cause: String| SceneError::unusable(spec, cause);
-    if !moving().all(same) {
-        let cause = "the key frames of one input are at other times than those of another";
-        return Err(bad(cause.to_owned()));
-    }
-    let times = first.times().unwrap_or_default().to_vec();
-    joined
-        .timed(times, first.end())
-        .map_err(|e| bad(e.to_string()))
 }
 
 /// Returns the number of key frames of the joined scene: that of the moving inputs, or 1.
@@ -244,7 +221,6 @@ fn facts(scenes: &[Scene]) -> Facts {
 mod tests {
     use super::*;
     use crate::testing::{open_in, put, refused};
-    use std::fs;
     use tempfile::TempDir;
 
     const THERE: [&str; 6] = ["a.obj", "b.glb", "a+b.obj", "b@1,2,3", "c+", "demo:hall"];
@@ -355,29 +331,6 @@ mod tests {
         assert!(crate::open("demo:twist:100", &options).is_err());
         let gone = open_in(&folder, "still.obj+gone.glb", &options);
         refused(gone, &["gone.glb: no such file"]);
-    }
-
-    #[test]
-    fn joined_inputs_must_share_times() {
-        let folder = folder();
-        let times = |of: &str, second: f64| {
-            let text = format!(
-                r#"{{"end":9,"frames":[{{"file":"1.obj","time":0}},{{"file":"2.obj","time":{second}}}]}}"#
-            );
-            put(&folder, &format!("{of}/times.json"), text);
-        };
-        times("two", 6.0);
-        let open = |names| open_in(&folder, names, &Options::default());
-        let alone = open("still.obj+two").unwrap();
-        assert_eq!(alone.animation.times(), Some(&[0.0, 6.0][..]));
-        assert_eq!(alone.animation.end(), 9.0);
-        for file in ["1.obj", "2.obj"] {
-            let bytes = fs::read(folder.path().join("two").join(file)).unwrap();
-            put(&folder, &format!("too/{file}"), bytes);
-        }
-        refused(open("two+too"), &["other times"]);
-        times("too", 6.0);
-        open("two+too").unwrap();
     }
 
     #[test]

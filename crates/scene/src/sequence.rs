@@ -1,4 +1,4 @@
-//! Key frames from mesh files of equal topology, one per file, with optional times from `times.json`.
+//! Key frames from mesh files of equal topology, one per file.
 
 use crate::folder::Folder;
 use crate::mesh::{CLAY, Paint, Polygons, compact, mean};
@@ -9,10 +9,8 @@ use crate::rounding::{Position, Rounding};
 use crate::stream::{KeySize, check_keys};
 use crate::{Facts, Options, Result, Rgb, Scene, SceneError, obj, ply, stream};
 use geom::{Point, lock};
-use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::fs;
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, OnceLock};
@@ -197,44 +195,4 @@ impl Surface<'_> {
             }
         }
     }
-}
-
-/// Contents of `times.json`, as written by `abvh inspect --reduced-out`.
-#[derive(Deserialize)]
-struct TimesFile {
-    end: f64,
-    seconds_per_key: Option<f64>,
-    frames: Vec<TimedFile>,
-}
-
-#[derive(Deserialize)]
-struct TimedFile {
-    file: String,
-    time: f64,
-}
-
-/// Applies the key-frame times in `times.json` of the directory, if the file exists.
-pub(crate) fn apply_times(directory: &Path, mut scene: Scene) -> Result<Scene> {
-    let path = directory.join("times.json");
-    let bytes = match host::read(&path) {
-        Ok(bytes) => bytes,
-        Err(e) if e.kind() == ErrorKind::NotFound => return Ok(scene),
-        Err(e) => return Err(SceneError::unreadable(&path, e)),
-    };
-    let bad = |cause: String| SceneError::unusable(&path, cause);
-    let times: TimesFile = serde_json::from_slice(&bytes).map_err(|e| bad(e.to_string()))?;
-    let files = &scene.facts.files;
-    let listed = times.frames.iter().map(|f| f.file.as_str());
-    let there = files.iter().map(|f| f.file_name().unwrap_or_default());
-    if !listed.eq(there) {
-        let (listed, there) = (times.frames.len(), files.len());
-        return Err(bad(format!(
-            "it lists {listed} key frames, which are not the {there} files beside it in natural order"
-        )));
-    }
-    let keys = times.frames.iter().map(|f| f.time).collect();
-    let timed = Arc::unwrap_or_clone(scene.animation).timed(keys, times.end);
-    scene.animation = Arc::new(timed.map_err(|e| bad(e.to_string()))?);
-    scene.facts.seconds_per_key = times.seconds_per_key.or(scene.facts.seconds_per_key);
-    Ok(scene)
 }

@@ -54,8 +54,7 @@ fn directory(path: &Path, options: &Options) -> Result<Scene> {
     }
     let whole = fs::canonicalize(path).map_err(|e| SceneError::unreadable(path, e))?;
     let name = whole.file_name().unwrap_or(path.as_os_str());
-    let scene = frames(name.to_string_lossy().into_owned(), path, files, options)?;
-    sequence::apply_times(path, scene)
+    frames(name.to_string_lossy().into_owned(), path, files, options)
 }
 
 fn pattern(spec: &str, options: &Options) -> Result<Scene> {
@@ -179,41 +178,6 @@ mod tests {
     }
 
     #[test]
-    fn reads_key_times_from_json() {
-        let with = |times: &str| {
-            let files = [
-                ("1.obj", obj(0, TRIANGLE)),
-                ("2.obj", obj(4, TRIANGLE)),
-                ("times.json", times.to_owned()),
-            ];
-            open_in(&folder(&files), "", &Options::default())
-        };
-        let frames = |a: &str, second: &str, end: &str| {
-            let frames = format!(r#"[{{"file":"1.obj","time":{a}}},{{"file":{second}}}]"#);
-            format!(r#"{{"schema":1,"end":{end},"seconds_per_key":0.5,"frames":{frames}}}"#)
-        };
-        let scene = with(&frames("1", r#""2.obj","time":5"#, "8")).unwrap();
-        let animation = &scene.animation;
-        let first = |time| animation.at(time).unwrap().vertex(0)[0];
-        assert_eq!(
-            [0.0, 1.0, 2.0, 5.0, 8.0].map(first),
-            [0.0, 0.0, 1.0, 4.0, 4.0]
-        );
-        assert_eq!((animation.end(), animation.whole_times()), (8.0, 9));
-        assert_eq!(scene.facts.seconds_per_key, Some(0.5));
-        for (times, says) in [
-            (frames("1", r#""2.obj","time":1"#, "8"), "rising"),
-            (frames("1", r#""2.obj","time":9"#, "8"), "after the end"),
-            (frames("-1", r#""2.obj","time":5"#, "8"), "rising from 0"),
-            (frames("1", r#""3.obj","time":5"#, "8"), "files beside it"),
-            ("{}".to_owned(), "missing field"),
-            (r#"{"end":"#.to_owned(), "EOF"),
-        ] {
-            refused(with(&times), &["times.json", says]);
-        }
-    }
-
-    #[test]
     fn first_key_frame_determines_triangulation() {
         // Vertex 2 forms a notch in the first key frame but not in the second.
         let with = |y: u32, faces: &str| format!("v 2 2 0\nv 0 {y} 0\nv -2 2 0\nv 0 0 0\n{faces}");
@@ -274,8 +238,6 @@ mod tests {
             ("buffer.gltf", gltf.to_owned()),
             ("keys/1.obj", triangle.clone()),
             ("keys/2.obj", pointer.to_owned()),
-            ("times/1.obj", triangle.clone()),
-            ("times/times.json", pointer.to_owned()),
             ("m.mtl", pointer.to_owned()),
             (
                 "materials.obj",
@@ -283,15 +245,7 @@ mod tests {
             ),
         ]);
         let options = Options::default();
-        for name in [
-            "a.obj",
-            "a.ply",
-            "a.gltf",
-            "a.glb",
-            "buffer.gltf",
-            "keys",
-            "times",
-        ] {
+        for name in ["a.obj", "a.ply", "a.gltf", "a.glb", "buffer.gltf", "keys"] {
             refused(open_in(&folder, name, &options), &["Git LFS pointer"]);
         }
         let scene = open_in(&folder, "materials.obj", &options).unwrap();

@@ -33,7 +33,7 @@ pub(crate) fn trials() -> Vec<Trial> {
 const RUNS: u32 = 14;
 
 const WORDS: &str = "render demo:twist:3000 --backend cpu --frames 12 --size 96x64 --quiet --out out --hits hits \
-                     --stats stats.json --timeline timeline.json --rays-out rays.npy";
+                     --stats stats.json --rays-out rays.npy";
 
 fn whole_or_absent(undisturbed: &Sandbox) {
     let mut rng = Rng::with_seed(9);
@@ -43,7 +43,7 @@ fn whole_or_absent(undisturbed: &Sandbox) {
     undisturbed.does(WORDS);
     let whole_run = start.elapsed();
     let all = whole_files(undisturbed);
-    assert_eq!(all.len(), 27, "{all:?}");
+    assert_eq!(all.len(), 26, "{all:?}");
     let mut cut_short = 0;
     for _ in 0..RUNS {
         let sandbox = Sandbox::new();

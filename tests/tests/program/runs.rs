@@ -249,7 +249,7 @@ fn eaten(sandbox: &Sandbox) {
         ("--stats sub/../in.obj", "SCENE"),
         #[cfg(unix)]
         ("--stats soft", "SCENE"),
-        ("--stats z --timeline z", "--timeline"),
+        ("--stats z --y4m z", "--y4m"),
         ("--stats z --rays-out sub/../z", "--rays-out"),
         ("--stats o/frame_0000.png", "--out"),
         ("--stats o/abvh-run.json", "--out"),
@@ -259,10 +259,10 @@ fn eaten(sandbox: &Sandbox) {
     let here = "render frame_1.obj --backend cpu --frames 1 --out .";
     sandbox.refuses(here, &["may overwrite", "which is read"]);
     // Output folders only claim file names of their own pattern, and one device file may receive several outputs.
-    let beside = "--rays-out r.npy --stats o/stats.json --timeline frame_0000.json";
+    let beside = "--rays-out r.npy --stats o/stats.json --y4m frame_0000.y4m";
     sandbox.does(&format!("{render} {beside}"));
     if cfg!(unix) {
-        sandbox.does(&format!("{render} --stats /dev/null --timeline /dev/null"));
+        sandbox.does(&format!("{render} --stats /dev/null --rays-out /dev/null"));
     }
     let rays = sandbox.read("r.npy");
     let trace = "trace in.obj --time 0 --backend cpu --quiet";

@@ -1,18 +1,15 @@
-//! The statistics file (schema 1), and the timeline, which must be a valid trace and agree with the statistics.
+//! The statistics file (schema 1).
 
 use crate::sandbox::{SQUARE, Sandbox, list, trial};
 use libtest_mimic::Trial;
-use serde_json::{Value, json};
+use serde_json::Value;
 
 pub(crate) fn trials() -> Vec<Trial> {
     vec![
         trial("stats::documented_fields_are_present", every_field),
         trial("stats::counts_unhittable_triangles", unhittable),
         trial("stats::memory_does_not_grow", memory),
-        trial("timeline::timeline_agrees_with_statistics", |sandbox| {
-            agrees(sandbox, "on", 1);
-            agrees(sandbox, "off", usize::MAX);
-        }),
+        trial("stats::predicted_trees_read_no_vertices_back", read_back),
     ]
 }
 
@@ -102,90 +99,21 @@ fn memory(sandbox: &Sandbox) {
     assert!(stats["summary"]["host_bytes"].is_null(), "{stats}");
 }
 
-/// Rounding tolerance in microseconds: start and end are whole nanoseconds.
-const ROUNDING: f64 = 2e-3;
-
-/// Checks that the timeline agrees with the statistics, and that at most `read_back` builds read vertices back.
-fn agrees(sandbox: &Sandbox, predict: &str, read_back: usize) {
-    let words = "render demo:collide:2000 --frames 12 --size 24x16 --out out --overwrite --quiet";
-    let files = "--stats s.json --timeline t.json --update async --lockstep 2";
-    sandbox.does(&format!("{words} {files} --predict {predict}"));
-    let (stats, timeline) = (sandbox.json("s.json"), sandbox.json("t.json"));
-    let (frames, events) = (list(&stats["frames"]), list(&timeline["traceEvents"]));
-    let trees = marks_agree(events, frames);
-    let spans = |track: &str| -> Vec<&Value> {
-        let is_name = |e: &&Value| e["name"] == "thread_name" && e["args"]["name"] == track;
-        let tid = &events.iter().find(is_name).unwrap()["tid"];
-        let is_span = |e: &&Value| e["ph"] == "X" && e["tid"] == *tid;
-        events.iter().filter(is_span).collect()
-    };
-    for (track, name, wanted) in [
-        ("start-up", "read the scene", 1),
-        ("frame loop", "begin", 12),
-        ("device", "trace primary", 12),
-        ("read-back", "vertices", trees.min(read_back)),
-        ("builder", "build", trees),
-        ("upload", "tree", trees),
-    ] {
-        let mut spans = spans(track);
-        spans.sort_by(|a, b| begin(a).total_cmp(&begin(b)));
-        in_turn(&spans);
-        let found = spans.iter().filter(|s| s["name"] == name).count();
-        assert_eq!(found, wanted, "{track}");
-        if track == "device" {
-            frames.iter().for_each(|f| lasts(&spans, f));
-        }
-    }
-}
-
-/// Checks that trees are requested and adopted in the frames that the statistics name. Returns the number of trees.
-fn marks_agree(events: &[Value], frames: &[Value]) -> usize {
-    let args = |ph: &str, name: &str| -> Vec<&Value> {
-        let named = events.iter().filter(|e| e["ph"] == ph && e["name"] == name);
-        named.map(|e| &e["args"]).collect()
-    };
-    let ages = frames.iter().map(|f| f["tree_age_frames"].as_f64());
-    let drawn = args("C", "tree age").into_iter();
-    assert!(ages.eq(drawn.map(|args| args["value"].as_f64())));
-    assert_eq!(args("C", "SAH ratio").len(), frames.len());
-    let marks = args("i", "adopt");
-    let adopted = frames.iter().filter(|f| f["adopted"] == true);
-    for (mark, f) in marks.iter().zip(adopted.clone()) {
-        let (frame, age) = (&f["frame"], &f["tree_age_frames"]);
-        let generation = &f["tree_generation"];
-        let told = json!({ "frame": frame, "generation": generation, "age_frames": age });
-        assert_eq!(**mark, told);
-        let asking = frame.as_u64().unwrap() - age.as_u64().unwrap();
-        let asked = json!({ "frame": asking, "generation": generation });
-        assert!(args("i", "ask").contains(&&asked), "{asked}");
-        let way = events.iter();
-        let way = way.filter(|e| e["args"]["generation"] == *generation);
-        in_turn(&way.collect::<Vec<_>>());
-    }
-    assert!(marks.len() > 4 && marks.len() == adopted.count());
-    marks.len()
-}
-
-/// Asserts that each span ends before the next one starts.
-fn in_turn(spans: &[&Value]) {
-    for pair in spans.windows(2) {
-        let end = begin(pair[0]) + pair[0]["dur"].as_f64().unwrap_or(0.0);
-        assert!(end <= begin(pair[1]) + ROUNDING, "{pair:?}");
-    }
-}
-
-fn begin(event: &Value) -> f64 {
-    event["ts"].as_f64().unwrap()
-}
-
-/// Checks that stages have the durations in the statistics.
-fn lasts(device: &[&Value], frame: &Value) {
-    for name in "interpolate|rebuild|preprocess|refit|trace primary|trace shadow".split('|') {
-        let is_of = |s: &&&Value| s["name"] == name && s["args"]["frame"] == frame["frame"];
-        let spans = device.iter().filter(is_of);
-        let drawn: f64 = spans.map(|s| s["dur"].as_f64().unwrap()).sum();
-        let said = &frame[format!("{}_ms", name.replace(' ', "_"))];
-        let same = (drawn - said.as_f64().unwrap_or(0.0) * 1e3).abs() < 0.01;
-        assert!(same, "{frame}: {name} {drawn}, not {said}");
+/// Checks that predicted trees need no vertices of the device, except perhaps the first, and that other trees do.
+fn read_back(sandbox: &Sandbox) {
+    for (predict, needs_vertices) in [("on", false), ("off", true)] {
+        let options = format!("--frames 12 --update async --lockstep 2 --predict {predict}");
+        let stats = stats(sandbox, &options);
+        let is_read = |bytes: &Option<f64>| bytes.is_some_and(|bytes| bytes > 0.0);
+        let read = column(&stats, "readback_bytes")
+            .iter()
+            .filter(|b| is_read(b))
+            .count();
+        let frames = list(&stats["frames"]).iter();
+        let adopted = frames.filter(|f| f["adopted"] == true).count();
+        assert!(
+            adopted > 4 && (read >= adopted - 1) == needs_vertices && (read <= 1) != needs_vertices,
+            "{predict}: {read} of {adopted}"
+        );
     }
 }

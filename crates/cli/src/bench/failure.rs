@@ -11,14 +11,10 @@ pub(super) struct FailedRun {
     pub(super) scene: String,
     pub(super) backend: &'static str,
     pub(super) update: &'static str,
-    /// Whether trees would have been built for predicted positions.
-    predict: bool,
     pub(super) intersector: &'static str,
     /// The kind of rays, unless they are a camera's.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) rays: Option<&'static str>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    builder_threads: Option<usize>,
     /// The reason.
     error: String,
 }
@@ -30,18 +26,12 @@ impl FailedRun {
             update,
             intersector,
         } = contender.names();
-        let tracer = match contender {
-            Contender::Ours(tracer) => Some(tracer),
-            Contender::Rival(_) => None,
-        };
         Self {
             scene: scene.to_owned(),
             backend,
             update,
-            predict: tracer.is_some_and(|tracer| tracer.predict),
             intersector,
             rays: rays.unless_camera(),
-            builder_threads: tracer.and_then(|tracer| tracer.device.builder_threads),
             error: stop.to_string(),
         }
     }

@@ -7,12 +7,11 @@ use crate::signals;
 use crate::stop::Stop;
 use abvh::frames::{Frame, FrameOutputs, FrameRecord, OutputSelection};
 use geom::lock;
-use output::{FrameStats, HitArrays, Journal, Planes, RunTimeline, Video};
+use output::{FrameStats, HitArrays, Journal, Planes, Video};
 use rayon::Scope;
 use scene::Scene;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Mutex, MutexGuard};
-use std::time::Instant;
 
 /// Maximum number of bytes of hits and pictures that wait to be written. A quarter of the free memory is another limit.
 /// Two frames are always allowed.
@@ -44,7 +43,6 @@ pub(super) struct FrameWriter<'a> {
 pub(super) struct FrameLog<'a> {
     /// One for each output folder.
     pub(super) journals: &'a mut [Journal],
-    pub(super) timeline: Option<&'a mut RunTimeline>,
     pub(super) progress: Progress,
     pub(super) video: Option<Video<BorrowedBuffers>>,
     pub(super) rows: Vec<FrameStats>,
@@ -123,12 +121,8 @@ impl<'a> FrameWriter<'a> {
     ) -> Result<(), Stop> {
         signals::check()?;
         self.check()?;
-        let waits = Instant::now();
         let mut borrowed = self.borrow_buffers()?;
         std::mem::swap(answers, &mut borrowed.buffers.answers);
-        if let Some(timeline) = &mut self.lock().timeline {
-            timeline.add(frame, [waits, Instant::now()]);
-        }
         let frame = frame.clone();
         let write = move || {
             if let Err(stop) = self.write_files(&frame, &mut borrowed.buffers) {
@@ -176,7 +170,6 @@ impl<'a> FrameWriter<'a> {
     }
 
     fn write_files(&self, frame: &FrameRecord, buffers: &mut FrameBuffers) -> Result<(), Stop> {
-        let begun = Instant::now();
         let (row, Frame { index, time }) = (FrameStats::of(frame), frame.frame);
         let Rendered {
             scene, shot, files, ..
@@ -205,9 +198,6 @@ impl<'a> FrameWriter<'a> {
         let mut log = self.lock();
         for (journal, files) in log.journals.iter_mut().zip(digests) {
             journal.add(files, &row)?;
-        }
-        if let Some(timeline) = &mut log.timeline {
-            timeline.wrote(index, [begun, Instant::now()]);
         }
         let ms = frame.wall_ms;
         log.progress.step(&format!("time {time:.3}, {ms:.1} ms"));

@@ -86,13 +86,11 @@ impl EarlierRun {
         settings: &RenderSettings,
         files: &FrameFiles,
     ) -> Result<Option<Vec<FrameStats>>, Stop> {
-        let mut others = [&settings.timeline, &settings.rays_out]
-            .into_iter()
-            .flatten();
+        let rays = settings.rays_out.as_ref();
         let Some(found) = self.manifest.as_ref().filter(|_| settings.resume) else {
             return Ok(None);
         };
-        if files.video.any() || others.any(|file| !file.exists()) {
+        if files.video.any() || rays.is_some_and(|file| !file.exists()) {
             return Ok(None);
         }
         let all = all_frames(settings, found.key_times)?;
