@@ -39,7 +39,9 @@ pub struct Embree {
 struct Loaded {
     animation: Arc<Animation>,
     upkeep: Upkeep,
-    built: Option<(EmbreeScene, Pose)>,
+    scene: Option<EmbreeScene>,
+    /// Pose of the scene.
+    pose: Option<Pose>,
 }
 
 /// Lists the host.
@@ -109,7 +111,8 @@ impl Rival for Embree {
         self.loaded = Some(Loaded {
             animation,
             upkeep,
-            built: None,
+            scene: None,
+            pose: None,
         });
         Ok(())
     }
@@ -117,18 +120,11 @@ impl Rival for Embree {
     fn frame(&mut self, pose: Pose, query: Query<'_>) -> Result<FrameReport> {
         let loaded = self.loaded.as_mut().expect("a scene was loaded");
         let mut report = FrameReport::default();
-        let moment = loaded.animation.moment(pose)?;
-        if !loaded.built.as_ref().is_some_and(|built| built.1 == pose) {
-            let scene = loaded.built.take().map(|built| built.0);
-            let scene = move_scene(
-                scene,
-                loaded.upkeep,
-                &moment,
-                (&self.pool, &mut report.times),
-            )?;
-            loaded.built = Some((scene, pose));
+        if loaded.pose != Some(pose) {
+            loaded.move_to(pose, &self.pool, &mut report.times)?;
         }
-        let (scene, _) = loaded.built.as_ref().expect("it is built");
+        let scene = loaded.scene.as_ref().expect("it is built");
+        let moment = loaded.animation.moment(pose)?;
         let begun = Instant::now();
         let light = query.kind.light().map(|at| light(&loaded.animation, at));
         let tracer = Tracer {
@@ -151,42 +147,42 @@ impl Rival for Embree {
     }
 }
 
-/// Builds the scene, or moves it to `moment`.
-fn move_scene(
-    scene: Option<EmbreeScene>,
-    upkeep: Upkeep,
-    moment: &Moment<'_>,
-    (pool, times): (&ThreadPool, &mut StageTimes),
-) -> Result<EmbreeScene> {
-    let begun = Instant::now();
-    let interpolate = |vertices: &mut [Point]| {
-        let tasks = vertices.par_chunks_mut(TASK).enumerate();
-        tasks.for_each(|(task, vertices)| {
-            for (i, vertex) in (task * TASK..).zip(vertices) {
-                *vertex = moment.vertex(i as u32);
-            }
-        });
-        Some(ms_since(begun))
-    };
-    if let Some(mut scene) = scene {
-        times.interpolate_ms = pool.install(|| interpolate(scene.vertices()));
+impl Loaded {
+    /// Builds the scene at a pose, or moves it to the pose.
+    fn move_to(&mut self, pose: Pose, pool: &ThreadPool, times: &mut StageTimes) -> Result<()> {
+        self.pose = None;
+        let moment = self.animation.moment(pose)?;
         let begun = Instant::now();
-        scene.rebuild();
-        times.refit_ms = Some(ms_since(begun));
-        return Ok(scene);
+        let interpolate = |vertices: &mut [Point]| {
+            let tasks = vertices.par_chunks_mut(TASK).enumerate();
+            tasks.for_each(|(task, vertices)| {
+                for (i, vertex) in (task * TASK..).zip(vertices) {
+                    *vertex = moment.vertex(i as u32);
+                }
+            });
+            Some(ms_since(begun))
+        };
+        let begun_tree;
+        if let Some(scene) = &mut self.scene {
+            times.interpolate_ms = pool.install(|| interpolate(scene.vertices()));
+            begun_tree = Instant::now();
+            scene.rebuild();
+        } else {
+            let made = match self.upkeep {
+                Upkeep::Rebuild => Made::Fast,
+                Upkeep::Refit => Made::Refitted,
+            };
+            let mut vertices = vec![[0.0; 3]; self.animation.vertex_count()];
+            times.interpolate_ms = pool.install(|| interpolate(&mut vertices));
+            begun_tree = Instant::now();
+            let (triangles, threads) = (self.animation.triangles(), pool.current_num_threads());
+            let scene = EmbreeScene::new(&vertices, triangles, threads, made);
+            self.scene = Some(scene.map_err(BackendError::NoDevice)?);
+        }
+        times.refit_ms = Some(ms_since(begun_tree));
+        self.pose = Some(pose);
+        Ok(())
     }
-    let made = match upkeep {
-        Upkeep::Rebuild => Made::Fast,
-        Upkeep::Refit => Made::Refitted,
-    };
-    let mut vertices = vec![[0.0; 3]; moment.animation().vertex_count()];
-    times.interpolate_ms = pool.install(|| interpolate(&mut vertices));
-    let begun = Instant::now();
-    let threads = pool.current_num_threads();
-    let triangles = moment.animation().triangles();
-    let scene = EmbreeScene::new(&vertices, triangles, threads, made);
-    times.refit_ms = Some(ms_since(begun));
-    scene.map_err(BackendError::NoDevice)
 }
 
 fn ms_since(begun: Instant) -> f64 {
@@ -228,11 +224,11 @@ impl Tracer<'_> {
         }
         let closest = hits.closest.par_chunks_mut(TASK).enumerate();
         if self.light.is_none() {
-            let found = closest.map(|(task, hits)| self.find(task * TASK, (hits, &mut [])));
+            let found = closest.map(|(task, hits)| self.find(task * TASK, hits, &mut []));
             return found.reduce(|| (0, 0), sum);
         }
         let both = closest.zip(hits.blocked.par_chunks_mut(TASK));
-        let found = both.map(|((task, hits), marks)| self.find(task * TASK, (hits, marks)));
+        let found = both.map(|((task, hits), marks)| self.find(task * TASK, hits, marks));
         found.reduce(|| (0, 0), sum)
     }
 
@@ -247,7 +243,7 @@ impl Tracer<'_> {
 
     /// Finds the closest hits of the rays from `first` on, and marks those in shadow if there are marks. Returns the
     /// number of hits and of marks.
-    fn find(&self, first: usize, (hits, marks): (&mut [Hit], &mut [u8])) -> (u64, u64) {
+    fn find(&self, first: usize, hits: &mut [Hit], marks: &mut [u8]) -> (u64, u64) {
         for (i, hit) in (first..).zip(&mut *hits) {
             let ray = self.ray(i);
             let found = ray.map(|ray| self.scene.closest_of(&ray));

@@ -8,19 +8,19 @@ use geom::copy_in_parallel;
 use gpu_vulkan::external::ExternalMemory;
 use gpu_vulkan::memory::Buffer;
 use gpu_vulkan::timeline::Timeline;
-use gpu_vulkan::{LentRays, VulkanDevice};
+use gpu_vulkan::{ExternalRun, LentRays, VulkanDevice};
 use std::sync::Arc;
 
 impl ExternalRays<'_> {
     fn lend(&self, gpu: &mut VulkanDevice, query: Query) -> Result<()> {
         let lent = |buffer: &ExternalBuffer, each: usize| {
             let bytes = (each as u64).saturating_mul(self.count as u64);
-            Buffer::lent(&gpu.gpu, &buffer.0, bytes).map_err(Error::of_backend)
+            Buffer::external(&gpu.gpu, &buffer.0, bytes).map_err(Error::of_backend)
         };
         let is_same = |to: &ExternalBuffer| Arc::ptr_eq(&to.0, &self.rays.0);
         Error::check_separate(!self.answers.is_some_and(is_same))?;
         let answers = self.answers.map(|to| lent(to, query.answer_bytes()));
-        gpu.lend_rays(LentRays {
+        gpu.set_external_rays(LentRays {
             rays: lent(self.rays, size_of::<Ray>())?,
             answers: answers.transpose()?,
         });
@@ -42,11 +42,13 @@ impl Loaded {
         buffer: &ExternalBuffer,
         offset: u64,
     ) -> Result<()> {
-        let run = (
-            self.joined.range_of(mesh),
-            self.joined.animation.vertex_count(),
-        );
-        let set = self.exporter()?.bring_points(run, (&buffer.0, offset));
+        let source = ExternalRun {
+            memory: &buffer.0,
+            offset,
+            run: self.joined.range_of(mesh),
+            vertex_count: self.joined.animation.vertex_count(),
+        };
+        let set = self.exporter()?.set_external_points(source);
         set.map_err(Error::of_backend)?;
         self.driver.forget_key_frames();
         self.joined.set_on_device(mesh);
@@ -60,7 +62,7 @@ impl Loaded {
             let Some(gpu) = before.vulkan() else {
                 return Ok(());
             };
-            if let Some(points) = gpu.read_points(&run).map_err(Error::of_backend)? {
+            if let Some(points) = gpu.read_external_points(&run).map_err(Error::of_backend)? {
                 copy_in_parallel(self.joined.vertices_of(mesh), &points);
             }
         }
@@ -120,7 +122,7 @@ impl Step<'_> {
             return Err(Error::TooLate);
         }
         let gpu = self.tracer.current.exporter()?;
-        let synchronized = gpu.synchronize(&semaphore.0, [wait, signal]);
+        let synchronized = gpu.synchronize(&semaphore.0, wait, signal);
         synchronized.map_err(Error::of_backend)
     }
 

@@ -27,7 +27,7 @@ impl Loaded {
     fn set_points(&mut self, mesh: usize, from: wgpu::BufferSlice<'_>) -> Result<()> {
         let first = self.joined.range_of(mesh).start;
         let backend = self.wgpu().ok_or_else(no_wgpu)?;
-        backend.gpu_mut().bring_points(first, from);
+        backend.gpu_mut().set_buffer_points(first, from);
         self.driver.forget_key_frames();
         self.joined.set_on_device(mesh);
         Ok(())
@@ -53,7 +53,7 @@ impl Loaded {
         });
         let lent: Vec<_> = lent.collect();
         if let Some(backend) = self.wgpu().filter(|_| !lent.is_empty()) {
-            backend.gpu_mut().lend_rays(lent);
+            backend.gpu_mut().set_ray_buffers(lent);
         }
     }
 
@@ -78,7 +78,7 @@ impl Loaded {
     fn lend_encoder(&mut self, encoder: &mut wgpu::CommandEncoder) -> Result<()> {
         let gpu = self.wgpu().ok_or_else(no_wgpu)?.gpu_mut();
         let none = gpu.encoder().map_err(Error::of_backend)?;
-        let lent = gpu.lend_encoder(std::mem::replace(encoder, none));
+        let lent = gpu.set_encoder(std::mem::replace(encoder, none));
         lent.map_err(Error::of_backend)
     }
 
@@ -102,9 +102,10 @@ impl Loaded {
             let Some(backend) = before.wgpu() else {
                 return Ok(());
             };
-            let points = backend.gpu_mut().brought_points(&run);
-            if let Some((points, bytes)) = points.map_err(Error::of_backend)? {
-                self.set_points(mesh, points.slice(bytes))?;
+            let found = backend.gpu_mut().points_buffer(&run);
+            if let Some(points) = found.map_err(Error::of_backend)? {
+                let end = points.offset + (run.len() * size_of::<Point>()) as u64;
+                self.set_points(mesh, points.buffer.slice(points.offset..end))?;
             }
         }
         let joined = &before.joined;

@@ -1,23 +1,8 @@
-//! Buffers by name, and arithmetic on ranges.
+//! Buffers by name.
 
 use crate::{GpuDevice, with_slack};
 use backend::{BackendError, Result};
 use shaders::BufferName;
-use std::ops::Range;
-
-/// Returns the parts of `runs` that `others` does not cover. Both lists must be sorted.
-#[must_use]
-pub fn without(runs: &[Range<usize>], others: &[Range<usize>]) -> Vec<Range<usize>> {
-    let rest = runs.iter().flat_map(|run| {
-        let within = others
-            .iter()
-            .filter(|o| o.start < run.end && run.start < o.end);
-        let starts = std::iter::once(run.start).chain(within.clone().map(|o| o.end));
-        let ends = within.map(|o| o.start).chain([run.end]);
-        starts.zip(ends).map(|(start, end)| start..end)
-    });
-    rest.filter(|run| !run.is_empty()).collect()
-}
 
 /// Returns an error if a need exceeds a limit.
 pub fn refuse_above(what: impl FnOnce() -> String, need: u64, limit: u64) -> Result<()> {
@@ -92,19 +77,5 @@ impl<D: GpuDevice> BufferTable<D> {
     /// Returns the bytes of device memory.
     pub(crate) fn held(&self) -> u64 {
         self.0.iter().map(|(_, b)| D::size(b).allocated).sum()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn without_subtracts_ranges() {
-        let cut = |others: &[Range<usize>]| without(&[0..10, 20..30], others);
-        assert_eq!(cut(&[]), [0..10, 20..30]);
-        assert_eq!(cut(&[0..10, 12..14]), [20..30; 1]);
-        assert_eq!(cut(&[2..4, 8..25]), [0..2, 4..8, 25..30]);
-        assert_eq!(cut(&[0..3, 3..30]), [0..0; 0]);
     }
 }

@@ -18,6 +18,7 @@ mod clock;
 mod compute;
 mod device;
 mod engine;
+mod external_points;
 mod frames;
 #[cfg(feature = "inspect")]
 mod inspect;
@@ -32,7 +33,7 @@ mod traces;
 mod tree;
 
 use buffers::BufferTable;
-pub use buffers::{refuse_above, without};
+pub use buffers::refuse_above;
 pub use clock::{Clock, Stage};
 pub use compute::ComputeBackend;
 pub use device::{
@@ -41,6 +42,7 @@ pub use device::{
     Validation, check_kernels, read_parts,
 };
 pub use engine::{Engine, Stale};
+pub use external_points::{ExternalPoints, PointsSource};
 pub use frames::Frames;
 pub use pipelines::{KernelCode, Pipelines, compile_door, device_door};
 pub use pool::{LastUse, Pool, with_slack};

@@ -18,7 +18,7 @@ pub(crate) struct Memory {
     /// Taken before the device is destroyed.
     allocator: Mutex<Option<Allocator>>,
     /// Lock for submitting, allocating and freeing.
-    turn: FairMutex<()>,
+    driver_lock: FairMutex<()>,
     pub(crate) physical: vk::PhysicalDevice,
     /// Bytes of buffers in device memory.
     held: AtomicU64,
@@ -49,7 +49,7 @@ impl Memory {
         .map_err(|e| BackendError::NoDevice(format!("no memory allocator: {e}")))?;
         Ok(Self {
             allocator: Mutex::new(Some(allocator)),
-            turn: FairMutex::new(()),
+            driver_lock: FairMutex::new(()),
             physical,
             held: AtomicU64::new(0),
             made: AtomicU64::new(0),
@@ -69,10 +69,10 @@ impl Memory {
     /// Returns the bytes still available to this process in the largest device-local heap. This is the heap's size if
     /// the driver does not report the use of memory.
     pub(crate) fn free_bytes(&self, host: &Host) -> Option<u64> {
-        let tells = host.offers(self.physical, memory_budget::NAME);
+        let has_budget = host.offers(self.physical, memory_budget::NAME);
         let mut budget = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
         let mut found = vk::PhysicalDeviceMemoryProperties2::default();
-        if tells {
+        if has_budget {
             found = found.push_next(&mut budget);
         }
         // SAFETY: the device belongs to the instance, which is alive; the structure belongs to an extension that the
@@ -82,18 +82,16 @@ impl Memory {
                 .get_physical_device_memory_properties2(self.physical, &mut found)
         };
         let heaps = found.memory_properties;
-        let own = |i: &usize| {
-            let flags = heaps.memory_heaps[*i].flags;
-            flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL)
+        let heaps = heaps.memory_heaps_as_slice().iter().enumerate();
+        let local = heaps.filter(|(_, h)| h.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL));
+        let free = |(i, heap): (usize, &vk::MemoryHeap)| {
+            if has_budget {
+                budget.heap_budget[i].saturating_sub(budget.heap_usage[i])
+            } else {
+                heap.size
+            }
         };
-        let free = |i: usize| match tells {
-            true => budget.heap_budget[i].saturating_sub(budget.heap_usage[i]),
-            false => heaps.memory_heaps[i].size,
-        };
-        (0..heaps.memory_heap_count as usize)
-            .filter(own)
-            .map(free)
-            .max()
+        local.map(free).max()
     }
 
     /// Returns the number of buffers created since the device was opened.
@@ -108,8 +106,8 @@ impl Memory {
 
     /// Locks submitting, allocating and freeing, fairly. NVIDIA's driver has such a lock too, but it is not fair: a
     /// thread that frees a scene would hold it for all buffers.
-    pub(crate) fn turn(&self) -> FairMutexGuard<'_, ()> {
-        self.turn.lock()
+    pub(crate) fn lock_driver(&self) -> FairMutexGuard<'_, ()> {
+        self.driver_lock.lock()
     }
 
     pub(crate) fn allocate(
@@ -125,7 +123,7 @@ impl Memory {
             linear: true,
             allocation_scheme: AllocationScheme::GpuAllocatorManaged,
         };
-        let (_turn, mut allocator) = (self.turn(), lock(&self.allocator));
+        let (_lock, mut allocator) = (self.lock_driver(), lock(&self.allocator));
         let allocator = allocator.as_mut();
         let allocator = allocator.expect("the allocator lives as long as the device");
         let allocation = allocator
@@ -140,7 +138,7 @@ impl Memory {
     fn refused(&self, what: &str, bytes: u64, why: &AllocationError) -> BackendError {
         let held = self.held();
         let what = match why {
-            AllocationError::OutOfMemory => format!("{what}, beside {held} bytes held already,"),
+            AllocationError::OutOfMemory => format!("{what}, with {held} bytes allocated,"),
             other => format!("{what} ({other})"),
         };
         BackendError::OutOfMemory { what, bytes }
@@ -149,7 +147,7 @@ impl Memory {
     pub(crate) fn free(&self, allocation: Allocation) {
         self.held
             .fetch_sub(device_bytes(&allocation), Ordering::Relaxed);
-        let _turn = self.turn();
+        let _lock = self.lock_driver();
         if let Some(allocator) = lock(&self.allocator).as_mut() {
             // Freeing fails only for memory of another allocator.
             let _ = allocator.free(allocation);
@@ -160,9 +158,10 @@ impl Memory {
 /// Returns the bytes of an allocation in device-local memory; 0 if it is in host memory.
 pub(crate) fn device_bytes(allocation: &Allocation) -> u64 {
     let local = vk::MemoryPropertyFlags::DEVICE_LOCAL;
-    match allocation.memory_properties().contains(local) {
-        true => allocation.size(),
-        false => 0,
+    if allocation.memory_properties().contains(local) {
+        allocation.size()
+    } else {
+        0
     }
 }
 

@@ -75,7 +75,7 @@ impl Commands {
     }
 
     /// Copies regions from one buffer to another. Records nothing without regions.
-    pub(crate) fn copy(&self, [from, to]: [vk::Buffer; 2], regions: &[vk::BufferCopy]) {
+    pub(crate) fn copy(&self, from: vk::Buffer, to: vk::Buffer, regions: &[vk::BufferCopy]) {
         if regions.is_empty() {
             return;
         }
@@ -85,13 +85,14 @@ impl Commands {
         unsafe { vk.cmd_copy_buffer(self.vk(), from, to, regions) };
     }
 
-    /// Orders all writes of `before`, in this or earlier submissions to the queue, before all accesses of `after`.
-    pub fn barrier(&self, before: Reach, after: Reach) {
+    /// Orders all writes of the stages `before`, in this or earlier submissions to the queue, before all accesses of the
+    /// stages `after`.
+    pub fn barrier(&self, before: vk::PipelineStageFlags, after: vk::PipelineStageFlags) {
         let (vk, none) = (&self.gpu.vk, vk::DependencyFlags::empty());
+        // A stage has only some kinds of access, so these masks include no others.
         let memory = [vk::MemoryBarrier::default()
-            .src_access_mask(before.writes)
-            .dst_access_mask(after.reads | after.writes)];
-        let (before, after) = (before.stages, after.stages);
+            .src_access_mask(vk::AccessFlags::MEMORY_WRITE)
+            .dst_access_mask(vk::AccessFlags::MEMORY_READ | vk::AccessFlags::MEMORY_WRITE)];
         // SAFETY: the command buffer is being recorded.
         unsafe { vk.cmd_pipeline_barrier(self.vk(), before, after, none, &memory, &[], &[]) };
     }
@@ -104,62 +105,17 @@ impl Drop for Commands {
     }
 }
 
-/// Pipeline stages and access masks of one side of a barrier.
-#[derive(Clone, Copy)]
-pub struct Reach {
-    stages: vk::PipelineStageFlags,
-    reads: vk::AccessFlags,
-    writes: vk::AccessFlags,
-}
-
 /// Compute kernels.
-pub const KERNELS: Reach = Reach {
-    stages: vk::PipelineStageFlags::COMPUTE_SHADER,
-    reads: vk::AccessFlags::SHADER_READ,
-    writes: vk::AccessFlags::SHADER_WRITE,
-};
+pub const KERNELS: vk::PipelineStageFlags = vk::PipelineStageFlags::COMPUTE_SHADER;
 
 /// Copies and fills.
-pub const COPIES: Reach = Reach {
-    stages: vk::PipelineStageFlags::TRANSFER,
-    reads: vk::AccessFlags::TRANSFER_READ,
-    writes: vk::AccessFlags::TRANSFER_WRITE,
-};
-
-/// Compute kernels, copies and fills.
-pub const ALL: Reach = KERNELS.and(COPIES);
+pub const COPIES: vk::PipelineStageFlags = vk::PipelineStageFlags::TRANSFER;
 
 /// Builds of the driver's own trees, including their reads of vertices.
-pub const BUILDS: Reach = Reach {
-    stages: vk::PipelineStageFlags::ACCELERATION_STRUCTURE_BUILD_KHR,
-    reads: vk::AccessFlags::from_raw(
-        vk::AccessFlags::SHADER_READ.as_raw()
-            | vk::AccessFlags::ACCELERATION_STRUCTURE_READ_KHR.as_raw(),
-    ),
-    writes: vk::AccessFlags::ACCELERATION_STRUCTURE_WRITE_KHR,
-};
+pub const BUILDS: vk::PipelineStageFlags = vk::PipelineStageFlags::ACCELERATION_STRUCTURE_BUILD_KHR;
 
 /// Traces of rays through the driver's own trees.
-pub const RAYS: Reach = Reach {
-    stages: vk::PipelineStageFlags::RAY_TRACING_SHADER_KHR,
-    reads: BUILDS.reads,
-    writes: vk::AccessFlags::SHADER_WRITE,
-};
-
-impl Reach {
-    /// Returns the union.
-    pub const fn and(self, other: Self) -> Self {
-        Self {
-            stages: vk::PipelineStageFlags::from_raw(self.stages.as_raw() | other.stages.as_raw()),
-            reads: vk::AccessFlags::from_raw(self.reads.as_raw() | other.reads.as_raw()),
-            writes: vk::AccessFlags::from_raw(self.writes.as_raw() | other.writes.as_raw()),
-        }
-    }
-}
+pub const RAYS: vk::PipelineStageFlags = vk::PipelineStageFlags::RAY_TRACING_SHADER_KHR;
 
 /// Host reads of mapped memory.
-pub const HOST: Reach = Reach {
-    stages: vk::PipelineStageFlags::HOST,
-    reads: vk::AccessFlags::HOST_READ,
-    writes: vk::AccessFlags::empty(),
-};
+pub const HOST: vk::PipelineStageFlags = vk::PipelineStageFlags::HOST;

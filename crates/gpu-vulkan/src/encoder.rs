@@ -1,15 +1,15 @@
 //! Encodes recordings into command buffers.
 
-use crate::commands::{ALL, BUILDS, COPIES, Commands, HOST, KERNELS, RAYS};
+use crate::commands::{BUILDS, COPIES, Commands, HOST, KERNELS, RAYS};
+use crate::descriptors::Descriptors;
 use crate::gpu::Gpu;
-use crate::marks::Timestamps;
 use crate::memory::{Buffer, BufferRange, BufferUse};
-use crate::pages::Pages;
 use crate::pipelines::{Layouts, Pipeline};
+use crate::timestamps::Timestamps;
 use ash::vk;
 use backend::Result;
 use gpu_common::{BoundBuffer, Dispatch, RecordedCommand, Recording, Stage, SubmissionOutput};
-use shaders::{BufferName, Counts, Params};
+use shaders::{BufferName, Counts, Params, RAYS as RAY_SHADERS};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -23,22 +23,35 @@ pub type NativeCommand = Box<dyn FnOnce(&mut RecordingEncoder) -> Result<()> + S
 pub struct RecordingEncoder {
     /// Recorded command buffers.
     pub commands: Commands,
-    pages: Pages,
-    marks: Timestamps,
-    /// Whether kernels were recorded since the last barrier.
-    launched: bool,
+    descriptors: Descriptors,
+    timestamps: Timestamps,
+    /// Kernels were recorded since the last barrier.
+    needs_barrier: bool,
     counts: Buffer,
     counts_back: Buffer,
     gpu: Arc<Gpu>,
 }
 
-/// A descriptor set. It can be reused for the same kernel with the same buffers and parameters of the same page.
+/// A descriptor set. It can be reused for the same kernel with the same buffers.
 struct BoundSet {
     set: vk::DescriptorSet,
     kernel: &'static str,
-    page: usize,
     /// Range of the recording's buffers.
     buffers: Range<usize>,
+}
+
+/// A ray tracing pipeline with its resources.
+pub struct RayBindings<'a> {
+    /// The pipeline.
+    pub pipeline: vk::Pipeline,
+    /// Layouts of the pipeline.
+    pub layouts: &'a Layouts,
+    /// Parameters of the shaders.
+    pub params: &'a Params,
+    /// The driver's tree.
+    pub tree: vk::AccelerationStructureKHR,
+    /// One buffer for each binding of [`shaders::RAYS`], in order. The buffer for parameters is ignored.
+    pub buffers: &'a [BufferRange],
 }
 
 const COUNTS: u64 = size_of::<Counts>() as u64;
@@ -47,9 +60,9 @@ impl RecordingEncoder {
     pub(crate) fn new(gpu: &Arc<Gpu>) -> Result<Self> {
         Ok(Self {
             commands: Commands::new(gpu, gpu.families[0])?,
-            pages: Pages::new(gpu),
-            marks: Timestamps::new(gpu),
-            launched: false,
+            descriptors: Descriptors::new(gpu, 0)?,
+            timestamps: Timestamps::new(gpu, 0)?,
+            needs_barrier: false,
             counts: Buffer::new(gpu, "counts", COUNTS, BufferUse::Device)?,
             counts_back: Buffer::new(gpu, "counts", COUNTS, BufferUse::Readback)?,
             gpu: Arc::clone(gpu),
@@ -59,15 +72,14 @@ impl RecordingEncoder {
     /// Encodes all commands of a recording, and a copy of the counts to the host. The previous submission must have
     /// finished.
     pub(crate) fn encode(&mut self, recording: &mut VulkanRecording) -> Result<()> {
-        self.begin()?;
-        let mut commands = std::mem::take(&mut recording.commands);
+        self.begin(recording)?;
         let mut last = None;
-        for command in commands.drain(..) {
+        for command in std::mem::take(&mut recording.commands) {
             match command {
                 RecordedCommand::Dispatch(dispatch) => {
                     last = Some(self.dispatch(recording, &dispatch, last)?);
                 }
-                RecordedCommand::EndStage(stage) => self.end_stage(stage)?,
+                RecordedCommand::EndStage(stage) => self.end_stage(stage),
                 RecordedCommand::ClearCounts(bytes) => {
                     self.commands.barrier(KERNELS, COPIES);
                     self.fill_counts(bytes);
@@ -79,24 +91,31 @@ impl RecordingEncoder {
                 RecordedCommand::Native(record) => record(self)?,
             }
         }
-        // The vector keeps its capacity.
-        recording.commands = commands;
         self.end()
     }
 
-    fn begin(&mut self) -> Result<()> {
-        self.launched = false;
-        self.pages.reset()?;
+    fn begin(&mut self, recording: &VulkanRecording) -> Result<()> {
+        let (mut dispatches, mut stages) = (0, 0);
+        for command in &recording.commands {
+            match command {
+                // A native command binds at most one set.
+                RecordedCommand::Dispatch(_) | RecordedCommand::Native(_) => dispatches += 1,
+                RecordedCommand::EndStage(_) => stages += 1,
+                RecordedCommand::ClearCounts(_) | RecordedCommand::Split => (),
+            }
+        }
+        self.needs_barrier = false;
+        self.descriptors.reset(dispatches)?;
         self.commands.reset()?;
         self.commands.begin()?;
-        let all = if self.gpu.traces_rays {
-            ALL.and(BUILDS).and(RAYS)
+        let all = if self.gpu.features.traces_rays {
+            KERNELS | COPIES | BUILDS | RAYS
         } else {
-            ALL
+            KERNELS | COPIES
         };
         self.commands.barrier(all, all);
         self.fill_counts(COUNTS);
-        self.marks.begin(self.commands.vk())
+        self.timestamps.begin(self.commands.vk(), stages)
     }
 
     fn fill_counts(&self, bytes: u64) {
@@ -114,19 +133,19 @@ impl RecordingEncoder {
         dispatch: &Dispatch<Pipeline>,
         last: Option<BoundSet>,
     ) -> Result<BoundSet> {
-        if self.launched && !dispatch.work.alongside {
+        if self.needs_barrier && !dispatch.work.alongside {
             self.commands.barrier(KERNELS, KERNELS);
         }
-        let row = self.pages.row(&dispatch.work.params)?;
-        let (kernel, page) = (dispatch.work.kernel.name, row.page);
+        let offset = self.descriptors.write(&dispatch.work.params);
+        let kernel = dispatch.work.kernel.name;
         let is_same = |last: &BoundSet| {
-            (last.kernel, last.page) == (kernel, page)
+            last.kernel == kernel
                 && recording.buffers[last.buffers.clone()] == *recording.buffers_of(dispatch)
         };
         let bound = match last.filter(is_same) {
             Some(last) => last,
             None => {
-                let params = self.pages.params(page);
+                let params = self.descriptors.params();
                 let resolve = |bound: BoundBuffer<&BufferRange>| match bound {
                     BoundBuffer::Params => params,
                     BoundBuffer::Counts => self.counts.range(),
@@ -136,19 +155,18 @@ impl RecordingEncoder {
                 let bindings = bindings.map(|(binding, bound)| (binding, resolve(bound)));
                 let layout = dispatch.pipeline.layouts.set;
                 BoundSet {
-                    set: self.pages.set(layout, page, bindings, None)?,
+                    set: self.descriptors.set(layout, bindings, None)?,
                     kernel,
-                    page,
                     buffers: dispatch.buffers.clone(),
                 }
             }
         };
-        self.launch(dispatch, bound.set, row.offset);
-        self.launched = true;
+        self.launch(dispatch, bound.set, offset);
+        self.needs_barrier = true;
         Ok(bound)
     }
 
-    fn launch(&self, dispatch: &Dispatch<Pipeline>, set: vk::DescriptorSet, row: u32) {
+    fn launch(&self, dispatch: &Dispatch<Pipeline>, set: vk::DescriptorSet, offset: u32) {
         let (vk, commands) = (&self.gpu.vk, self.commands.vk());
         let (pipeline, [x, y]) = (&dispatch.pipeline, dispatch.groups);
         let point = vk::PipelineBindPoint::COMPUTE;
@@ -156,60 +174,46 @@ impl RecordingEncoder {
         unsafe {
             vk.cmd_bind_pipeline(commands, point, pipeline.vk);
             let layout = pipeline.layouts.pipeline;
-            vk.cmd_bind_descriptor_sets(commands, point, layout, 0, &[set], &[row]);
+            vk.cmd_bind_descriptor_sets(commands, point, layout, 0, &[set], &[offset]);
             vk.cmd_dispatch(commands, x, y, 1);
         }
     }
 
     /// Makes the results of the stage's kernels visible to later work, and takes a timestamp.
-    fn end_stage(&mut self, stage: Stage) -> Result<()> {
-        if std::mem::take(&mut self.launched) {
+    fn end_stage(&mut self, stage: Stage) {
+        if std::mem::take(&mut self.needs_barrier) {
             self.commands.barrier(KERNELS, KERNELS);
         }
-        self.marks.end(self.commands.vk(), stage)
+        self.timestamps.end(self.commands.vk(), stage);
     }
 
-    /// Binds a ray tracing pipeline to parameters, a driver's tree and buffers. `find` returns the buffer for a name in
-    /// the shaders.
-    pub fn bind_rays(
-        &mut self,
-        pipeline: vk::Pipeline,
-        layouts: &Layouts,
-        params: &Params,
-        tree: vk::AccelerationStructureKHR,
-        find: impl Fn(BufferName) -> BufferRange,
-    ) -> Result<()> {
-        let row = self.pages.row(params)?;
-        let of_params = self.pages.params(row.page);
-        let buffer = |name| {
-            if name == BufferName::Params {
-                of_params
-            } else {
-                find(name)
-            }
-        };
-        let bindings = shaders::RAYS.bindings.iter();
-        let bindings = bindings.map(|binding| (binding, buffer(binding.name)));
-        let set = self
-            .pages
-            .set(layouts.set, row.page, bindings, Some(tree))?;
+    /// Binds a ray tracing pipeline. A native command calls this at most once.
+    pub fn bind_rays(&mut self, rays: &RayBindings<'_>) -> Result<()> {
+        let offset = self.descriptors.write(rays.params);
+        let params = self.descriptors.params();
+        let bindings = RAY_SHADERS.bindings.iter().zip(rays.buffers);
+        let bindings = bindings.map(|(binding, &buffer)| match binding.name {
+            BufferName::Params => (binding, params),
+            _ => (binding, buffer),
+        });
+        let (set, layout) = (rays.layouts.set, rays.layouts.pipeline);
+        let set = self.descriptors.set(set, bindings, Some(rays.tree))?;
         let (vk, commands) = (&self.gpu.vk, self.commands.vk());
         let point = vk::PipelineBindPoint::RAY_TRACING_KHR;
         // SAFETY: the command buffer is being recorded; pipeline and set belong to the device and match.
         unsafe {
-            vk.cmd_bind_pipeline(commands, point, pipeline);
-            let layout = layouts.pipeline;
-            vk.cmd_bind_descriptor_sets(commands, point, layout, 0, &[set], &[row.offset]);
+            vk.cmd_bind_pipeline(commands, point, rays.pipeline);
+            vk.cmd_bind_descriptor_sets(commands, point, layout, 0, &[set], &[offset]);
         }
         Ok(())
     }
 
     /// Ends the recording with a copy of the counts to the host.
     fn end(&mut self) -> Result<()> {
-        self.commands.barrier(ALL, COPIES);
+        self.commands.barrier(KERNELS | COPIES, COPIES);
         let all = [vk::BufferCopy::default().size(COUNTS)];
-        let buffers = [&self.counts, &self.counts_back].map(|buffer| buffer.vk);
-        self.commands.copy(buffers, &all);
+        let (from, to) = (self.counts.vk, self.counts_back.vk);
+        self.commands.copy(from, to, &all);
         self.commands.barrier(COPIES, HOST);
         self.commands.end()
     }
@@ -218,8 +222,8 @@ impl RecordingEncoder {
     pub(crate) fn finished(&self) -> Result<SubmissionOutput> {
         Ok(SubmissionOutput {
             counts: self.counts_back.read::<Counts>(1)[0],
-            marks: self.marks.stages.clone(),
-            ticks: self.marks.read()?,
+            marks: self.timestamps.stages.clone(),
+            ticks: self.timestamps.read()?,
         })
     }
 }

@@ -5,8 +5,7 @@
 
 use crate::errors::{failed, failed_for};
 use crate::gpu::Gpu;
-use crate::raw_buffer::create_buffer;
-use crate::sharing::{MEMORY, SEMAPHORE, buffers};
+use crate::sharing::{MEMORY, SEMAPHORE, memory_features};
 use crate::timeline::Timeline;
 use ash::{khr, vk};
 use backend::{BackendError, BackendName, Result};
@@ -47,13 +46,18 @@ impl ExternalMemory {
     /// [`BackendError::Limit`] or [`BackendError::OutOfMemory`] with the required bytes.
     pub fn new(gpu: &Arc<Gpu>, bytes: u64) -> Result<Self> {
         let what = "an external buffer";
-        gpu.check_exports(what, MEMORY, can_export_memory)?;
+        let features = memory_features(&gpu.host, gpu.memory.physical, USAGE, MEMORY_FD);
+        let is_able = features.contains(vk::ExternalMemoryFeatureFlags::EXPORTABLE);
+        gpu.check_export(what, MEMORY, is_able)?;
         let bytes = bytes.max(16).checked_next_multiple_of(16);
         let bytes = bytes.unwrap_or(u64::MAX);
         gpu.limits.admit(what, bytes)?;
         let mut external = vk::ExternalMemoryBufferCreateInfo::default().handle_types(MEMORY_FD);
-        let info = vk::BufferCreateInfo::default().usage(USAGE);
-        let vk = create_buffer(gpu, (what, bytes), info.push_next(&mut external))?;
+        let info = vk::BufferCreateInfo::default()
+            .size(bytes)
+            .usage(USAGE)
+            .push_next(&mut external);
+        let vk = gpu.create_buffer(what, info)?;
         // SAFETY: the buffer was just created from this device.
         let needs = unsafe { gpu.vk.get_buffer_memory_requirements(vk) };
         let mut made = Self {
@@ -71,10 +75,10 @@ impl ExternalMemory {
             .memory_type_index(made.memory_type)
             .push_next(&mut export)
             .push_next(&mut dedicated);
-        let turn = gpu.memory.turn();
+        let driver_lock = gpu.memory.lock_driver();
         // SAFETY: the buffer supports this memory type; the extension is enabled.
         let memory = unsafe { gpu.vk.allocate_memory(&info, None) };
-        drop(turn);
+        drop(driver_lock);
         made.memory = memory.map_err(failed_for(what, needs.size))?;
         // SAFETY: the memory was allocated for this buffer and is bound once.
         unsafe { gpu.vk.bind_buffer_memory(vk, made.memory, 0) }.map_err(failed(what))?;
@@ -109,7 +113,7 @@ impl ExternalMemory {
 
 impl Drop for ExternalMemory {
     fn drop(&mut self) {
-        let _turn = self.gpu.memory.turn();
+        let _lock = self.gpu.memory.lock_driver();
         // SAFETY: all submitted and recorded work holds an `Arc` of this until it has finished.
         unsafe {
             self.gpu.vk.destroy_buffer(self.vk, None);
@@ -125,7 +129,11 @@ impl Timeline {
     /// [`BackendError::Unsupported`], with the extension's name, if the device cannot export semaphores; see
     /// [`BackendError`].
     pub fn exportable(gpu: &Arc<Gpu>) -> Result<Self> {
-        gpu.check_exports("an external semaphore", SEMAPHORE, can_export_timelines)?;
+        gpu.check_export(
+            "an external semaphore",
+            SEMAPHORE,
+            can_export_timelines(gpu),
+        )?;
         let export = vk::ExportSemaphoreCreateInfo::default().handle_types(SEMAPHORE_FD);
         Self::with(gpu, Some(export))
     }
@@ -148,8 +156,9 @@ impl Timeline {
 }
 
 impl Gpu {
-    fn check_exports(&self, what: &str, name: &CStr, is_able: fn(&Self) -> bool) -> Result<()> {
-        if self.sharing.contains(&name) && is_able(self) {
+    /// Returns an error if an extension is missing, or its device is not able to export.
+    fn check_export(&self, what: &str, name: &CStr, is_able: bool) -> Result<()> {
+        if self.features.sharing.contains(&name) && is_able {
             return Ok(());
         }
         let what = format!("{what} by {}", name.to_string_lossy());
@@ -168,11 +177,6 @@ impl Gpu {
         let mut all = (0..found.memory_type_count).filter(|i| allowed >> i & 1 == 1);
         all.find(is_local).unwrap_or(allowed.trailing_zeros())
     }
-}
-
-fn can_export_memory(gpu: &Gpu) -> bool {
-    let features = buffers(&gpu.host, gpu.memory.physical, (USAGE, MEMORY_FD));
-    features.contains(vk::ExternalMemoryFeatureFlags::EXPORTABLE)
 }
 
 fn can_export_timelines(gpu: &Gpu) -> bool {

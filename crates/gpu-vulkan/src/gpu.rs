@@ -1,17 +1,18 @@
 //! The logical device and its queues.
 
 use crate::allocator::Memory;
-use crate::errors::failed;
+use crate::errors::{failed, failed_for};
 use crate::instance::Host;
-use crate::limits::{DeviceLimits, Extras};
+use crate::limits::{DeviceFeatures, DeviceLimits};
 use crate::pipeline_cache::PipelineCache;
 use crate::queues::{QueueIndex, QueueSet, Queues};
-use crate::sharing::{self, Import};
+use crate::sharing::Import;
 use ash::ext::pipeline_robustness;
 use ash::{khr, vk};
 use backend::{AdapterInfo, BackendError, DeviceKind, Result};
 use geom::lock;
-use gpu_common::{Options, device_door};
+use gpu_common::{Options, check_kernels, device_door};
+use std::collections::HashMap;
 use std::ffi::CStr;
 use std::sync::{Arc, Mutex};
 
@@ -29,15 +30,12 @@ pub struct Gpu {
     pub(crate) limits: DeviceLimits,
     /// Valid bits of a timestamp; 0 without a clock.
     pub(crate) timestamp_bits: u32,
-    pub(crate) extras: Extras,
-    /// Enabled extensions for exporting memory and semaphores, and for importing host pages.
-    pub sharing: Vec<&'static CStr>,
+    /// Optional capabilities that were enabled.
+    pub features: DeviceFeatures,
     /// Import of host pages, if supported.
     pub(crate) import: Option<Import>,
     /// Cache of compiled kernels.
     pub cache: PipelineCache,
-    /// Whether the device was opened for the driver's own trees.
-    pub(crate) traces_rays: bool,
     /// The instance of the device.
     pub host: Arc<Host>,
 }
@@ -78,11 +76,10 @@ impl Gpu {
         let adapter = AdapterInfo::choose(list, options.adapter)?.clone();
         let physical = host.physical_devices()?[adapter.index];
         let limits = DeviceLimits::of(&host, physical);
-        limits.admit_kernels(|k| !k.makes_trees())?;
+        check_kernels(&limits.of_kernels(), |k| !k.makes_trees())?;
         let queues = Queues::find(&host, physical)?;
-        let extras = Extras::of(&host, physical)?;
-        let sharing = sharing::extensions(&host, physical);
-        let vk = create(&host, physical, &queues, (traces_rays, extras, &sharing))?;
+        let features = DeviceFeatures::of(&host, physical, traces_rays)?;
+        let vk = create(&host, physical, &queues, &features)?;
         let memory = match Memory::new(&host, physical, &vk, traces_rays) {
             Ok(memory) => memory,
             Err(e) => {
@@ -91,7 +88,7 @@ impl Gpu {
                 return Err(e);
             }
         };
-        let import = Import::of(&host, physical, (&vk, &sharing));
+        let import = Import::of(&host, physical, &vk, &features.sharing);
         let cache = PipelineCache::open(&host, physical, &vk, options.cache.as_deref());
         Ok(Arc::new(Self {
             queues: opened(&vk, queues.places),
@@ -102,12 +99,24 @@ impl Gpu {
             adapter,
             limits,
             timestamp_bits: queues.timestamp_bits,
-            extras,
-            sharing,
+            features,
             import,
-            traces_rays,
             host,
         }))
+    }
+
+    /// Creates a buffer without memory, shared by all queue families.
+    pub(crate) fn create_buffer<'a>(
+        &'a self,
+        what: &str,
+        mut info: vk::BufferCreateInfo<'a>,
+    ) -> Result<vk::Buffer> {
+        if self.families.len() > 1 {
+            info.sharing_mode = vk::SharingMode::CONCURRENT;
+            info = info.queue_family_indices(&self.families);
+        }
+        // SAFETY: the device is alive; all families belong to it.
+        unsafe { self.vk.create_buffer(&info, None) }.map_err(failed_for(what, info.size))
     }
 
     /// Returns whether the driver runs on the host's cores.
@@ -118,19 +127,17 @@ impl Gpu {
 
 /// Opens each queue once, even if it has several purposes.
 fn opened(vk: &ash::Device, places: QueueSet<QueueIndex>) -> QueueSet<Arc<Queue>> {
-    let mut known: Vec<(QueueIndex, Arc<Queue>)> = Vec::new();
-    let mut queue = |place: QueueIndex| match known.iter().find(|(other, _)| *other == place) {
-        Some((_, queue)) => Arc::clone(queue),
-        None => {
+    let mut known = HashMap::new();
+    let mut queue = |place: QueueIndex| {
+        let queue = known.entry(place).or_insert_with(|| {
             // SAFETY: the device was created with this family and at least this many queues.
             let queue = unsafe { vk.get_device_queue(place.family, place.index) };
-            let made = Arc::new(Queue {
+            Arc::new(Queue {
                 queue: Mutex::new(queue),
                 family: place.family,
-            });
-            known.push((place, Arc::clone(&made)));
-            made
-        }
+            })
+        });
+        Arc::clone(queue)
     };
     QueueSet {
         compute: queue(places.compute),
@@ -155,11 +162,11 @@ fn create(
     host: &Host,
     device: vk::PhysicalDevice,
     queues: &Queues,
-    (traces_rays, extras, sharing): (bool, Extras, &[&CStr]),
+    features: &DeviceFeatures,
 ) -> Result<ash::Device> {
     let families = queues.families();
     let priorities = [1.0; 3];
-    let asked: Vec<_> = families
+    let queue_infos: Vec<_> = families
         .iter()
         .map(|&(family, count)| {
             vk::DeviceQueueCreateInfo::default()
@@ -167,33 +174,33 @@ fn create(
                 .queue_priorities(&priorities[..count as usize])
         })
         .collect();
-    let mut want = vk::PhysicalDeviceVulkan12Features::default()
+    let mut core = vk::PhysicalDeviceVulkan12Features::default()
         .timeline_semaphore(true)
-        .shader_buffer_int64_atomics(extras.has_least_of_64_bits)
-        .buffer_device_address(traces_rays);
-    let usual = vk::PhysicalDeviceFeatures::default().shader_int64(extras.has_least_of_64_bits);
+        .shader_buffer_int64_atomics(features.has_64_bit_atomics)
+        .buffer_device_address(features.traces_rays);
+    let base = vk::PhysicalDeviceFeatures::default().shader_int64(features.has_64_bit_atomics);
     let mut structures =
         vk::PhysicalDeviceAccelerationStructureFeaturesKHR::default().acceleration_structure(true);
     let mut pipelines =
         vk::PhysicalDeviceRayTracingPipelineFeaturesKHR::default().ray_tracing_pipeline(true);
     let mut robustness =
         vk::PhysicalDevicePipelineRobustnessFeaturesEXT::default().pipeline_robustness(true);
-    let mut extensions: Vec<_> = sharing.iter().map(|name| name.as_ptr()).collect();
-    if traces_rays {
+    let mut extensions: Vec<_> = features.sharing.iter().map(|name| name.as_ptr()).collect();
+    if features.traces_rays {
         extensions.extend(RAY_EXTENSIONS.map(CStr::as_ptr));
     }
-    if extras.trusts_kernels {
+    if features.has_pipeline_robustness {
         extensions.push(pipeline_robustness::NAME.as_ptr());
     }
     let mut info = vk::DeviceCreateInfo::default()
-        .queue_create_infos(&asked)
+        .queue_create_infos(&queue_infos)
         .enabled_extension_names(&extensions)
-        .enabled_features(&usual)
-        .push_next(&mut want);
-    if traces_rays {
+        .enabled_features(&base)
+        .push_next(&mut core);
+    if features.traces_rays {
         info = info.push_next(&mut structures).push_next(&mut pipelines);
     }
-    if extras.trusts_kernels {
+    if features.has_pipeline_robustness {
         info = info.push_next(&mut robustness);
     }
     let _door = device_door();

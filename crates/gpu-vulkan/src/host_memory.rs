@@ -5,7 +5,6 @@
 
 use crate::allocator::usage;
 use crate::gpu::Gpu;
-use crate::raw_buffer::create_buffer;
 use crate::sharing::{Import, PAGES};
 use ash::vk;
 use memmap2::MmapMut;
@@ -24,11 +23,14 @@ pub(crate) struct HostMemory {
 impl HostMemory {
     /// Creates a buffer over pages of its own. Returns `None` if the buffer is small or the import fails; the caller
     /// then allocates memory.
-    pub(crate) fn buffer(gpu: &Arc<Gpu>, what: (&str, u64)) -> Option<(vk::Buffer, Self)> {
-        let import = gpu.import.as_ref().filter(|_| what.1 >= LEAST)?;
+    pub(crate) fn buffer(gpu: &Arc<Gpu>, what: &str, bytes: u64) -> Option<(vk::Buffer, Self)> {
+        let import = gpu.import.as_ref().filter(|_| bytes >= LEAST)?;
         let mut external = vk::ExternalMemoryBufferCreateInfo::default().handle_types(PAGES);
-        let info = vk::BufferCreateInfo::default().usage(usage(false));
-        let buffer = create_buffer(gpu, what, info.push_next(&mut external)).ok()?;
+        let info = vk::BufferCreateInfo::default()
+            .size(bytes)
+            .usage(usage(false))
+            .push_next(&mut external);
+        let buffer = gpu.create_buffer(what, info).ok()?;
         // SAFETY: the buffer was just created from this device.
         let needs = unsafe { gpu.vk.get_buffer_memory_requirements(buffer) };
         let made = Self::new(gpu, import, needs).filter(|made| {
@@ -52,11 +54,11 @@ impl HostMemory {
         let (at, get) = (pages.as_mut_ptr().cast(), import.calls.fp());
         let mut found = vk::MemoryHostPointerPropertiesEXT::default();
         // SAFETY: the pages are the process's own and aligned; the extension is enabled.
-        let asked = unsafe {
+        let result = unsafe {
             (get.get_memory_host_pointer_properties_ext)(gpu.vk.handle(), PAGES, at, &mut found)
         };
         let types = found.memory_type_bits & needs.memory_type_bits & import.types;
-        if asked != vk::Result::SUCCESS || types == 0 {
+        if result != vk::Result::SUCCESS || types == 0 {
             return None;
         }
         let mut from = vk::ImportMemoryHostPointerInfoEXT::default()
@@ -66,7 +68,7 @@ impl HostMemory {
             .allocation_size(bytes)
             .memory_type_index(types.trailing_zeros())
             .push_next(&mut from);
-        let _turn = gpu.memory.turn();
+        let _lock = gpu.memory.lock_driver();
         // SAFETY: the pages are aligned, have the size stated, and are unmapped only after the memory is freed.
         let memory = unsafe { gpu.vk.allocate_memory(&info, None) }.ok()?;
         let gpu = Arc::clone(gpu);
@@ -76,7 +78,7 @@ impl HostMemory {
 
 impl Drop for HostMemory {
     fn drop(&mut self) {
-        let _turn = self.gpu.memory.turn();
+        let _lock = self.gpu.memory.lock_driver();
         // SAFETY: the buffer's owner has waited for the submissions that use it.
         unsafe { self.gpu.vk.free_memory(self.memory, None) };
     }

@@ -1,6 +1,6 @@
 //! The Vulkan loader and its instances.
 
-use crate::validation::{EXTENSIONS, LAYER, is_on, listen};
+use crate::validation::{EXTENSIONS, LAYER, register_callback};
 use ash::{Entry, Instance, StaticFn, vk};
 use backend::{BackendError, Result};
 use geom::lock;
@@ -15,8 +15,8 @@ pub struct Host {
     /// Instance functions.
     pub instance: Instance,
     /// Keeps the loader's library open.
-    entry: Entry,
-    /// Whether the validation layer is enabled.
+    _entry: Entry,
+    /// The validation layer is enabled.
     pub is_validated: bool,
 }
 
@@ -31,23 +31,24 @@ impl Host {
     /// # Errors
     /// [`BackendError::NoDevice`] with the reason.
     pub fn new(validation: Validation) -> Result<Arc<Self>> {
-        let plain = Self::kept(false)?;
-        match is_on(validation, &plain.entry)? {
-            true => Self::kept(true),
-            false => Ok(plain),
+        match validation {
+            Validation::Off => Self::shared(false),
+            Validation::IfInstalled => Self::shared(true).or_else(|_| Self::shared(false)),
+            Validation::Required => Self::shared(true),
         }
     }
 
-    fn kept(validated: bool) -> Result<Arc<Self>> {
-        let mut kept = lock(&HOSTS);
-        let place = &mut kept[usize::from(validated)];
-        if let Some(host) = place {
+    fn shared(validated: bool) -> Result<Arc<Self>> {
+        let host = &mut lock(&HOSTS)[usize::from(validated)];
+        if let Some(host) = host {
             return Ok(Arc::clone(host));
         }
-        Ok(Arc::clone(place.insert(Arc::new(Self::make(validated)?))))
+        Ok(Arc::clone(
+            host.insert(Arc::new(Self::new_instance(validated)?)),
+        ))
     }
 
-    fn make(validated: bool) -> Result<Self> {
+    fn new_instance(validated: bool) -> Result<Self> {
         let entry = open_loader()?;
         let app = vk::ApplicationInfo::default()
             .application_name(c"abvh")
@@ -65,14 +66,20 @@ impl Host {
                 .push_next(&mut features);
         }
         // SAFETY: every pointer in `info` outlives the call.
-        let instance = unsafe { entry.create_instance(&info, None) }
-            .map_err(|e| BackendError::NoDevice(format!("no Vulkan instance: {e}")))?;
+        let instance = unsafe { entry.create_instance(&info, None) }.map_err(|e| {
+            let layer = if validated {
+                " with the validation layer"
+            } else {
+                ""
+            };
+            BackendError::NoDevice(format!("no Vulkan instance{layer}: {e}"))
+        })?;
         if validated {
-            listen(&entry, &instance)?;
+            register_callback(&entry, &instance)?;
         }
         Ok(Self {
             instance,
-            entry,
+            _entry: entry,
             is_validated: validated,
         })
     }

@@ -1,11 +1,13 @@
 //! Limits of the device, with errors that name the need and the limit, and optional capabilities.
 
 use crate::instance::Host;
+use crate::sharing;
 use ash::ext::pipeline_robustness;
 use ash::vk;
 use backend::{BackendError, Result};
-use gpu_common::{KernelLimit, check_kernels, refuse_above};
-use shaders::{Kernel, storage_buffers};
+use gpu_common::{KernelLimit, refuse_above};
+use shaders::storage_buffers;
+use std::ffi::CStr;
 
 /// Limits that a scene, a query or a kernel may exceed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,7 +18,7 @@ pub(crate) struct DeviceLimits {
     pub(crate) allocation: u64,
     /// The lower value of `maxComputeWorkGroupCount` along x and y.
     pub(crate) groups: u32,
-    /// Maximum invocations of a workgroup: the lower limit of those along x and in total.
+    /// Maximum invocations of a workgroup: the lower of the limits along x and in total.
     pub(crate) workgroup: u32,
     /// `maxPerStageDescriptorStorageBuffers`.
     pub(crate) storage_buffers: u32,
@@ -58,14 +60,6 @@ impl DeviceLimits {
         Ok(())
     }
 
-    /// Checks that the `asked` kernels can run on the device.
-    ///
-    /// # Errors
-    /// [`backend::BackendError::Limit`].
-    pub(crate) fn admit_kernels(&self, asked: impl Fn(&Kernel) -> bool) -> Result<()> {
-        check_kernels(&self.of_kernels(), asked)
-    }
-
     /// Returns the limits that a kernel may exceed.
     pub(crate) fn of_kernels(&self) -> Vec<KernelLimit> {
         vec![
@@ -95,25 +89,28 @@ impl DeviceLimits {
     }
 }
 
-/// Optional capabilities that kernels use.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Extras {
-    /// Whether pipelines can disable robustness checks of buffers. NVIDIA's driver checks each address even if robust
-    /// access is not requested. The checks are a sixth of the instructions per tree node and 4 % of the trace time
-    /// (580, H200).
-    pub(crate) trusts_kernels: bool,
+/// Optional capabilities that are enabled if the device supports them.
+#[derive(Clone, Debug)]
+pub struct DeviceFeatures {
+    /// The driver's own trees, if they were requested.
+    pub(crate) traces_rays: bool,
+    /// Pipelines without robustness checks of buffers. NVIDIA's driver checks each address even if robust access is not
+    /// requested. The checks are a sixth of the instructions per tree node and 4 % of the trace time (580, H200).
+    pub(crate) has_pipeline_robustness: bool,
     /// Invocations per subgroup, if the device supports the subgroup operations of the kernels.
     pub(crate) subgroups: Option<u32>,
-    /// Whether buffers support an atomic minimum of 64-bit numbers.
-    pub(crate) has_least_of_64_bits: bool,
+    /// An atomic minimum of 64-bit numbers in buffers.
+    pub(crate) has_64_bit_atomics: bool,
+    /// Extensions for exporting memory and semaphores, and for importing host pages.
+    pub sharing: Vec<&'static CStr>,
 }
 
-impl Extras {
-    /// Reads the capabilities of a device.
+impl DeviceFeatures {
+    /// Reads the capabilities of a device. The caller has checked that it has the driver's own trees if `traces_rays`.
     ///
     /// # Errors
     /// [`BackendError::NoDevice`] if a required feature is missing.
-    pub(crate) fn of(host: &Host, device: vk::PhysicalDevice) -> Result<Self> {
+    pub(crate) fn of(host: &Host, device: vk::PhysicalDevice, traces_rays: bool) -> Result<Self> {
         let mut core = vk::PhysicalDeviceVulkan12Features::default();
         let mut robustness = vk::PhysicalDevicePipelineRobustnessFeaturesEXT::default();
         let mut have = vk::PhysicalDeviceFeatures2::default().push_next(&mut core);
@@ -127,9 +124,11 @@ impl Extras {
             return Err(BackendError::NoDevice(why.into()));
         }
         Ok(Self {
-            trusts_kernels: robustness.pipeline_robustness == vk::TRUE,
+            traces_rays,
+            has_pipeline_robustness: robustness.pipeline_robustness == vk::TRUE,
             subgroups: subgroups(host, device),
-            has_least_of_64_bits: has_integers && core.shader_buffer_int64_atomics == vk::TRUE,
+            has_64_bit_atomics: has_integers && core.shader_buffer_int64_atomics == vk::TRUE,
+            sharing: sharing::extensions(host, device),
         })
     }
 }
@@ -154,6 +153,8 @@ fn subgroups(host: &Host, device: vk::PhysicalDevice) -> Option<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use gpu_common::check_kernels;
+    use shaders::Kernel;
 
     const LIMITS: DeviceLimits = DeviceLimits {
         storage_range: 1 << 27,
@@ -185,12 +186,15 @@ mod tests {
     #[test]
     fn refused_kernel_names_its_limit() {
         let always = |k: &Kernel| !k.makes_trees();
-        assert_eq!(LIMITS.admit_kernels(always), Ok(()));
+        let admit = |limits: DeviceLimits, kernels: fn(&Kernel) -> bool| {
+            check_kernels(&limits.of_kernels(), kernels)
+        };
+        assert_eq!(admit(LIMITS, always), Ok(()));
         let poor = DeviceLimits {
             storage_buffers: 3,
             ..LIMITS
         };
-        let refused = poor.admit_kernels(always).unwrap_err().to_string();
+        let refused = admit(poor, always).unwrap_err().to_string();
         assert!(refused.starts_with("kernel "), "{refused}");
         assert!(refused.ends_with("the limit is 3"), "{refused}");
         let small = DeviceLimits {
@@ -199,7 +203,7 @@ mod tests {
         };
         let expected = "maxComputeWorkGroupInvocations) needs 256, the limit is 128";
         for kernels in [always, Kernel::makes_trees] {
-            let refused = small.admit_kernels(kernels).unwrap_err().to_string();
+            let refused = admit(small, kernels).unwrap_err().to_string();
             assert!(refused.ends_with(expected), "{refused}");
         }
     }

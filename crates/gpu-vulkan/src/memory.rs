@@ -5,7 +5,6 @@ use crate::errors::failed_for;
 use crate::external::ExternalMemory;
 use crate::gpu::Gpu;
 use crate::host_memory::HostMemory;
-use crate::raw_buffer::create_buffer;
 use ash::vk;
 use backend::{BackendError, Result};
 use bytemuck::Pod;
@@ -39,8 +38,8 @@ enum BufferMemory {
     Allocated(Allocation),
     /// Imported host pages.
     Host(HostMemory),
-    /// Memory that belongs to another object.
-    Lent(#[expect(dead_code, reason = "it lives as long")] Arc<ExternalMemory>),
+    /// Memory that another interface shares.
+    External(#[expect(dead_code, reason = "keeps the memory alive")] Arc<ExternalMemory>),
     /// No memory: not yet allocated, or already freed.
     Nothing,
 }
@@ -67,7 +66,7 @@ impl Buffer {
         let bytes = bytes.max(16).next_multiple_of(16);
         gpu.limits.admit(what, bytes)?;
         if let BufferUse::Staging | BufferUse::Readback = place
-            && let Some((vk, pages)) = HostMemory::buffer(gpu, (what, bytes))
+            && let Some((vk, pages)) = HostMemory::buffer(gpu, what, bytes)
         {
             gpu.memory.count_buffer();
             return Ok(Self {
@@ -77,8 +76,10 @@ impl Buffer {
                 gpu: Arc::clone(gpu),
             });
         }
-        let info = vk::BufferCreateInfo::default().usage(usage(gpu.traces_rays));
-        let buffer = create_buffer(gpu, (what, bytes), info)?;
+        let info = vk::BufferCreateInfo::default()
+            .size(bytes)
+            .usage(usage(gpu.features.traces_rays));
+        let buffer = gpu.create_buffer(what, info)?;
         // SAFETY: the buffer was just created from this device.
         let requirements = unsafe { gpu.vk.get_buffer_memory_requirements(buffer) };
         let mut made = Self {
@@ -106,7 +107,7 @@ impl Buffer {
     ///
     /// # Errors
     /// [`BackendError::Misuse`] if the memory belongs to another device or is too small.
-    pub fn lent(gpu: &Arc<Gpu>, memory: &Arc<ExternalMemory>, bytes: u64) -> Result<Self> {
+    pub fn external(gpu: &Arc<Gpu>, memory: &Arc<ExternalMemory>, bytes: u64) -> Result<Self> {
         if !Arc::ptr_eq(&memory.gpu, gpu) {
             let why = "the external buffer is another device's";
             return Err(BackendError::Misuse(why.into()));
@@ -121,7 +122,7 @@ impl Buffer {
         Ok(Self {
             vk: memory.vk,
             bytes: memory.bytes,
-            memory: BufferMemory::Lent(Arc::clone(memory)),
+            memory: BufferMemory::External(Arc::clone(memory)),
             gpu: Arc::clone(gpu),
         })
     }
@@ -131,8 +132,8 @@ impl Buffer {
         matches!(self.memory, BufferMemory::Host(_))
     }
 
-    pub(crate) fn is_lent(&self) -> bool {
-        matches!(self.memory, BufferMemory::Lent(_))
+    pub(crate) fn is_external(&self) -> bool {
+        matches!(self.memory, BufferMemory::External(_))
     }
 
     /// Returns the bytes of device-local memory that the buffer occupies.
@@ -203,7 +204,7 @@ impl Buffer {
 impl Drop for Buffer {
     fn drop(&mut self) {
         let memory = std::mem::replace(&mut self.memory, BufferMemory::Nothing);
-        if let BufferMemory::Lent(_) = memory {
+        if let BufferMemory::External(_) = memory {
             return;
         }
         // SAFETY: the owner waits for the submissions that use a buffer before it drops the buffer.

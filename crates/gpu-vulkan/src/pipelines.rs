@@ -106,14 +106,14 @@ fn compile(
         .stage(vk::ShaderStageFlags::COMPUTE)
         .module(module)
         .name(&name);
-    let trust = vk::PipelineRobustnessBufferBehaviorEXT::DISABLED;
+    let disabled = vk::PipelineRobustnessBufferBehaviorEXT::DISABLED;
     let mut robustness = vk::PipelineRobustnessCreateInfoEXT::default()
-        .storage_buffers(trust)
-        .uniform_buffers(trust);
+        .storage_buffers(disabled)
+        .uniform_buffers(disabled);
     let mut info = vk::ComputePipelineCreateInfo::default()
         .stage(stage)
         .layout(layout);
-    if gpu.extras.trusts_kernels {
+    if gpu.features.has_pipeline_robustness {
         info = info.push_next(&mut robustness);
     }
     // SAFETY: module and layout belong to the device; all pointers outlive the call. Kernels stay within their buffers,

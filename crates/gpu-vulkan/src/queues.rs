@@ -5,7 +5,7 @@ use ash::vk;
 use backend::{BackendError, Result};
 
 /// Family and index of a queue.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct QueueIndex {
     pub(crate) family: u32,
     pub(crate) index: u32,
@@ -90,9 +90,10 @@ impl Queues {
         let transfer = if upload == compute {
             "the compute queue".to_owned()
         } else {
-            let kind = match upload.family == compute.family {
-                true => "computes too",
-                false => "only copies",
+            let kind = if upload.family == compute.family {
+                "computes too"
+            } else {
+                "only copies"
             };
             let (family, up, back) = (upload.family, upload.index, readback.index);
             format!("family {family} ({kind}), queue {up} up, queue {back} back")

@@ -16,11 +16,12 @@ pub(crate) fn extensions(host: &Host, device: vk::PhysicalDevice) -> Vec<&'stati
     host.offered(device, &[MEMORY, SEMAPHORE, external_memory_host::NAME])
 }
 
-/// Returns what the device supports for buffers with this usage in shared memory of this handle type.
-pub(crate) fn buffers(
+/// Returns the operations that the device supports on shared memory of a handle type, for buffers with this usage.
+pub(crate) fn memory_features(
     host: &Host,
     device: vk::PhysicalDevice,
-    (usage, kind): (vk::BufferUsageFlags, vk::ExternalMemoryHandleTypeFlags),
+    usage: vk::BufferUsageFlags,
+    kind: vk::ExternalMemoryHandleTypeFlags,
 ) -> vk::ExternalMemoryFeatureFlags {
     let info = vk::PhysicalDeviceExternalBufferInfo::default();
     let info = info.usage(usage).handle_type(kind);
@@ -45,11 +46,14 @@ impl Import {
     pub(crate) fn of(
         host: &Host,
         physical: vk::PhysicalDevice,
-        (vk, extensions): (&ash::Device, &[&CStr]),
+        vk: &ash::Device,
+        extensions: &[&CStr],
     ) -> Option<Self> {
-        let needed = vk::ExternalMemoryFeatureFlags::IMPORTABLE;
-        let is_enabled = extensions.contains(&external_memory_host::NAME);
-        if !is_enabled || !buffers(host, physical, (usage(false), PAGES)).contains(needed) {
+        if !extensions.contains(&external_memory_host::NAME) {
+            return None;
+        }
+        let features = memory_features(host, physical, usage(false), PAGES);
+        if !features.contains(vk::ExternalMemoryFeatureFlags::IMPORTABLE) {
             return None;
         }
         let mut bounds = vk::PhysicalDeviceExternalMemoryHostPropertiesEXT::default();

@@ -3,12 +3,11 @@
 use crate::gpu::Gpu;
 use crate::memory::{Buffer, BufferUse};
 use crate::timeline::Timeline;
-use crate::transfer::Transfer;
+use crate::transfer::{BufferCopy, Transfer};
 use backend::Result;
-use geom::{KeyFrame, Point, SharedMemory, copy_in_parallel};
+use geom::{Point, SharedMemory, copy_in_parallel};
 use gpu_common::{LastUse, Pool, Staging, with_slack};
-use std::collections::VecDeque;
-use std::ops::{Deref, DerefMut, Range};
+use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
 
 /// A buffer in host memory from which data is uploaded.
@@ -35,20 +34,22 @@ impl Staging for StagingBuffer {
     }
 }
 
-/// Progress of uploads and submissions.
-pub(crate) type QueueProgress<'a> = (&'a Transfer, &'a Timeline);
+/// Timelines of the work that may use a buffer.
+#[derive(Clone, Copy)]
+pub(crate) struct Timelines<'a> {
+    pub(crate) uploads: &'a Timeline,
+    pub(crate) submissions: &'a Timeline,
+}
 
-/// Returns whether the last use of a buffer has finished. Waits for it first if `may_wait` is set.
-pub(crate) fn has_ended(
-    (uploads, submissions): QueueProgress<'_>,
-    last: LastUse,
-    may_wait: bool,
-) -> Result<bool> {
-    if may_wait {
-        submissions.wait(last.ticket)?;
-        uploads.done.wait(last.arrival)?;
+impl Timelines<'_> {
+    /// Returns whether the last use of a buffer has finished. Waits for it first if `may_wait` is set.
+    pub(crate) fn has_ended(self, last: LastUse, may_wait: bool) -> Result<bool> {
+        if may_wait {
+            self.submissions.wait(last.ticket)?;
+            self.uploads.wait(last.arrival)?;
+        }
+        Ok(self.submissions.has_reached(last.ticket)? && self.uploads.has_reached(last.arrival)?)
     }
-    Ok(submissions.has_reached(last.ticket)? && uploads.done.has_reached(last.arrival)?)
 }
 
 /// Staging buffers for one kind of data.
@@ -67,12 +68,14 @@ impl StagingPool {
     pub(crate) fn take(
         &mut self,
         gpu: &Arc<Gpu>,
-        done: QueueProgress<'_>,
+        timelines: Timelines<'_>,
         bytes: u64,
     ) -> Result<StagingBuffer> {
-        let has_ended = |last, may_wait| has_ended(done, last, may_wait);
         let of = |bytes| Buffer::new(gpu, self.what, bytes, BufferUse::Staging);
-        let buffer = match self.free.fit(bytes, has_ended)? {
+        let free = self
+            .free
+            .fit(bytes, |last, may_wait| timelines.has_ended(last, may_wait))?;
+        let buffer = match free {
             Some(buffer) => buffer,
             None => with_slack(bytes, of)?,
         };
@@ -87,18 +90,12 @@ impl StagingPool {
         to: &Buffer,
     ) -> Result<u64> {
         let StagingBuffer { buffer, filled } = from;
-        let arrival = transfer.start([buffer.vk, to.vk], &[(0..filled, 0)], None)?;
+        let copy = BufferCopy::between(buffer.vk, to.vk).range(0..filled, 0);
+        let arrival = transfer.start(&copy, &[])?;
         let (size, last) = (buffer.size(), LastUse { arrival, ticket: 0 });
         self.free.put(buffer, size, last);
         Ok(arrival)
     }
-}
-
-/// Positions or other bytes that the readback queue copies to the host.
-pub(crate) struct ReadbackCopy {
-    pub(crate) buffer: Buffer,
-    /// Timeline value of the copy.
-    pub(crate) done_at: u64,
 }
 
 /// Positions in host memory that the device copies from or to.
@@ -131,28 +128,3 @@ impl DerefMut for HostPoints {
 }
 
 impl SharedMemory for HostPoints {}
-
-/// Returns the byte ranges of runs of positions, each with its destination offset, which is the same.
-pub(crate) fn bytes_of(runs: &[Range<usize>]) -> Vec<(Range<u64>, u64)> {
-    let place = |v: usize| (v * size_of::<Point>()) as u64;
-    let bytes = |run: &Range<usize>| (place(run.start)..place(run.end), place(run.start));
-    runs.iter().map(bytes).collect()
-}
-
-/// Key frames that the device copies from directly. They are kept until the copy has finished.
-#[derive(Default)]
-pub(crate) struct KeysRead(VecDeque<(u64, KeyFrame)>);
-
-impl KeysRead {
-    /// Keeps a key frame until the copy with this value has finished. Drops those whose copies have finished.
-    pub(crate) fn note(&mut self, done: &Timeline, (value, key): (u64, &KeyFrame)) -> Result<()> {
-        self.0.push_back((value, KeyFrame::clone(key)));
-        while let Some((value, _)) = self.0.front() {
-            if !done.has_reached(*value)? {
-                break;
-            }
-            self.0.pop_front();
-        }
-        Ok(())
-    }
-}

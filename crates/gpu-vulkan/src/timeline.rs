@@ -18,7 +18,7 @@ pub struct Timeline {
 }
 
 /// Number of polls before a blocking wait. A poll takes about 50 ns; waking a blocked thread takes about 30 us.
-const LOOKS: u32 = 400;
+const POLLS: u32 = 400;
 
 impl Timeline {
     /// Creates a timeline with value 0.
@@ -58,8 +58,8 @@ impl Timeline {
     /// Blocks until `value` is reached.
     pub(crate) fn wait(&self, value: u64) -> Result<()> {
         // A software driver needs the host's cores, so do not spin.
-        let looks = if self.gpu.is_software() { 1 } else { LOOKS };
-        for _ in 0..looks {
+        let polls = if self.gpu.is_software() { 1 } else { POLLS };
+        for _ in 0..polls {
             if self.has_reached(value)? {
                 return Ok(());
             }
@@ -122,7 +122,7 @@ pub(crate) fn submit(gpu: &Gpu, queue: &Queue, batches: &[QueueBatch<'_>]) -> Re
             .push_next(values)
     });
     let infos: Vec<_> = infos.collect();
-    let (_turn, queue) = (gpu.memory.turn(), lock(&queue.queue));
+    let (_lock, queue) = (gpu.memory.lock_driver(), lock(&queue.queue));
     // SAFETY: the lock excludes other users of the queue; all command buffers are alive.
     unsafe { gpu.vk.queue_submit(*queue, &infos, vk::Fence::null()) }
         .map_err(failed("a submission"))

@@ -13,13 +13,42 @@ use std::sync::Arc;
 /// meanwhile. Copies in regions of this size do not slow them down.
 const PIECE: u64 = 256 << 10;
 
+/// Regions to copy from one buffer to another.
+pub struct BufferCopy {
+    from: vk::Buffer,
+    to: vk::Buffer,
+    regions: Vec<vk::BufferCopy>,
+}
+
+impl BufferCopy {
+    /// Creates a copy without regions.
+    pub fn between(from: vk::Buffer, to: vk::Buffer) -> Self {
+        let regions = Vec::new();
+        Self { from, to, regions }
+    }
+
+    /// Adds a range of bytes, which is copied to byte `to_offset`.
+    #[must_use]
+    pub fn range(mut self, bytes: Range<u64>, to_offset: u64) -> Self {
+        let region = |at| {
+            vk::BufferCopy::default()
+                .src_offset(at)
+                .dst_offset(to_offset + (at - bytes.start))
+                .size(PIECE.min(bytes.end - at))
+        };
+        let pieces = bytes.clone().step_by(PIECE as usize);
+        self.regions.extend(pieces.map(region));
+        self
+    }
+}
+
 /// Copies on one queue, which start in order and have a timeline of their own.
 pub struct Transfer {
     pub(crate) done: Timeline,
     pub(crate) queue: Arc<Queue>,
     /// Value of the copy that started last.
     pub last: u64,
-    lanes: Vec<TransferCommands>,
+    recorders: Vec<TransferCommands>,
     gpu: Arc<Gpu>,
 }
 
@@ -35,51 +64,39 @@ impl Transfer {
             done: Timeline::new(gpu)?,
             queue,
             last: 0,
-            lanes: Vec::new(),
+            recorders: Vec::new(),
             gpu: Arc::clone(gpu),
         })
     }
 
-    /// Starts to copy ranges of one buffer, each to an offset in another, after an optional moment. Returns the
-    /// timeline value at which the copy has finished. Never blocks.
-    pub fn start(
-        &mut self,
-        buffers: [vk::Buffer; 2],
-        parts: &[(Range<u64>, u64)],
-        after: Option<SemaphoreValue>,
-    ) -> Result<u64> {
-        let regions = parts.iter().flat_map(|(bytes, at)| pieces(bytes, *at));
-        let regions: Vec<_> = regions.collect();
-        if regions.is_empty() && after.is_none() {
+    /// Starts a copy after these moments. Returns the timeline value at which it has finished. Never blocks.
+    pub fn start(&mut self, copy: &BufferCopy, after: &[SemaphoreValue]) -> Result<u64> {
+        if copy.regions.is_empty() && after.is_empty() {
             return Ok(self.last);
         }
-        self.start_recorded(after.as_slice(), |commands| {
-            commands.copy(buffers, &regions);
+        self.record(after, |commands| {
+            commands.copy(copy.from, copy.to, &copy.regions);
         })
     }
 
-    /// Starts several copies, each after the one before, and all of them after some moments. Returns the timeline value
-    /// at which all have finished. Never blocks.
+    /// Starts several copies after these moments, each after the one before. Returns the timeline value at which all
+    /// have finished. Never blocks.
     pub(crate) fn start_in_order(
         &mut self,
-        copies: &[([vk::Buffer; 2], Vec<vk::BufferCopy>)],
+        copies: &[BufferCopy],
         after: &[SemaphoreValue],
     ) -> Result<u64> {
-        self.start_recorded(after, |commands| {
-            for (buffers, regions) in copies {
+        self.record(after, |commands| {
+            for copy in copies {
                 commands.barrier(COPIES, COPIES);
-                commands.copy(*buffers, regions);
+                commands.copy(copy.from, copy.to, &copy.regions);
             }
         })
     }
 
-    fn start_recorded(
-        &mut self,
-        after: &[SemaphoreValue],
-        record: impl FnOnce(&Commands),
-    ) -> Result<u64> {
-        let lane = self.free_lane()?;
-        let commands = &mut self.lanes[lane].commands;
+    fn record(&mut self, after: &[SemaphoreValue], record: impl FnOnce(&Commands)) -> Result<u64> {
+        let recorder = self.free_recorder()?;
+        let commands = &mut self.recorders[recorder].commands;
         commands.reset()?;
         commands.begin()?;
         record(commands);
@@ -92,38 +109,28 @@ impl Transfer {
             done: self.done.at(value),
         };
         submit(&self.gpu, &self.queue, &[batch])?;
-        (self.last, self.lanes[lane].busy_until) = (value, value);
+        (self.last, self.recorders[recorder].busy_until) = (value, value);
         Ok(value)
     }
 
-    /// Returns a lane whose last copy has finished, or a new one.
-    fn free_lane(&mut self) -> Result<usize> {
-        for (i, lane) in self.lanes.iter().enumerate() {
-            if self.done.has_reached(lane.busy_until)? {
+    /// Returns the index of a recorder whose last copy has finished, or of a new one.
+    fn free_recorder(&mut self) -> Result<usize> {
+        for (i, recorder) in self.recorders.iter().enumerate() {
+            if self.done.has_reached(recorder.busy_until)? {
                 return Ok(i);
             }
         }
-        self.lanes.push(TransferCommands {
+        self.recorders.push(TransferCommands {
             commands: Commands::new(&self.gpu, self.queue.family)?,
             busy_until: 0,
         });
-        Ok(self.lanes.len() - 1)
+        Ok(self.recorders.len() - 1)
     }
 
     /// Blocks until all copies have finished.
     pub fn wait(&self) -> Result<()> {
         self.done.wait(self.last)
     }
-}
-
-fn pieces(bytes: &Range<u64>, to_at: u64) -> Vec<vk::BufferCopy> {
-    let region = |at| {
-        vk::BufferCopy::default()
-            .src_offset(at)
-            .dst_offset(to_at + (at - bytes.start))
-            .size(PIECE.min(bytes.end - at))
-    };
-    bytes.clone().step_by(PIECE as usize).map(region).collect()
 }
 
 impl Drop for Transfer {
@@ -134,7 +141,7 @@ impl Drop for Transfer {
 }
 
 /// Uploads data in pieces through a staging buffer. Blocks until each piece has been copied.
-pub(crate) fn load(
+pub(crate) fn upload(
     gpu: &Arc<Gpu>,
     transfer: &mut Transfer,
     all: &[(&[u8], &Buffer)],
@@ -142,13 +149,14 @@ pub(crate) fn load(
     const BYTES: usize = 32 << 20;
     let largest = all.iter().map(|(data, _)| data.len()).max().unwrap_or(0);
     let bytes = largest.min(BYTES) as u64;
-    let mut window = Buffer::new(gpu, "a loading window", bytes, BufferUse::Upload)?;
-    let most = window.bytes as usize;
+    let mut staging = Buffer::new(gpu, "staging memory", bytes, BufferUse::Upload)?;
+    let most = staging.bytes as usize;
     for (data, to) in all {
         for (i, piece) in data.chunks(most).enumerate() {
-            window.write(0, piece);
-            let part = (0..piece.len() as u64, (i * most) as u64);
-            transfer.start([window.vk, to.vk], &[part], None)?;
+            staging.write(0, piece);
+            let copy = BufferCopy::between(staging.vk, to.vk);
+            let copy = copy.range(0..piece.len() as u64, (i * most) as u64);
+            transfer.start(&copy, &[])?;
             transfer.wait()?;
         }
     }
@@ -161,11 +169,12 @@ mod tests {
 
     #[test]
     fn pieces_are_contiguous_and_bounded() {
-        assert!(pieces(&(0..0), 5).is_empty());
+        let none = vk::Buffer::null();
+        let pieces = |bytes| BufferCopy::between(none, none).range(0..bytes, 5).regions;
+        assert!(pieces(0).is_empty());
         for bytes in [1, PIECE, PIECE + 1, 10 * PIECE + 7] {
-            let all = pieces(&(0..bytes), 5);
             let mut at = 0;
-            for piece in &all {
+            for piece in pieces(bytes) {
                 assert_eq!((piece.src_offset, piece.dst_offset), (at, at + 5));
                 assert!(piece.size > 0 && piece.size <= PIECE);
                 at += piece.size;

@@ -2,30 +2,27 @@
 
 use crate::adapters::all;
 use crate::encoder::{NativeCommand, RecordingEncoder, VulkanRecording};
+use crate::external_inputs::ExternalInputs;
 use crate::gpu::{Gpu, Queue};
 use crate::instance::Host;
-use crate::lent::LentResources;
 use crate::memory::{Buffer, BufferRange, BufferUse};
 use crate::pipelines::Pipeline;
-use crate::staging::{
-    HostPoints, KeysRead, ReadbackCopy, StagingBuffer, StagingPool, bytes_of, has_ended,
-};
+use crate::staging::{HostPoints, StagingBuffer, StagingPool, Timelines};
 use crate::timeline::{QueueBatch, SemaphoreValue, Timeline, submit};
-use crate::transfer::{Transfer, load};
+use crate::transfer::{BufferCopy, Transfer, upload};
 use crate::validation::messages;
-use ash::vk;
 use backend::{
     Arithmetic, BackendName, Capabilities, Device, FRAMES_IN_FLIGHT, Result, Snapshot, Spares,
     Ticket, TreeFormat,
 };
 use bytemuck::Pod;
-use geom::KeyFrame;
+use geom::{KeyFrame, Point};
 use gpu_common::{
     BufferSize, Clock, ComputeBackend, DeviceInfo, GpuDevice, KernelCode, LastUse, LentBuffers,
     MemoryReport, Options, Outcome, PendingWork, Pool, Staging, Upload, read_parts,
 };
 use shaders::{BufferName, Packets};
-use std::collections::VecDeque;
+use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -64,15 +61,15 @@ pub struct VulkanDevice {
     views: Vec<Buffer>,
     tree_staging: StagingPool,
     key_staging: StagingPool,
-    keys_read: KeysRead,
-    /// Host memory of lent positions and results that may still be in use.
-    pub(crate) outgrown: Pool<Buffer>,
+    /// Memory that uploads under way read.
+    in_use: Pool<Box<dyn Send>>,
     spares: Spares<HostPoints>,
     /// Copies of positions that were not taken, by the submission that requested them.
-    copies: VecDeque<(Ticket, ReadbackCopy)>,
-    /// Value of `upload` for results that were written to lent memory, if the next submission must wait for it; else 0.
+    copies: BTreeMap<Ticket, ReadbackCopy>,
+    /// Value of `upload` for results that were written to external memory, if the next submission must wait for it;
+    /// else 0.
     answers_at: u64,
-    pub(crate) lent: LentResources,
+    pub(crate) external: ExternalInputs,
     /// The logical device and its memory.
     pub gpu: Arc<Gpu>,
 }
@@ -95,12 +92,11 @@ impl VulkanDevice {
             views: Vec::new(),
             tree_staging: StagingPool::new("the tree's record"),
             key_staging: StagingPool::new("key frames"),
-            keys_read: KeysRead::default(),
-            outgrown: Pool::default(),
+            in_use: Pool::default(),
             spares: Spares::default(),
-            copies: VecDeque::new(),
+            copies: BTreeMap::new(),
             answers_at: 0,
-            lent: LentResources::default(),
+            external: ExternalInputs::default(),
             gpu: Arc::clone(gpu),
         })
     }
@@ -118,67 +114,70 @@ impl VulkanDevice {
         &mut self.encoders[ticket.0 as usize % count]
     }
 
+    /// Returns a host-visible buffer of at least `bytes`: `spare` if it is large enough, or else a new one.
+    fn readback_buffer(&self, spare: Option<Buffer>, bytes: u64) -> Result<Buffer> {
+        match spare.filter(|buffer| buffer.bytes >= bytes) {
+            Some(buffer) => Ok(buffer),
+            None => Buffer::new(&self.gpu, "a readback", bytes, BufferUse::Readback),
+        }
+    }
+
     fn begin_read(&mut self, from: &Buffer, bytes: Range<u64>) -> Result<ReadbackCopy> {
         let size = bytes.end - bytes.start;
-        let buffer = match self.views.iter().position(|view| view.bytes >= size) {
-            Some(i) => self.views.swap_remove(i),
-            None => {
-                self.views.pop();
-                let what = "a view for the host";
-                Buffer::new(&self.gpu, what, size, BufferUse::Readback)?
-            }
+        let fits = self.views.iter().position(|view| view.bytes >= size);
+        let spare = match fits {
+            Some(i) => Some(self.views.swap_remove(i)),
+            None => self.views.pop(),
         };
-        let buffers = [from.vk, buffer.vk];
-        let done_at = self.readback.start(buffers, &[(bytes, 0)], None)?;
+        let buffer = self.readback_buffer(spare, size)?;
+        let copy = BufferCopy::between(from.vk, buffer.vk).range(bytes, 0);
+        let done_at = self.readback.start(&copy, &[])?;
         Ok(ReadbackCopy { buffer, done_at })
     }
 
     /// Starts the upload of runs of a key frame, from the host and from external memory.
     fn send_key(&mut self, key: &KeyFrame, runs: &[Range<usize>], to: &Buffer) -> Result<u64> {
-        let of_host = self.lent.others(runs);
         let sent = if let Some(memory) = key.shared::<HostPoints>() {
-            let from = [memory.buffer.vk, to.vk];
-            let value = self.upload.start(from, &bytes_of(&of_host), None)?;
-            self.keys_read.note(&self.upload.done, (value, key))?;
+            let offset = |vertex: usize| (vertex * size_of::<Point>()) as u64;
+            let mut copy = BufferCopy::between(memory.buffer.vk, to.vk);
+            for run in self.external.points.host_runs(runs) {
+                copy = copy.range(offset(run.start)..offset(run.end), offset(run.start));
+            }
+            let value = self.upload.start(&copy, &[])?;
+            self.retain(KeyFrame::clone(key), 0, value);
             value
         } else {
-            let (done, bytes) = ((&self.upload, &self.done), size_of_val(&key[..]) as u64);
-            let mut from = self.key_staging.take(&self.gpu, done, bytes)?;
+            let timelines = timelines(&self.upload, &self.done);
+            let bytes = size_of_val(&key[..]) as u64;
+            let mut from = self.key_staging.take(&self.gpu, timelines, bytes)?;
             from.fill(&[bytemuck::cast_slice(key)]);
             self.key_staging.send(&mut self.upload, from, to)?
         };
-        Ok(self.copy_points(Some(to))?.unwrap_or(sent))
+        Ok(self.copy_external_points(Some(to))?.unwrap_or(sent))
     }
 
-    /// Copies lent positions: see [`LentResources::copy_points`].
-    pub(crate) fn copy_points(&mut self, key: Option<&Buffer>) -> Result<Option<u64>> {
-        self.lent
-            .copy_points(&mut self.upload, &mut self.outgrown, key)
-    }
-
-    /// Fills a lent buffer, in the order of submissions.
-    fn write_lent<T: Pod + Send + Sync>(&mut self, to: &Buffer, rows: &[T]) -> Result<()> {
+    /// Fills an external buffer, in the order of submissions.
+    fn write_external<T: Pod + Send + Sync>(&mut self, to: &Buffer, rows: &[T]) -> Result<()> {
         let bytes = size_of_val(rows) as u64;
         if bytes == 0 {
             return Ok(());
         }
         let mut staging = Buffer::new(&self.gpu, "answers", bytes, BufferUse::Upload)?;
         staging.set_rows(rows);
-        let region = vk::BufferCopy::default().size(bytes);
-        let copy = ([staging.vk, to.vk], vec![region]);
-        self.answers_at = self.upload.start_in_order(&[copy], &self.lent.waits)?;
-        let last = LastUse {
-            arrival: self.upload.last,
-            ticket: self.submitted,
-        };
-        let size = staging.size();
-        self.outgrown.put(staging, size, last);
+        let copy = BufferCopy::between(staging.vk, to.vk).range(0..bytes, 0);
+        let waits = &self.external.waits;
+        self.answers_at = self.upload.start_in_order(&[copy], waits)?;
+        let allocated = staging.held();
+        self.retain(staging, allocated, self.answers_at);
         Ok(())
     }
 
-    fn copy_of(&self, ticket: Ticket) -> Option<&ReadbackCopy> {
-        let found = self.copies.iter().find(|(of, _)| *of == ticket);
-        found.map(|(_, copy)| copy)
+    /// Keeps a resource until an upload has finished. `allocated` is its bytes of device memory.
+    pub(crate) fn retain(&mut self, resource: impl Send + 'static, allocated: u64, arrival: u64) {
+        let bytes = allocated;
+        let size = BufferSize { bytes, allocated };
+        let last = LastUse { arrival, ticket: 0 };
+        self.in_use.put(Box::new(resource), size, last);
     }
 
     /// Submits the parts of an encoded recording. Copies of positions wait only for the first of two parts.
@@ -186,10 +185,11 @@ impl VulkanDevice {
         let arrival = Some(recording.after_upload.max(self.answers_at));
         let arrival = arrival.filter(|&value| value > 0);
         let arrival = arrival.map(|value| self.upload.done.at(value));
-        let unread = recording.overwrites.and_then(|ticket| self.copy_of(ticket));
+        let unread = recording.overwrites;
+        let unread = unread.and_then(|ticket| self.copies.get(&ticket));
         let unread = unread.map(|copy| self.readback.done.at(copy.done_at));
         let after = arrival.into_iter().chain(unread);
-        let after: Vec<SemaphoreValue> = after.chain(self.lent.waits.iter().copied()).collect();
+        let after: Vec<SemaphoreValue> = after.chain(self.external.waits.iter().copied()).collect();
         let (done, first_part) = (self.done.at(ticket.0), self.first_part.at(ticket.0));
         let parts = self.encoder(ticket).commands.all();
         let batch = |(i, &commands)| QueueBatch {
@@ -205,11 +205,26 @@ impl VulkanDevice {
         submit(&self.gpu, &self.compute, &batches)?;
         self.answers_at = 0;
         // Later submissions to the queue wait as well.
-        self.lent.waits.clear();
+        self.external.waits.clear();
         self.submitted = ticket.0;
-        let done = (&self.upload, &self.done);
-        self.outgrown.prune(|last| has_ended(done, last, false))
+        let timelines = timelines(&self.upload, &self.done);
+        self.in_use.prune(|last| timelines.has_ended(last, false))
     }
+}
+
+fn timelines<'a>(uploads: &'a Transfer, submissions: &'a Timeline) -> Timelines<'a> {
+    let uploads = &uploads.done;
+    Timelines {
+        uploads,
+        submissions,
+    }
+}
+
+/// A copy to the host by the readback queue.
+struct ReadbackCopy {
+    buffer: Buffer,
+    /// Timeline value of the copy.
+    done_at: u64,
 }
 
 impl GpuDevice for VulkanDevice {
@@ -232,12 +247,12 @@ impl GpuDevice for VulkanDevice {
     fn info(&self) -> DeviceInfo {
         let Gpu {
             adapter,
-            extras,
+            features,
             limits,
             timestamp_bits,
             ..
         } = &*self.gpu;
-        let subgroups = extras.subgroups.map(|size| (size, size));
+        let subgroups = features.subgroups.map(|size| (size, size));
         DeviceInfo {
             device: Device {
                 backend: self.backend,
@@ -249,7 +264,7 @@ impl GpuDevice for VulkanDevice {
                 capabilities: Capabilities::minimal(self.backend, TreeFormat::default()),
             },
             packets: Packets::for_device(subgroups, self.gpu.is_software()),
-            rasterizes: extras.has_least_of_64_bits,
+            rasterizes: features.has_64_bit_atomics,
             clock: Clock::new(*timestamp_bits, limits.tick_ns),
             max_groups: limits.groups,
             kernel_limits: limits.of_kernels(),
@@ -265,7 +280,7 @@ impl GpuDevice for VulkanDevice {
         let staging = [&self.tree_staging, &self.key_staging].map(|s| s.free.held());
         MemoryReport {
             allocated: Some(memory.held()),
-            waiting: staging.iter().sum::<u64>() + self.outgrown.held(),
+            waiting: staging.iter().sum::<u64>() + self.in_use.held(),
             submissions: 0,
             buffers_made: memory.made(),
         }
@@ -288,16 +303,16 @@ impl GpuDevice for VulkanDevice {
     }
 
     fn lent(&mut self) -> &mut LentBuffers<Buffer> {
-        &mut self.lent.buffers
+        &mut self.external.rays
     }
 
     fn upload(&mut self, all: &[(&[u8], &Buffer)]) -> Result<()> {
-        load(&self.gpu, &mut self.upload, all)
+        upload(&self.gpu, &mut self.upload, all)
     }
 
     fn write<T: Pod + Send + Sync>(&mut self, to: &mut Buffer, rows: &[T]) -> Result<()> {
-        if to.is_lent() {
-            return self.write_lent(to, rows);
+        if to.is_external() {
+            return self.write_external(to, rows);
         }
         to.set_rows(rows);
         Ok(())
@@ -325,8 +340,8 @@ impl GpuDevice for VulkanDevice {
     }
 
     fn staging(&mut self, bytes: u64) -> Result<StagingBuffer> {
-        let done = (&self.upload, &self.done);
-        self.tree_staging.take(&self.gpu, done, bytes)
+        let timelines = timelines(&self.upload, &self.done);
+        self.tree_staging.take(&self.gpu, timelines, bytes)
     }
 
     fn send(&mut self, upload: Upload<'_, StagingBuffer>, to: &Buffer) -> Result<u64> {
@@ -337,26 +352,20 @@ impl GpuDevice for VulkanDevice {
     }
 
     fn submit(&mut self, recording: &mut VulkanRecording, ticket: Ticket) -> Result<()> {
-        let copy = match recording.positions {
-            None => None,
-            Some(positions) => {
-                let spare = self.spares.pop().map(|points| points.buffer);
-                let what = "vertices for the builder";
-                let to = match spare.filter(|buffer| buffer.bytes >= positions.bytes) {
-                    Some(buffer) => buffer,
-                    None => Buffer::new(&self.gpu, what, positions.bytes, BufferUse::Readback)?,
-                };
-                Some((positions, to))
-            }
-        };
+        let positions = recording.positions;
+        let to = positions.map(|positions| {
+            let spare = self.spares.pop().map(|points| points.buffer);
+            self.readback_buffer(spare, positions.bytes)
+        });
+        let to = to.transpose()?;
         self.encoder(ticket).encode(recording)?;
         self.submit_parts(recording, ticket)?;
-        if let Some((positions, buffer)) = copy {
+        if let Some((positions, buffer)) = positions.zip(to) {
+            let copy = BufferCopy::between(positions.from.vk, buffer.vk);
+            let copy = copy.range(0..positions.bytes, 0);
             let ready = self.first_part.at(ticket.0);
-            let (buffers, all) = ([positions.from.vk, buffer.vk], [(0..positions.bytes, 0)]);
-            let done_at = self.readback.start(buffers, &all, Some(ready))?;
-            self.copies
-                .push_back((ticket, ReadbackCopy { buffer, done_at }));
+            let done_at = self.readback.start(&copy, &[ready])?;
+            self.copies.insert(ticket, ReadbackCopy { buffer, done_at });
         }
         Ok(())
     }
@@ -364,24 +373,23 @@ impl GpuDevice for VulkanDevice {
     fn has_finished(&self, work: PendingWork) -> Result<bool> {
         match work {
             PendingWork::Submission(ticket) => self.done.has_reached(ticket.0),
-            PendingWork::Positions(ticket) => {
-                let copy = self.copy_of(ticket);
-                copy.map_or(Ok(true), |copy| {
-                    self.readback.done.has_reached(copy.done_at)
-                })
-            }
-            PendingWork::Use(last) => has_ended((&self.upload, &self.done), last, false),
+            PendingWork::Positions(ticket) => match self.copies.get(&ticket) {
+                Some(copy) => self.readback.done.has_reached(copy.done_at),
+                None => Ok(true),
+            },
+            PendingWork::Use(last) => timelines(&self.upload, &self.done).has_ended(last, false),
         }
     }
 
     fn wait(&self, until: Option<LastUse>) -> Result<()> {
         if let Some(last) = until {
-            return has_ended((&self.upload, &self.done), last, true).map(|_| ());
+            let timelines = timelines(&self.upload, &self.done);
+            return timelines.has_ended(last, true).map(|_| ());
         }
         self.done.wait(self.submitted)?;
         self.upload.wait()?;
         self.readback.wait()?;
-        self.lent.wait()?;
+        self.external.wait()?;
         if self.gpu.is_software() {
             self.compute.wait_idle(&self.gpu)?;
         }
@@ -394,10 +402,9 @@ impl GpuDevice for VulkanDevice {
     }
 
     fn take_positions(&mut self, ticket: Ticket, vertices: usize) -> Result<Snapshot> {
-        let found = self.copies.iter().position(|(of, _)| *of == ticket);
-        let found = found.and_then(|i| self.copies.remove(i));
-        let (_, copy) = found.expect("the submission copies positions");
-        let (buffer, count) = (copy.buffer, vertices);
+        let copy = self.copies.remove(&ticket);
+        let buffer = copy.expect("the submission copies positions").buffer;
+        let count = vertices;
         Ok(self.spares.lend(HostPoints { buffer, count }))
     }
 
@@ -405,9 +412,9 @@ impl GpuDevice for VulkanDevice {
         self.wait(None)?;
         self.tree_staging.free = Pool::default();
         self.key_staging.free = Pool::default();
-        self.outgrown = Pool::default();
-        self.keys_read = KeysRead::default();
-        (self.spares, self.lent) = (Spares::default(), LentResources::default());
+        self.in_use = Pool::default();
+        self.spares = Spares::default();
+        self.external = ExternalInputs::default();
         self.views.clear();
         self.copies.clear();
         self.answers_at = 0;

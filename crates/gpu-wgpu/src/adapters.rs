@@ -27,13 +27,12 @@ pub(crate) fn enumerate(
 
 fn describe(index: usize, adapter: &wgpu::Adapter) -> AdapterInfo {
     let (info, features) = (adapter.get_info(), adapter.features());
-    let timestamps = match features.contains(Features::TIMESTAMP_QUERY) {
-        true => "yes",
-        false => "no",
-    };
-    let kernels = match takes_spirv(&info, features) {
-        true => "SPIR-V, passed through",
-        false => "WGSL",
+    let has_timestamps = features.contains(Features::TIMESTAMP_QUERY);
+    let timestamps = if has_timestamps { "yes" } else { "no" };
+    let kernels = if takes_spirv(&info, features) {
+        "SPIR-V, passed through"
+    } else {
+        "WGSL"
     };
     let mut limits = vec![("interface", info.backend.to_string())];
     limits.extend(crate::limits::named(&adapter.limits()));
@@ -70,10 +69,10 @@ pub(crate) fn takes_spirv(info: &wgpu::AdapterInfo, features: Features) -> bool 
 pub(crate) fn instance(validation: bool) -> wgpu::Instance {
     let mut desc = wgpu::InstanceDescriptor::new_without_display_handle();
     desc.backends = Backends::VULKAN | Backends::METAL | Backends::DX12;
-    desc.flags = match validation {
-        true => InstanceFlags::VALIDATION | InstanceFlags::DEBUG,
-        false => InstanceFlags::empty(),
-    };
+    desc.flags = InstanceFlags::empty();
+    if validation {
+        desc.flags = InstanceFlags::VALIDATION | InstanceFlags::DEBUG;
+    }
     #[cfg(target_os = "linux")]
     if let Some(instance) = windowless(&desc) {
         return instance;
@@ -87,10 +86,7 @@ pub(crate) fn instance(validation: bool) -> wgpu::Instance {
 /// With Wayland's extension, a layer of Mesa tries to connect to a compositor and prints an error if it finds no
 /// compositor.
 #[cfg(target_os = "linux")]
-#[expect(
-    unsafe_code,
-    reason = "wgpu asks for trust where its extensions are chosen for it"
-)]
+#[expect(unsafe_code, reason = "wgpu-hal's constructor of instances is unsafe")]
 fn windowless(desc: &wgpu::InstanceDescriptor) -> Option<wgpu::Instance> {
     use wgpu::hal::vulkan::{Api, CreateInstanceCallbackArgs, Instance};
     const WINDOWS: [&std::ffi::CStr; 3] = [
@@ -106,11 +102,11 @@ fn windowless(desc: &wgpu::InstanceDescriptor) -> Option<wgpu::Instance> {
         telemetry: None,
         display: None,
     };
-    let forgo = |args: CreateInstanceCallbackArgs<'_, '_, '_>| {
+    let without_windows = |args: CreateInstanceCallbackArgs<'_, '_, '_>| {
         args.extensions.retain(|name| !WINDOWS.contains(name));
     };
     // SAFETY: wgpu-hal uses these three extensions only to create a surface, and checks first that they are enabled.
-    let made = unsafe { Instance::init_with_callback(&hal, Some(Box::new(forgo))) };
+    let made = unsafe { Instance::init_with_callback(&hal, Some(Box::new(without_windows))) };
     // SAFETY: the instance was created above, and nothing else holds it.
     made.ok()
         .map(|made| unsafe { wgpu::Instance::from_hal::<Api>(made) })

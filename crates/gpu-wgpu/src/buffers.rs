@@ -4,11 +4,11 @@ use crate::gpu::{OpenGpu, READBACK, make, unmap};
 use backend::{BackendError, Result};
 use bytemuck::Pod;
 use geom::Point;
-use std::ops::{Deref, Range};
+use std::ops::Deref;
 use std::sync::{Arc, OnceLock};
 use std::thread;
 use std::time::{Duration, Instant};
-use wgpu::{Buffer, BufferView, CommandEncoder, MapMode, SubmissionIndex};
+use wgpu::{Buffer, BufferSlice, BufferView, CommandEncoder, MapMode};
 
 /// Bytes per copy command, so that a large readback does not slow down kernels that run at the same time.
 const PIECE: u64 = 512 << 10;
@@ -40,35 +40,6 @@ pub(crate) fn upload(gpu: &OpenGpu, all: &[(&[u8], &Buffer)]) -> Result<()> {
         }
     }
     flush()
-}
-
-/// Records a copy between two buffers, each with an offset.
-pub(crate) fn copy_part(
-    gpu: &OpenGpu,
-    encoder: &mut CommandEncoder,
-    (from, at): (&Buffer, u64),
-    (to, place): (&Buffer, u64),
-    bytes: u64,
-) -> Result<()> {
-    gpu.guard("a copy", bytes, || {
-        encoder.copy_buffer_to_buffer(from, at, to, place, bytes);
-    })
-}
-
-/// Records a copy in pieces to the start of a buffer.
-fn copy(
-    gpu: &OpenGpu,
-    encoder: &mut CommandEncoder,
-    (from, at): (&Buffer, u64),
-    to: &Buffer,
-    bytes: u64,
-) -> Result<()> {
-    gpu.guard("a copy", bytes, || {
-        for begin in (0..bytes).step_by(PIECE as usize) {
-            let size = PIECE.min(bytes - begin);
-            encoder.copy_buffer_to_buffer(from, at + begin, to, begin, size);
-        }
-    })
 }
 
 /// A requested mapping. It completes while the device is polled.
@@ -123,10 +94,10 @@ impl Mapping {
 
     /// Waits until the host can access the buffer. The submission that fills it must have been waited for.
     pub(crate) fn expect(&self, gpu: &OpenGpu) -> Result<()> {
-        match self.arrives_within(gpu, Duration::from_secs(10))? {
-            true => Ok(()),
-            false => Err(gpu.faults.lose("a buffer never arrived".into())),
+        if self.arrives_within(gpu, Duration::from_secs(10))? {
+            return Ok(());
         }
+        Err(gpu.faults.lose("a buffer never arrived".into()))
     }
 
     /// Returns whether the host can access the buffer within `patience`. Another thread that polls the device may run
@@ -152,28 +123,30 @@ pub(crate) fn unreadable(e: wgpu::MapRangeError) -> BackendError {
 pub(crate) struct MappedCopy {
     pub(crate) buffer: Buffer,
     pub(crate) mapping: Mapping,
-    /// Index of the submission; `None` for positions, which are part of their frame's submission.
-    pub(crate) place: Option<SubmissionIndex>,
 }
 
 impl MappedCopy {
-    /// Records a copy to the start of `spare` if it is large enough, or else of a new buffer named `what`.
+    /// Records a copy in pieces to the start of `spare` if it is large enough, or else of a new buffer.
     pub(crate) fn record(
         gpu: &OpenGpu,
         encoder: &mut CommandEncoder,
-        (from, bytes): (&Buffer, Range<u64>),
-        (what, spare): (&str, Option<Buffer>),
+        from: BufferSlice<'_>,
+        spare: Option<Buffer>,
     ) -> Result<Self> {
-        let size = bytes.end - bytes.start;
+        let size = from.size();
         let buffer = match spare.filter(|b| b.size() >= size) {
             Some(buffer) => buffer,
-            None => make(gpu, what, size, READBACK)?,
+            None => make(gpu, "a readback", size, READBACK)?,
         };
-        copy(gpu, encoder, (from, bytes.start), &buffer, size)?;
+        gpu.guard("a copy", size, || {
+            for at in (0..size).step_by(PIECE as usize) {
+                let (begin, bytes) = (from.offset() + at, PIECE.min(size - at));
+                encoder.copy_buffer_to_buffer(from.buffer(), begin, &buffer, at, bytes);
+            }
+        })?;
         Ok(Self {
             mapping: Mapping::on_submit(encoder, &buffer, MapMode::Read),
             buffer,
-            place: None,
         })
     }
 }

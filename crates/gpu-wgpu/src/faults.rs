@@ -1,9 +1,9 @@
 //! Errors of the device, collected from all places where wgpu reports them.
 //!
 //! - Every call that wgpu may reject runs in [`crate::gpu::OpenGpu::guard`], which catches out-of-memory, validation and
-//!   internal errors. This works on our own devices and on lent ones.
-//! - wgpu reports the loss of a device only to callbacks. On our own device the callback is ours; on a lent one it is
-//!   the engine's. There a loss is noticed during a wait: polling panics (which is caught, unless the program is built
+//!   internal errors. This works on our own devices and on the program's.
+//! - wgpu reports the loss of a device only to callbacks. On our own device the callback is ours; on the
+//!   program's device it is the program's. There a loss is noticed during a wait: polling panics (which is caught, unless the program is built
 //!   to abort) or a mapping is refused. It is also checked when a call is rejected as invalid.
 //! - Errors outside of any call go to our own device's handler for uncaptured errors, and the next call returns them.
 
@@ -20,14 +20,14 @@ pub(crate) struct Faults {
 }
 
 impl Faults {
-    /// Notes that the device is permanently lost, and returns the error.
+    /// Records that the device is permanently lost, and returns the error.
     pub(crate) fn lose(&self, why: String) -> BackendError {
         lock(&self.lost).get_or_insert(why.clone());
         BackendError::DeviceLost(why)
     }
 
-    /// Notes an error that no error scope caught. The next call returns it.
-    pub(crate) fn note(&self, error: &wgpu::Error) {
+    /// Records an error that no error scope caught. The next call returns it.
+    pub(crate) fn record(&self, error: &wgpu::Error) {
         let error = self.translate("work begun earlier", 0, error);
         lock(&self.pending).get_or_insert(error);
     }
@@ -63,12 +63,12 @@ impl Faults {
 /// Returns the errors that the validation layer has reported in this process. Old layers do not know SPIR-V's number
 /// for WGSL as a source language. Their error about names in wgpu's translations is left out.
 pub(crate) fn layer_messages() -> Vec<String> {
-    static HEARD: Mutex<Vec<String>> = Mutex::new(Vec::new());
+    static MESSAGES: Mutex<Vec<String>> = Mutex::new(Vec::new());
     let unknown_language = |m: &String| m.ends_with("Invalid source language operand: 10");
     let new = wgpu_hal::VALIDATION_CANARY.get_and_reset();
-    let mut heard = lock(&HEARD);
-    heard.extend(new.into_iter().filter(|m| !unknown_language(m)));
-    heard.clone()
+    let mut messages = lock(&MESSAGES);
+    messages.extend(new.into_iter().filter(|m| !unknown_language(m)));
+    messages.clone()
 }
 
 #[cfg(test)]
@@ -77,7 +77,7 @@ mod tests {
 
     fn out_of_memory() -> wgpu::Error {
         wgpu::Error::OutOfMemory {
-            source: "no room".into(),
+            source: "no memory left".into(),
         }
     }
 
@@ -105,7 +105,7 @@ mod tests {
     #[test]
     fn uncaught_error_returns_once_loss_persists() {
         let faults = Faults::default();
-        faults.note(&out_of_memory());
+        faults.record(&out_of_memory());
         assert!(matches!(
             faults.check(),
             Err(BackendError::OutOfMemory { .. })

@@ -5,13 +5,12 @@ use crate::faults::Faults;
 use crate::limits::{check, generous, span, useful_features};
 use crate::pipeline_cache::AdapterPipelineCache;
 use backend::{AdapterInfo, BackendError, DeviceKind, Result};
-use geom::lock;
 use gpu_common::{Options, Validation, device_door, refuse_above};
 use shaders::Packets;
 use std::ops::Deref;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex};
 use wgpu::{Buffer, BufferUsages, ErrorFilter, Features, PollType, SubmissionIndex};
 
 /// A device with its queue, limits and features.
@@ -20,19 +19,17 @@ pub(crate) struct OpenGpu {
     pub(crate) info: wgpu::AdapterInfo,
     pub(crate) limits: wgpu::Limits,
     pub(crate) features: Features,
-    /// Whether kernels are passed as WGSL with checks.
+    /// Kernels are passed as WGSL with checks.
     pub(crate) checks_kernels: bool,
-    /// Whether the device was opened with validation.
+    /// The device was opened with validation.
     pub(crate) is_validated: bool,
     /// Nanoseconds per tick of the device's clock.
     pub(crate) tick_ns: f64,
     pub(crate) faults: Arc<Faults>,
-    /// Number of buffers that were created, or lent by a program in place of others.
+    /// Number of buffers that were created, or passed by the program in place of others.
     buffers_made: AtomicU64,
     /// Cache of compiled kernels, if they are stored.
     pub(crate) cache: Option<AdapterPipelineCache>,
-    /// Used only to check whether the device is lost.
-    probe: Option<Mutex<wgpu::Buffer>>,
     /// Dropped last.
     pub(crate) device: OpenDevice,
 }
@@ -58,22 +55,22 @@ impl OpenGpu {
         };
         let (device, queue) = opened
             .map_err(|e| BackendError::NoDevice(format!("the device cannot be opened: {e}")))?;
-        let mut gpu = Self::lent(device, queue, adapter.get_info())?;
+        let mut gpu = Self::over(device, queue, adapter.get_info())?;
         (gpu.checks_kernels, gpu.is_validated) = (options.checks_kernels, is_validated);
         gpu.cache = AdapterPipelineCache::open(&gpu.device, &gpu.info, options.cache.as_deref());
-        gpu.listen();
+        gpu.register_callbacks();
         Ok(gpu)
     }
 
     /// Wraps a device that an engine opened. The engine keeps its callbacks.
-    pub(crate) fn lent(
+    pub(crate) fn over(
         device: wgpu::Device,
         queue: wgpu::Queue,
         info: wgpu::AdapterInfo,
     ) -> Result<Self> {
         let (limits, features) = (device.limits(), device.features());
         check(&limits)?;
-        let mut gpu = Self {
+        Ok(Self {
             tick_ns: f64::from(queue.get_timestamp_period()),
             device: OpenDevice(Some(device)),
             queue,
@@ -85,17 +82,14 @@ impl OpenGpu {
             faults: Arc::default(),
             buffers_made: AtomicU64::new(0),
             cache: None,
-            probe: None,
-        };
-        gpu.probe = Some(Mutex::new(make(&gpu, "a probe", 16, READBACK)?));
-        Ok(gpu)
+        })
     }
 
     /// Registers for the device's loss and for errors that no scope catches.
-    fn listen(&self) {
+    fn register_callbacks(&self) {
         let faults = Arc::clone(&self.faults);
         self.device
-            .on_uncaptured_error(Arc::new(move |error| faults.note(&error)));
+            .on_uncaptured_error(Arc::new(move |error| faults.record(&error)));
         let faults = Arc::clone(&self.faults);
         self.device.set_device_lost_callback(move |reason, why| {
             if reason != wgpu::DeviceLostReason::Destroyed {
@@ -117,7 +111,7 @@ impl OpenGpu {
         Packets::for_device(has_subgroups.then_some(sizes), is_software)
     }
 
-    /// Notes that a buffer was created or lent.
+    /// Counts a buffer that was created, or passed by the program.
     pub(crate) fn count_buffer(&self) {
         self.buffers_made.fetch_add(1, Ordering::Relaxed);
     }
@@ -150,20 +144,20 @@ impl OpenGpu {
 
     /// Returns whether the device is lost: a lost device rejects a mapping at once.
     fn is_lost(&self) -> bool {
-        let Some(probe) = &self.probe else {
-            return false;
-        };
-        let probe = lock(probe);
         let refused = Arc::new(AtomicBool::new(false));
-        let hears = Arc::clone(&refused);
-        // The probe itself may have been created after the loss.
+        let result = Arc::clone(&refused);
+        // A lost device may also reject the buffer itself.
         let scope = self.device.push_error_scope(ErrorFilter::Validation);
-        probe.map_async(wgpu::MapMode::Read, .., move |mapped| {
-            hears.store(mapped.is_err(), Ordering::Relaxed);
+        let probe = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("a probe"),
+            size: 16,
+            usage: READBACK,
+            mapped_at_creation: false,
         });
-        let lost = refused.load(Ordering::Relaxed);
-        let is_unmapped = unmap(&self.device, &probe);
-        lost || !is_unmapped || pollster::block_on(scope.pop()).is_some()
+        probe.map_async(wgpu::MapMode::Read, .., move |mapped| {
+            result.store(mapped.is_err(), Ordering::Relaxed);
+        });
+        refused.load(Ordering::Relaxed) || pollster::block_on(scope.pop()).is_some()
     }
 
     /// Creates a command encoder.
@@ -225,11 +219,12 @@ pub(crate) const STAGING: BufferUsages = BufferUsages::MAP_WRITE.union(BufferUsa
 /// Creates a buffer of `bytes`, rounded up to 16 because zero-sized buffers cannot be bound.
 pub(crate) fn make(gpu: &OpenGpu, what: &str, bytes: u64, usage: BufferUsages) -> Result<Buffer> {
     let size = bytes.max(16).next_multiple_of(16);
-    let (need, limit) = match usage.contains(BufferUsages::STORAGE) {
-        true => (bytes, span(&gpu.limits)),
-        false => (size, gpu.limits.max_buffer_size),
-    };
-    refuse_above(|| format!("{what} (bytes of one buffer)"), need, limit)?;
+    let what_needs = || format!("{what} (bytes of one buffer)");
+    if usage.contains(BufferUsages::STORAGE) {
+        refuse_above(what_needs, bytes, span(&gpu.limits))?;
+    } else {
+        refuse_above(what_needs, size, gpu.limits.max_buffer_size)?;
+    }
     let desc = wgpu::BufferDescriptor {
         label: Some(what),
         size,

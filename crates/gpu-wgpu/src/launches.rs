@@ -1,19 +1,19 @@
-//! Dispatches with their bind groups, and pages of parameters.
+//! Dispatches with their bind groups and parameters.
 
 use crate::buffers::write;
 use crate::gpu::{OpenGpu, make};
 use crate::limits::params_stride;
 use crate::pipelines::Pipeline;
 use backend::Result;
-use gpu_common::{BoundBuffer, Dispatch, RecordedCommand, Recording};
+use gpu_common::{BoundBuffer, RecordedCommand, Recording};
 use shaders::{BufferName, Kind, Params};
 use std::collections::HashMap;
 use std::convert::Infallible;
 use std::num::NonZeroU64;
 use wgpu::{BindGroup, Buffer, BufferBinding, BufferUsages, ComputePass, ComputePipeline};
 
-/// Rows of parameters per buffer. Buffers are added as needed.
-const ROWS: usize = 64;
+/// Minimum number of dispatches for whose parameters memory is allocated.
+const LEAST: usize = 64;
 
 /// The recordings of a wgpu device.
 pub(crate) type WgpuRecording = Recording<Pipeline, Buffer, Infallible>;
@@ -29,17 +29,15 @@ pub(crate) struct Launch {
 
 /// Resources of the dispatches of one recording.
 pub(crate) struct Launches {
-    pages: Vec<Buffer>,
+    /// Parameters of all dispatches.
+    params: Buffer,
     groups: BindGroups,
+    /// Bytes between the parameters of consecutive dispatches.
     stride: usize,
-    /// Parameters, to be written to the pages.
-    rows: Vec<u8>,
-    /// An empty vector that keeps its capacity.
-    spare: Vec<Launch>,
 }
 
 impl Launch {
-    pub(crate) fn go(&self, pass: &mut ComputePass<'_>) {
+    pub(crate) fn encode(&self, pass: &mut ComputePass<'_>) {
         let [x, y] = self.groups;
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &self.group, &[self.offset]);
@@ -48,105 +46,74 @@ impl Launch {
 }
 
 impl Launches {
-    pub(crate) fn new(gpu: &OpenGpu) -> Self {
-        Self {
-            pages: Vec::new(),
+    pub(crate) fn new(gpu: &OpenGpu) -> Result<Self> {
+        let stride = params_stride(&gpu.limits) as usize;
+        Ok(Self {
+            params: params_buffer(gpu, (LEAST * stride) as u64)?,
             groups: BindGroups::default(),
-            stride: params_stride(&gpu.limits) as usize,
-            rows: Vec::new(),
-            spare: Vec::new(),
-        }
+            stride,
+        })
     }
 
     /// Returns the bytes of device memory.
     pub(crate) fn bytes(&self) -> u64 {
-        self.pages.iter().map(Buffer::size).sum()
+        self.params.size()
     }
 
-    /// Drops the buffers of a scene.
-    pub(crate) fn forget(&mut self) {
+    /// Drops the bind groups of a scene.
+    pub(crate) fn unload(&mut self) {
         self.groups.made.clear();
     }
 
-    /// Binds the dispatches of a recording to their buffers, in order. The counts are those of the dispatch's
-    /// [place](shaders::work::Work::place).
-    pub(crate) fn make(
+    /// Writes the parameters of all dispatches of a recording to the device, and binds each to its buffers. The counts
+    /// are those of the dispatch's [trace index](shaders::work::Work::trace_index).
+    pub(crate) fn bind(
         &mut self,
         gpu: &OpenGpu,
         counts: &[Buffer],
         recording: &WgpuRecording,
     ) -> Result<Vec<Launch>> {
-        self.groups.refresh(gpu);
-        self.rows.clear();
         let commands = recording.commands.iter();
         let dispatches = commands.filter_map(|command| match command {
             RecordedCommand::Dispatch(dispatch) => Some(dispatch),
             _ => None,
         });
-        dispatches
-            .clone()
-            .for_each(|dispatch| self.push(&dispatch.work.params));
-        let page = ROWS * self.stride;
-        while self.pages.len() * page < self.rows.len() {
-            let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
-            let made = make(gpu, "parameters", page as u64, usage)?;
-            self.pages.push(made);
+        let mut rows = Vec::new();
+        for dispatch in dispatches.clone() {
+            let end = rows.len() + self.stride;
+            rows.extend_from_slice(bytemuck::bytes_of(&dispatch.work.params));
+            rows.resize(end, 0);
         }
-        let mut made: Vec<Launch> = std::mem::take(&mut self.spare);
-        let mut before: Option<&Dispatch<Pipeline>> = None;
-        for (i, dispatch) in dispatches.enumerate() {
-            let (page, row) = (i / ROWS, i % ROWS);
-            // Consecutive dispatches that differ only in the offset share a bind group.
-            let is_same = |before: &Dispatch<Pipeline>| {
-                before.work.kernel.name == dispatch.work.kernel.name
-                    && before.work.trace_index == dispatch.work.trace_index
-                    && recording.buffers_of(before) == recording.buffers_of(dispatch)
-            };
-            let shared = row > 0 && before.is_some_and(is_same);
-            let group = match made.last().filter(|_| shared) {
-                Some(last) => last.group.clone(),
-                None => {
-                    let params = &self.pages[page];
-                    let counts = &counts[dispatch.work.trace_index % counts.len()];
-                    let bindings = recording.bindings_of(dispatch);
-                    let buffers = bindings.map(|(_, bound)| match bound {
-                        BoundBuffer::Params => params.clone(),
-                        BoundBuffer::Counts => counts.clone(),
-                        BoundBuffer::Recorded(buffer) => buffer.clone(),
-                    });
-                    self.groups
-                        .get(gpu, &dispatch.pipeline, buffers.collect())?
-                }
-            };
-            made.push(Launch {
-                pipeline: dispatch.pipeline.wgpu.clone(),
-                group,
-                offset: (row * self.stride) as u32,
-                groups: dispatch.groups,
+        let needed = rows.len() as u64;
+        if needed > self.params.size() {
+            self.params = params_buffer(gpu, needed.next_power_of_two())?;
+        }
+        write(gpu, &self.params, 0, &rows)?;
+        self.groups.refresh(gpu);
+        let launches = dispatches.enumerate().map(|(i, dispatch)| {
+            let counts = &counts[dispatch.work.trace_index % counts.len()];
+            let bindings = recording.bindings_of(dispatch);
+            let buffers = bindings.map(|(_, bound)| match bound {
+                BoundBuffer::Params => self.params.clone(),
+                BoundBuffer::Counts => counts.clone(),
+                BoundBuffer::Recorded(buffer) => buffer.clone(),
             });
-            before = Some(dispatch);
-        }
-        Ok(made)
+            let pipeline = &dispatch.pipeline;
+            Ok(Launch {
+                group: self.groups.get(gpu, pipeline, buffers.collect())?,
+                pipeline: pipeline.wgpu.clone(),
+                offset: (i * self.stride) as u32,
+                groups: dispatch.groups,
+            })
+        });
+        launches.collect()
     }
+}
 
-    /// Takes back the vector of the launches, for reuse.
-    pub(crate) fn reuse(&mut self, mut launches: Vec<Launch>) {
-        launches.clear();
-        self.spare = launches;
-    }
-
-    /// Writes all parameters of the recording to the device.
-    pub(crate) fn write(&self, gpu: &OpenGpu) -> Result<()> {
-        let rows = self.rows.chunks(ROWS * self.stride);
-        let mut pages = self.pages.iter().zip(rows);
-        pages.try_for_each(|(page, rows)| write(gpu, page, 0, rows))
-    }
-
-    fn push(&mut self, params: &Params) {
-        let at = self.rows.len();
-        self.rows.extend_from_slice(bytemuck::bytes_of(params));
-        self.rows.resize(at + self.stride, 0);
-    }
+/// Creates a buffer for parameters.
+pub(crate) fn params_buffer(gpu: &OpenGpu, bytes: u64) -> Result<Buffer> {
+    let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
+    make(gpu, "parameters", bytes, usage)
 }
 
 /// Bind groups by kernel and buffers.

@@ -10,27 +10,27 @@
 //! arithmetic no translator can simplify. Both forms are tested when the device is opened, and both produce the same
 //! bits.
 //!
-//! An engine that already has a wgpu device lends it by [`from_device`].
+//! [`from_device`] creates a backend on a wgpu device that the program owns.
 
 mod adapters;
+mod buffer_points;
 mod buffers;
+mod caller_encoder;
+mod caller_resources;
 mod faults;
 mod gpu;
 mod launches;
-mod lending;
-mod lent_encoder;
-mod lent_points;
 mod limits;
-mod marks;
 mod pipeline_cache;
 mod pipelines;
 mod staging;
 mod submission;
+mod timestamps;
 mod wgpu_device;
 
 pub use adapters::adapters;
+pub use caller_resources::{TracedScene, traced_scene};
 pub use gpu_common::LentRays;
-pub use lending::{TracedScene, traced_scene};
 pub use limits::{required_features, required_limits, useful_features};
 /// WGSL functions for shaders of the program. They read a [`TracedScene`], which is bound in group 0.
 pub use shaders::MODULE as SHADER_MODULE;

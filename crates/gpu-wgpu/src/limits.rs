@@ -27,14 +27,14 @@ pub fn useful_features() -> Features {
         | Features::PASSTHROUGH_SHADERS
         | Features::SUBGROUP
         | Features::PIPELINE_CACHE
-        | LEAST_OF_64_BITS
+        | ATOMIC_MIN_64_BITS
 }
 
 /// Feature with which several stages of one pass are timed separately.
 pub(crate) const WITHIN_PASSES: Features = Features::TIMESTAMP_QUERY_INSIDE_PASSES;
 
 /// Features that rasterization requires: a 64-bit atomic minimum that returns the former value.
-pub(crate) const LEAST_OF_64_BITS: Features =
+pub(crate) const ATOMIC_MIN_64_BITS: Features =
     Features::SHADER_INT64.union(Features::SHADER_INT64_ATOMIC_ALL_OPS);
 
 /// Returns the limits that an engine's device needs for `animation`, traced with up to `rays` rays at a time.
@@ -90,11 +90,6 @@ pub(crate) fn check(limits: &Limits) -> Result<()> {
 pub(crate) fn kernel_limits(limits: &Limits) -> Vec<KernelLimit> {
     vec![
         KernelLimit {
-            name: "max_bindings_per_bind_group",
-            need: |kernel| kernel.bindings.len() as u32,
-            most: limits.max_bindings_per_bind_group,
-        },
-        KernelLimit {
             name: "max_compute_workgroup_storage_size",
             need: |kernel| kernel.shared_bytes,
             most: limits.max_compute_workgroup_storage_size,
@@ -113,11 +108,6 @@ pub(crate) fn kernel_limits(limits: &Limits) -> Vec<KernelLimit> {
             name: "max_compute_workgroup_size_x",
             need: |kernel| kernel.workgroup[0],
             most: limits.max_compute_workgroup_size_x,
-        },
-        KernelLimit {
-            name: "max_dynamic_uniform_buffers_per_pipeline_layout",
-            need: |_| 1,
-            most: limits.max_dynamic_uniform_buffers_per_pipeline_layout,
         },
     ]
 }

@@ -1,8 +1,5 @@
 //! The cache of compiled kernels.
-#![expect(
-    unsafe_code,
-    reason = "wgpu asks for trust in caches that it does not check itself"
-)]
+#![expect(unsafe_code, reason = "wgpu does not validate the data of a cache")]
 
 use gpu_common::cache_file::CacheFile;
 use std::path::Path;

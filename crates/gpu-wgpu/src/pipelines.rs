@@ -1,8 +1,5 @@
 //! Compute pipelines, with layouts derived from the kernels' bindings.
-#![expect(
-    unsafe_code,
-    reason = "wgpu asks for trust in kernels that it does not check itself"
-)]
+#![expect(unsafe_code, reason = "wgpu does not validate these kernels")]
 
 use crate::gpu::OpenGpu;
 use crate::pipeline_cache::AdapterPipelineCache;
@@ -92,12 +89,15 @@ fn compute_pipeline(
 
 /// Loads a kernel in the form that the device accepts.
 fn load(gpu: &OpenGpu, kernel: &Kernel, code: Code) -> Result<ShaderModule> {
-    let load = || match (gpu.checks_kernels, gpu.takes_spirv()) {
-        (true, _) => gpu.device.create_shader_module(wgsl(kernel, code)),
-        (_, true) => pass_through(&gpu.device, kernel, code),
-        (_, false) => trusted(&gpu.device, kernel, code),
-    };
-    gpu.guard(kernel.name, 0, load)
+    gpu.guard(kernel.name, 0, || {
+        if gpu.checks_kernels {
+            gpu.device.create_shader_module(wgsl(kernel, code))
+        } else if gpu.takes_spirv() {
+            pass_through(&gpu.device, kernel, code)
+        } else {
+            trusted(&gpu.device, kernel, code)
+        }
+    })
 }
 
 fn wgsl(kernel: &Kernel, code: Code) -> ShaderModuleDescriptor<'_> {

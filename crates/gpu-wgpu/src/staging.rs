@@ -3,7 +3,7 @@
 //! wgpu's queue would allocate new memory for each write and fill it on this thread. Positions are still written by the
 //! queue: they are contiguous, and several threads were not faster.
 
-use crate::buffers::{Mapping, copy_part, unreadable, write};
+use crate::buffers::{Mapping, unreadable, write};
 use crate::gpu::{OpenGpu, STAGING, make, unmap};
 use backend::Result;
 use bytemuck::Pod;
@@ -20,7 +20,7 @@ const PIECE: usize = 64 * RUN;
 /// Bytes up to which writes through the queue are equally fast.
 const FEW: usize = 1 << 20;
 
-/// Buffers that the device reads or has read, with the mappings that make them writable again.
+/// Buffers that the device reads or has read, with the mappings that make them writable again. The smallest come first.
 #[derive(Default)]
 pub(crate) struct MappedPool(Vec<(Buffer, Mapping)>);
 
@@ -52,41 +52,37 @@ impl Staging for MappedStaging {
 }
 
 impl MappedPool {
-    /// Returns a mapped buffer of at least `bytes`.
+    /// Returns the smallest mapped buffer of at least `bytes`, or a new one.
     pub(crate) fn take(&mut self, gpu: &OpenGpu, bytes: u64) -> Result<Buffer> {
         gpu.poll()?;
-        let mut best: Option<(u64, usize)> = None;
         for (i, (buffer, mapping)) in self.0.iter().enumerate() {
-            let size = buffer.size();
-            let is_better = size >= bytes && best.is_none_or(|(least, _)| size < least);
-            if is_better && mapping.poll(gpu)? {
-                best = Some((size, i));
+            if buffer.size() >= bytes && mapping.poll(gpu)? {
+                return Ok(self.0.remove(i).0);
             }
         }
-        match best {
-            Some((_, i)) => Ok(self.0.swap_remove(i).0),
-            None => with_slack(bytes, |bytes| {
-                make(gpu, "memory to send from", bytes, STAGING)
-            }),
-        }
+        with_slack(bytes, |bytes| make(gpu, "staging memory", bytes, STAGING))
     }
 
-    /// Copies everything that was written to a position in a buffer, before all later submissions.
+    /// Copies everything that was written to a byte offset in a buffer, before all later submissions.
     pub(crate) fn send(
         &mut self,
         gpu: &OpenGpu,
         from: MappedStaging,
-        to: (&Buffer, u64),
+        to: &Buffer,
+        offset: u64,
     ) -> Result<()> {
         let MappedStaging { buffer, filled } = from;
         if !unmap(&gpu.device, &buffer) {
-            return Err(gpu.faults.lose("what was written is gone".into()));
+            return Err(gpu.faults.lose("staging memory was lost".into()));
         }
         let mut encoder = gpu.encoder("an upload")?;
-        copy_part(gpu, &mut encoder, (&buffer, 0), to, filled)?;
+        gpu.guard("an upload", filled, || {
+            encoder.copy_buffer_to_buffer(&buffer, 0, to, offset, filled);
+        })?;
         let mapping = Mapping::on_submit(&encoder, &buffer, MapMode::Write);
         gpu.submit([encoder])?;
-        self.0.push((buffer, mapping));
+        let at = self.0.partition_point(|(b, _)| b.size() < buffer.size());
+        self.0.insert(at, (buffer, mapping));
         Ok(())
     }
 
@@ -101,7 +97,7 @@ impl MappedPool {
             return write(gpu, to, 0, rows);
         }
         let bytes: &[u8] = bytemuck::cast_slice(rows);
-        // A lent device may not allow larger buffers than it was requested with.
+        // The program's device may not allow larger buffers than it was requested with.
         let limit = usize::try_from(gpu.limits.max_buffer_size).unwrap_or(PIECE);
         let most = PIECE.min(limit) / RUN * RUN;
         let mut at = 0;
@@ -109,7 +105,7 @@ impl MappedPool {
             let buffer = self.take(gpu, most as u64)?;
             fill_piece(&buffer, from)?;
             let filled = from.len() as u64;
-            self.send(gpu, MappedStaging { buffer, filled }, (to, at))?;
+            self.send(gpu, MappedStaging { buffer, filled }, to, at)?;
             at += filled;
         }
         Ok(())

@@ -1,13 +1,13 @@
 //! The implementation of [`GpuDevice`] for wgpu.
 
 use crate::adapters::{driver, kind};
+use crate::buffer_points::BufferPoints;
 use crate::buffers::{Arrived, MappedCopy, Mapping, unreadable, upload, write};
+use crate::caller_encoder::CallerEncoder;
 use crate::faults::layer_messages;
 use crate::gpu::{OpenGpu, STORAGE, make, unmap};
 use crate::launches::WgpuRecording;
-use crate::lent_encoder::LentEncoder;
-use crate::lent_points::DevicePoints;
-use crate::limits::{LEAST_OF_64_BITS, kernel_limits};
+use crate::limits::{ATOMIC_MIN_64_BITS, kernel_limits};
 use crate::pipelines::Pipeline;
 use crate::staging::{MappedPool, MappedStaging};
 use crate::submission::SubmissionEncoder;
@@ -22,11 +22,10 @@ use gpu_common::{
     LentRays, MemoryReport, Options, Outcome, PendingWork, Upload, read_parts,
 };
 use shaders::{BufferName, Params};
-use std::collections::VecDeque;
+use std::collections::BTreeMap;
 use std::convert::Infallible;
-use std::ops::Range;
 use std::sync::Arc;
-use wgpu::{Buffer, CommandEncoder};
+use wgpu::{Buffer, BufferSlice, CommandEncoder, SubmissionIndex};
 
 /// The backend that computes through wgpu.
 pub type WgpuBackend = ComputeBackend<WgpuDevice>;
@@ -53,7 +52,7 @@ pub fn from_device(
     queue: wgpu::Queue,
     info: wgpu::AdapterInfo,
 ) -> Result<WgpuBackend> {
-    let gpu = OpenGpu::lent(device, queue, info)?;
+    let gpu = OpenGpu::over(device, queue, info)?;
     ComputeBackend::over(WgpuDevice::over(Arc::new(gpu))?)
 }
 
@@ -75,12 +74,13 @@ pub(crate) struct DeviceScene {
     staging: MappedPool,
     spares: Spares<Arrived>,
     /// Copies of positions that were not taken, by the submission that requested them.
-    copies: VecDeque<(Ticket, MappedCopy)>,
-    pub(crate) points: DevicePoints,
-    pub(crate) lent: LentBuffers<Buffer>,
-    /// The rays lent last.
+    copies: BTreeMap<Ticket, MappedCopy>,
+    pub(crate) points: BufferPoints,
+    /// Buffers of the program for the next recording.
+    pub(crate) caller_buffers: LentBuffers<Buffer>,
+    /// The ray buffers that were set last.
     pub(crate) rays: Vec<LentRays<Buffer>>,
-    pub(crate) encoder: LentEncoder,
+    pub(crate) encoder: CallerEncoder,
 }
 
 impl WgpuDevice {
@@ -105,7 +105,7 @@ impl WgpuDevice {
     }
 
     /// Returns the index of the encoder of a submission.
-    fn place(&self, ticket: Ticket) -> usize {
+    fn slot(&self, ticket: Ticket) -> usize {
         ticket.0 as usize % self.submissions.len()
     }
 
@@ -118,44 +118,53 @@ impl WgpuDevice {
         ticket: Ticket,
         stamp: Option<Ticket>,
     ) -> Result<(Mapping, Option<MappedCopy>)> {
-        let place = self.place(ticket);
-        let (gpu, submission) = (&self.gpu, &mut self.submissions[place]);
+        let slot = self.slot(ticket);
+        let (gpu, submission) = (&self.gpu, &mut self.submissions[slot]);
         self.scene.points.encode(gpu, encoder)?;
         submission.encode(encoder, recording, stamp)?;
         let copy = recording.positions.as_ref().map(|positions| {
             let spare = self.scene.spares.pop();
             let spare = spare.and_then(|s| s.unmapped(&gpu.device));
-            let to = ("vertices for the builder", spare);
-            let from = (&positions.from, 0..positions.bytes);
-            MappedCopy::record(gpu, encoder, from, to)
+            let from = positions.from.slice(..positions.bytes);
+            MappedCopy::record(gpu, encoder, from, spare)
         });
         let copy = copy.transpose()?;
         Ok((submission.report(encoder), copy))
     }
 
-    fn begin_read(&mut self, from: &Buffer, bytes: Range<u64>) -> Result<MappedCopy> {
+    fn begin_read(&mut self, from: BufferSlice<'_>) -> Result<StartedRead> {
         let (gpu, views) = (&self.gpu, &mut self.scene.views);
-        let (what, size) = ("a view for the host", bytes.end - bytes.start);
-        let fits = views.iter().position(|view| view.size() >= size);
+        let fits = views.iter().position(|view| view.size() >= from.size());
         let spare = fits.map(|i| views.swap_remove(i));
-        let mut encoder = gpu.encoder(what)?;
-        let copy = MappedCopy::record(gpu, &mut encoder, (from, bytes), (what, spare))?;
-        let place = Some(gpu.submit([encoder])?);
-        Ok(MappedCopy { place, ..copy })
+        let mut encoder = gpu.encoder("a readback")?;
+        Ok(StartedRead {
+            copy: MappedCopy::record(gpu, &mut encoder, from, spare)?,
+            submission: gpu.submit([encoder])?,
+        })
     }
 
-    fn end_read(&mut self, read: MappedCopy, bytes: usize, each: impl FnOnce(&[u8])) -> Result<()> {
-        if let Some(place) = read.place {
-            self.gpu.wait_for(place)?;
-        }
-        read.mapping.expect(&self.gpu)?;
-        let view = read.buffer.get_mapped_range(..bytes as u64);
+    fn end_read(
+        &mut self,
+        read: StartedRead,
+        bytes: usize,
+        each: impl FnOnce(&[u8]),
+    ) -> Result<()> {
+        let MappedCopy { buffer, mapping } = read.copy;
+        self.gpu.wait_for(read.submission)?;
+        mapping.expect(&self.gpu)?;
+        let view = buffer.get_mapped_range(..bytes as u64);
         each(&view.map_err(unreadable)?);
-        if unmap(&self.gpu.device, &read.buffer) {
-            self.scene.views.push(read.buffer);
+        if unmap(&self.gpu.device, &buffer) {
+            self.scene.views.push(buffer);
         }
         Ok(())
     }
+}
+
+/// A copy of a part of a buffer to the host, and its submission.
+struct StartedRead {
+    copy: MappedCopy,
+    submission: SubmissionIndex,
 }
 
 impl GpuDevice for WgpuDevice {
@@ -189,7 +198,7 @@ impl GpuDevice for WgpuDevice {
                 capabilities: Capabilities::minimal(name, TreeFormat::default()),
             },
             packets: self.gpu.packets(),
-            rasterizes: self.gpu.features.contains(LEAST_OF_64_BITS),
+            rasterizes: self.gpu.features.contains(ATOMIC_MIN_64_BITS),
             clock: Clock::new(u64::BITS, self.gpu.tick_ns),
             max_groups: limits.max_compute_workgroups_per_dimension,
             kernel_limits: kernel_limits(limits),
@@ -200,7 +209,7 @@ impl GpuDevice for WgpuDevice {
         }
     }
 
-    /// Counts neither an engine's own buffers on a lent device nor host memory.
+    /// Counts neither the program's own buffers on its device nor host memory.
     fn memory(&self) -> MemoryReport {
         let submissions = self.submissions.iter();
         MemoryReport {
@@ -226,7 +235,7 @@ impl GpuDevice for WgpuDevice {
     }
 
     fn lent(&mut self) -> &mut LentBuffers<Buffer> {
-        &mut self.scene.lent
+        &mut self.scene.caller_buffers
     }
 
     fn upload(&mut self, all: &[(&[u8], &Buffer)]) -> Result<()> {
@@ -244,10 +253,10 @@ impl GpuDevice for WgpuDevice {
         mut each: impl FnMut(usize, &[T]),
     ) -> Result<()> {
         let begun = read_parts::<T>(count)
-            .map(|part| Ok((self.begin_read(from, part.bytes.clone())?, part)));
-        for (copy, part) in begun.collect::<Result<Vec<_>>>()? {
+            .map(|part| Ok((self.begin_read(from.slice(part.bytes.clone()))?, part)));
+        for (read, part) in begun.collect::<Result<Vec<_>>>()? {
             let bytes = part.count * size_of::<T>();
-            self.end_read(copy, bytes, |bytes| {
+            self.end_read(read, bytes, |bytes| {
                 each(part.first, bytemuck::cast_slice(bytes));
             })?;
         }
@@ -262,36 +271,37 @@ impl GpuDevice for WgpuDevice {
     fn send(&mut self, upload: Upload<'_, MappedStaging>, to: &Buffer) -> Result<u64> {
         let scene = &mut self.scene;
         match upload {
-            Upload::Staged(from) => scene.staging.send(&self.gpu, from, (to, 0))?,
+            Upload::Staged(from) => scene.staging.send(&self.gpu, from, to, 0)?,
             Upload::KeyFrame { key, runs } => {
-                for run in scene.points.others(runs) {
+                for run in scene.points.points.host_runs(runs) {
                     let at = (run.start * size_of::<Point>()) as u64;
                     write(&self.gpu, to, at, &key[run])?;
                 }
                 let largest = self.gpu.limits.max_storage_buffer_binding_size;
-                scene.points.copy_to(to, largest, &mut scene.lent.copies);
+                let copies = &mut scene.caller_buffers.copies;
+                scene.points.copy_to(to, largest, copies);
             }
         }
         Ok(0)
     }
 
-    /// Submits the recording, or leaves it in the program's encoder if one was lent.
+    /// Submits the recording, or leaves it in the program's encoder if one was set.
     fn submit(&mut self, recording: &mut WgpuRecording, ticket: Ticket) -> Result<()> {
-        let slot = self.place(ticket);
-        let (place, (report, copy)) = if let Some(mut encoder) = self.take_encoder() {
+        let slot = self.slot(ticket);
+        let (submission, (report, copy)) = if let Some(mut encoder) = self.take_encoder() {
             let encoded = self.encode(&mut encoder, recording, ticket, Some(ticket));
             self.scene.encoder.encoder = Some(encoder);
             let encoded = encoded?;
-            self.scene.encoder.under_way.push_back((ticket, None));
+            self.scene.encoder.under_way.insert(ticket, None);
             (None, encoded)
         } else {
             let mut encoder = self.gpu.encoder("a frame")?;
             let encoded = self.encode(&mut encoder, recording, ticket, None)?;
-            let place = self.gpu.submit([encoder]);
-            let recall = |_: &_| self.submissions[slot].recall();
-            (Some(place.inspect_err(recall)?), encoded)
+            let submission = self.gpu.submit([encoder]);
+            let unmap = |_: &_| self.submissions[slot].unmap_report();
+            (Some(submission.inspect_err(unmap)?), encoded)
         };
-        self.submissions[slot].sent = Some((place, report));
+        self.submissions[slot].sent = Some((submission, report));
         self.scene.copies.extend(copy.map(|copy| (ticket, copy)));
         Ok(())
     }
@@ -300,12 +310,12 @@ impl GpuDevice for WgpuDevice {
         match work {
             PendingWork::Submission(ticket) => {
                 self.gpu.poll()?;
-                self.submissions[self.place(ticket)].has_finished()
+                self.submissions[self.slot(ticket)].has_finished()
             }
             PendingWork::Positions(ticket) => {
                 self.gpu.poll()?;
-                let copy = self.scene.copies.iter().find(|(of, _)| *of == ticket);
-                copy.map_or(Ok(true), |(_, copy)| copy.mapping.poll(&self.gpu))
+                let copy = self.scene.copies.get(&ticket);
+                copy.map_or(Ok(true), |copy| copy.mapping.poll(&self.gpu))
             }
             // Queue writes run before the program submits its encoder.
             PendingWork::Use(last) => Ok(self.scene.encoder.is_past(last.ticket)),
@@ -322,23 +332,22 @@ impl GpuDevice for WgpuDevice {
 
     fn finish(&mut self, ticket: Ticket) -> Result<Outcome> {
         self.scene.encoder.wait(&self.gpu, ticket)?;
-        let slot = self.place(ticket);
+        let slot = self.slot(ticket);
         let outcome = self.submissions[slot].finish()?;
         match outcome {
-            Outcome::Finished(_) => self.scene.encoder.finished(ticket),
+            // Earlier submissions have finished, too.
+            Outcome::Finished(_) => self.scene.encoder.under_way.retain(|&of, _| of > ticket),
             Outcome::Dropped => {
-                self.scene.encoder.dropped(ticket);
-                self.scene.copies.retain(|(of, _)| *of != ticket);
+                self.scene.encoder.under_way.remove(&ticket);
+                self.scene.copies.remove(&ticket);
             }
         }
         Ok(outcome)
     }
 
     fn take_positions(&mut self, ticket: Ticket, vertices: usize) -> Result<Snapshot> {
-        let copies = &mut self.scene.copies;
-        let found = copies.iter().position(|(of, _)| *of == ticket);
-        let found = found.and_then(|i| copies.remove(i));
-        let (_, copy) = found.expect("the submission copies positions");
+        let copy = self.scene.copies.remove(&ticket);
+        let copy = copy.expect("the submission copies positions");
         Ok(self.scene.spares.lend(Arrived::new(copy, vertices)?))
     }
 
@@ -347,7 +356,7 @@ impl GpuDevice for WgpuDevice {
         self.scene = DeviceScene::default();
         self.submissions
             .iter_mut()
-            .for_each(SubmissionEncoder::forget);
+            .for_each(SubmissionEncoder::unload);
         Ok(())
     }
 }

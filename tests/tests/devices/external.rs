@@ -11,10 +11,10 @@ use abvh::external_memory::{ExternalBuffer, ExternalRays};
 use abvh::{Device, Error, MeshId, Point, Query, Ray, Scene, Source, Step, Tracer, Update};
 use backend::{Backend, Hits, Inspect, QueryKind, Rays, Ticket};
 use geom::{Animation, PointBuffer};
-use gpu_vulkan::VulkanBackend;
 use gpu_vulkan::external::ExternalMemory;
 use gpu_vulkan::memory::Buffer;
 use gpu_vulkan::timeline::Timeline;
+use gpu_vulkan::{ExternalRun, VulkanBackend};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -284,12 +284,13 @@ pub(crate) fn timeline_bounds_external_memory_access() {
     assert!(still != moved);
     let timeline = Arc::new(Timeline::new(&gpu).unwrap());
 
-    backend.gpu_mut().synchronize(&timeline, [1, 2]).unwrap();
-    for values in [[2, 2], [1, 2], [3, 1]] {
-        assert!(backend.gpu_mut().synchronize(&timeline, values).is_err());
+    backend.gpu_mut().synchronize(&timeline, 1, 2).unwrap();
+    for [wait, signal] in [[2, 2], [1, 2], [3, 1]] {
+        let refused = backend.gpu_mut().synchronize(&timeline, wait, signal);
+        assert!(refused.is_err());
     }
-    backend.gpu_mut().lend_rays(gpu_vulkan::LentRays {
-        rays: Buffer::lent(&gpu, &given, 32 * 500).unwrap(),
+    backend.gpu_mut().set_external_rays(gpu_vulkan::LentRays {
+        rays: Buffer::external(&gpu, &given, 32 * 500).unwrap(),
         answers: None,
     });
     arrive(&mut backend, sheet(0.5));
@@ -300,22 +301,28 @@ pub(crate) fn timeline_bounds_external_memory_access() {
     assert!(seen == still);
 
     let write = |height| other.write(to_vertices, 0, words(&sheet(height)));
-    let bring = |backend: &mut VulkanBackend, values| {
+    let bring = |backend: &mut VulkanBackend, wait, signal| {
         let device = backend.gpu_mut();
-        device.synchronize(&timeline, values).unwrap();
-        device.bring_points((0..400, 400), (&vertices, 0)).unwrap();
+        device.synchronize(&timeline, wait, signal).unwrap();
+        let source = ExternalRun {
+            memory: &vertices,
+            offset: 0,
+            run: 0..400,
+            vertex_count: 400,
+        };
+        device.set_external_points(source).unwrap();
     };
-    bring(&mut backend, [3, 4]);
+    bring(&mut backend, 3, 4);
     arrive(&mut backend, sheet(0.5));
     let ticket = go(&mut backend, Rays::List(&list), closest);
     let seen = let_go(&mut backend, (&timeline, 3), Some(ticket), || write(0.25));
     assert!(seen == moved);
 
     // A step without a query reads the vertices, too.
-    bring(&mut backend, [5, 6]);
+    bring(&mut backend, 5, 6);
     let_go(&mut backend, (&timeline, 5), None, || write(0.75));
     write(0.25);
-    let kept = backend.gpu_mut().read_points(&(0..400)).unwrap();
+    let kept = backend.gpu_mut().read_external_points(&(0..400)).unwrap();
     assert!(kept == Some(sheet(0.75)));
     assert_eq!(backend.complaints(), [""; 0]);
 }

@@ -10,7 +10,7 @@ use gpu_common::{Options, Validation};
 use gpu_vulkan::VulkanBackend;
 use gpu_vulkan::memory::{Buffer, BufferUse};
 use gpu_vulkan::timeline::Timeline;
-use gpu_vulkan::transfer::Transfer;
+use gpu_vulkan::transfer::{BufferCopy, Transfer};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -56,13 +56,15 @@ pub(crate) fn large_host_buffers_import_process_pages() {
     from.write(0, &words);
     let readback = &mut backend.gpu_mut().readback;
     for (from, to) in [(&from, &there), (&there, &to)] {
-        readback
-            .start([from.vk, to.vk], &[(0..bytes, 0)], None)
-            .unwrap();
+        let copy = BufferCopy::between(from.vk, to.vk).range(0..bytes, 0);
+        readback.start(&copy, &[]).unwrap();
         readback.wait().unwrap();
     }
     assert!(to.read::<u32>(words.len()) == words);
-    let is_offered = gpu.sharing.contains(&c"VK_EXT_external_memory_host");
+    let is_offered = gpu
+        .features
+        .sharing
+        .contains(&c"VK_EXT_external_memory_host");
     let imported = [&from, &there, &to].map(Buffer::is_imported);
     assert_eq!(imported, [is_offered, false, is_offered]);
     let small = Buffer::new(&gpu, "a few words", bytes - 16, BufferUse::Staging);
@@ -71,10 +73,8 @@ pub(crate) fn large_host_buffers_import_process_pages() {
 
 /// Blocks a transfer queue until `gate` reaches 1.
 fn bar(queue: &mut Transfer, gate: &Timeline, from: &Buffer, to: &Buffer) {
-    let opened = Some(gate.at(1));
-    queue
-        .start([from.vk, to.vk], &[(0..16, 0)], opened)
-        .unwrap();
+    let copy = BufferCopy::between(from.vk, to.vk).range(0..16, 0);
+    queue.start(&copy, &[gate.at(1)]).unwrap();
 }
 
 /// Returns the reason if the device has no separate queues for uploads and downloads.

@@ -322,7 +322,7 @@ pub(crate) fn tree_outlives_commands_that_read_it() {
     let expected = see(&mut backend, Rays::Camera(&camera), SHADOWED);
     stand(&mut backend, &animation, 0.3);
     let commands = own.device.create_command_encoder(&Default::default());
-    backend.gpu_mut().lend_encoder(commands).unwrap();
+    backend.gpu_mut().set_encoder(commands).unwrap();
     let ticket = go(&mut backend, Rays::Camera(&camera), SHADOWED);
     let commands = backend.gpu_mut().take_encoder().unwrap();
     let second = Generation(2);

@@ -10,7 +10,7 @@ use backend::{
 use geom::{Animation, Pose};
 use gpu_common::{Stage, TraceBuffers, are_given, refuse_above};
 use gpu_vulkan::commands::{KERNELS, RAYS};
-use gpu_vulkan::{NativeCommand, VulkanDevice};
+use gpu_vulkan::{NativeCommand, RayBindings, VulkanDevice};
 use shaders::work;
 use shaders::{BufferName, Params, Shape};
 use std::sync::Arc;
@@ -24,8 +24,8 @@ impl Rival for VulkanRt {
         self.engine.unload()?;
         (self.scene, self.pose, self.traced) = (None, None, None);
         self.engine.load(animation)?;
-        let how = (self.prefer, upkeep);
-        let scene = DriverScene::new(&mut self.engine, &self.rays.rays, how)?;
+        let flags = self.prefer.flags(upkeep);
+        let scene = DriverScene::new(&mut self.engine, &self.rays.rays, flags)?;
         self.scene = Some(scene);
         Ok(())
     }
@@ -162,29 +162,27 @@ impl VulkanRt {
         let scene = self.scene.as_ref().expect("a scene was loaded");
         let buffers = engine.scene.as_ref().expect("a scene was loaded");
         let (key, position) = (engine.pose.key, engine.position);
-        let find = |name: BufferName| {
-            let found = match name {
+        let bound = shaders::RAYS.bindings.iter().map(|binding| {
+            let found = match binding.name {
                 BufferName::Nodes => None,
                 name => trace.get(name).or_else(|| buffers.get(name, key, position)),
             };
             // A binding that the query does not use still needs a buffer.
-            (name, found.unwrap_or(&scene.root).range())
-        };
-        let bound: Vec<_> = shaders::RAYS
-            .bindings
-            .iter()
-            .map(|b| find(b.name))
-            .collect();
+            found.unwrap_or(&scene.root).range()
+        });
+        let bound: Vec<_> = bound.collect();
         let (pipeline, layouts) = (self.rays.vk, Arc::clone(&self.rays.layouts));
         let tree = scene.tree.top();
         let launch = self.rays.launch(maker(query), size);
         let command: NativeCommand = Box::new(move |encoder| {
             encoder.commands.barrier(KERNELS, RAYS);
-            let buffer = |name| {
-                let found = bound.iter().find(|(of, _)| *of == name);
-                found.expect("one buffer for each binding").1
-            };
-            encoder.bind_rays(pipeline, &layouts, &params, tree, buffer)?;
+            encoder.bind_rays(&RayBindings {
+                pipeline,
+                layouts: &layouts,
+                params: &params,
+                tree,
+                buffers: &bound,
+            })?;
             launch(encoder.commands.vk());
             encoder.commands.barrier(RAYS, KERNELS);
             Ok(())

@@ -1,9 +1,7 @@
 //! The scene that the driver builds its tree from, and the handling of vertices that are not finite.
 
-use super::Prefer;
 use super::support::RayTracing;
-use super::tree::DriverTree;
-use crate::Upkeep;
+use super::tree::{DriverTree, Flags};
 use backend::Result;
 use geom::{Animation, Point};
 use gpu_common::{Engine, GpuDevice};
@@ -30,14 +28,15 @@ impl DriverScene {
     pub(crate) fn new(
         engine: &mut Engine<VulkanDevice>,
         rays: &Arc<RayTracing>,
-        how: (Prefer, Upkeep),
+        flags: Flags,
     ) -> Result<Self> {
         let animation = Arc::clone(&engine.scene().animation);
         let bytes = animation.triangle_count() as u64 * 36;
         let device = |what, bytes| Buffer::new(&rays.gpu, what, bytes, BufferUse::Device);
-        let cleansed = match is_tame(&animation) {
-            true => None,
-            false => Some(device("cleansed triangles", bytes)?),
+        let cleansed = if is_tame(&animation) {
+            None
+        } else {
+            Some(device("cleansed triangles", bytes)?)
         };
         let root = device("the scene's box", 32)?;
         let corners = root_of(&animation);
@@ -45,7 +44,7 @@ impl DriverScene {
             .gpu
             .upload(&[(bytemuck::cast_slice(&corners), &root)])?;
         Ok(Self {
-            tree: DriverTree::new(engine, rays, cleansed.as_ref(), how)?,
+            tree: DriverTree::new(engine, rays, cleansed.as_ref(), flags)?,
             root,
             cleansed,
             centre: centre_of(&animation),
@@ -73,9 +72,10 @@ fn centre_of(animation: &Animation) -> Point {
     let bounds = animation.bounds();
     let middle = |i: usize| f32::midpoint(bounds.min[i], bounds.max[i]);
     let middle = [middle(0), middle(1), middle(2)];
-    match middle.iter().all(|x| x.is_finite()) {
-        true => middle,
-        false => [0.0; 3],
+    if middle.iter().all(|x| x.is_finite()) {
+        middle
+    } else {
+        [0.0; 3]
     }
 }
 

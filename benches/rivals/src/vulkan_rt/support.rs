@@ -98,10 +98,8 @@ pub(crate) fn able(host: &Host, wanted: Option<usize>) -> Result<Vec<AdapterInfo
             Some(what) => reasons.push(format!("{} lacks {what}", adapter.name)),
             None => {
                 let bounds = Bounds::of(host, device);
-                let queries = match host.offers(device, khr::ray_query::NAME) {
-                    true => "yes",
-                    false => "no",
-                };
+                let has_queries = host.offers(device, khr::ray_query::NAME);
+                let queries = if has_queries { "yes" } else { "no" };
                 adapter.limits.extend([
                     ("max triangles of a tree", bounds.triangles.to_string()),
                     ("max rays of a launch", bounds.rays.to_string()),
@@ -111,10 +109,10 @@ pub(crate) fn able(host: &Host, wanted: Option<usize>) -> Result<Vec<AdapterInfo
             }
         }
     }
-    match able.is_empty() {
-        true => Err(BackendError::NoDevice(reasons.join("; "))),
-        false => Ok(able),
+    if able.is_empty() {
+        return Err(BackendError::NoDevice(reasons.join("; ")));
     }
+    Ok(able)
 }
 
 /// Returns the extensions and features that a device lacks, or `None` if it has all.

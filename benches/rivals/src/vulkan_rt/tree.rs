@@ -1,5 +1,5 @@
-//! The driver's tree of a scene: a bottom-level structure of all triangles, and a top-level structure with one instance of it,
-//! because rays are traced through top-level structures only.
+//! The driver's tree of a scene: a bottom-level structure of all triangles, and a top-level structure that contains it
+//! as its one instance. Rays are traced through top-level structures only.
 
 use super::Prefer;
 use super::support::RayTracing;
@@ -19,7 +19,8 @@ pub(crate) type Geometry<'a> = vk::AccelerationStructureGeometryKHR<'a>;
 /// Build preference.
 type Info<'a> = vk::AccelerationStructureBuildGeometryInfoKHR<'a>;
 type Level = vk::AccelerationStructureTypeKHR;
-type Flags = vk::BuildAccelerationStructureFlagsKHR;
+/// How the driver builds a tree.
+pub(crate) type Flags = vk::BuildAccelerationStructureFlagsKHR;
 type Mode = vk::BuildAccelerationStructureModeKHR;
 
 /// Both structures, which are rebuilt or updated in place.
@@ -30,7 +31,7 @@ pub(crate) struct DriverTree {
     instance: Buffer,
     flags: Flags,
     triangles: u32,
-    /// Whether the tree was built, so that it can be updated.
+    /// The tree was built, so it can be updated.
     is_updatable: bool,
 }
 
@@ -43,7 +44,7 @@ impl DriverTree {
         engine: &mut Engine<VulkanDevice>,
         rays: &Arc<RayTracing>,
         cleansed: Option<&Buffer>,
-        (prefer, upkeep): (Prefer, Upkeep),
+        flags: Flags,
     ) -> Result<Self> {
         let scene = engine.scene();
         let triangles = scene.animation.triangle_count() as u64;
@@ -51,7 +52,6 @@ impl DriverTree {
         refuse_above(what, triangles, rays.bounds.triangles)?;
         let triangles = triangles as u32;
         let geometry = [triangles_of(scene, &scene.positions[0], cleansed)];
-        let flags = flags(prefer, upkeep);
         let about = info(Level::BOTTOM_LEVEL).flags(flags).geometries(&geometry);
         let bottom = Structure::new(rays, "the driver's tree", about, triangles)?;
         let instance = Buffer::new(&rays.gpu, "the tree's instance", 64, BufferUse::Device)?;
@@ -115,14 +115,17 @@ impl DriverTree {
     }
 }
 
-fn flags(prefer: Prefer, upkeep: Upkeep) -> Flags {
-    let speed = match prefer {
-        Prefer::FastBuild => Flags::PREFER_FAST_BUILD,
-        Prefer::FastTrace => Flags::PREFER_FAST_TRACE,
-    };
-    match upkeep {
-        Upkeep::Rebuild => speed,
-        Upkeep::Refit => speed | Flags::ALLOW_UPDATE,
+impl Prefer {
+    /// Returns the flags of a build with this preference.
+    pub(crate) fn flags(self, upkeep: Upkeep) -> Flags {
+        let speed = match self {
+            Self::FastBuild => Flags::PREFER_FAST_BUILD,
+            Self::FastTrace => Flags::PREFER_FAST_TRACE,
+        };
+        match upkeep {
+            Upkeep::Rebuild => speed,
+            Upkeep::Refit => speed | Flags::ALLOW_UPDATE,
+        }
     }
 }
 

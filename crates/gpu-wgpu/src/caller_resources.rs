@@ -1,60 +1,62 @@
-//! Resources shared with the program on its own device, without copies through the host. Positions that its kernels
-//! wrote are copied from buffer to buffer. Kernels bind its ray buffers directly, and its shaders can trace the scene.
+//! Resources shared with the program on its own device, without copies through the host.
+//!
+//! Positions that its kernels wrote are copied from buffer to buffer. Kernels bind its ray buffers directly, and its
+//! shaders can trace the scene.
 
+use crate::buffer_points::POINT;
 use crate::buffers::write;
-use crate::gpu::make;
-use crate::lent_points::{DevicePoints, POINT};
+use crate::launches::params_buffer;
 use crate::wgpu_device::{WgpuBackend, WgpuDevice};
 use backend::Result;
-use gpu_common::{LentRays, without};
+use gpu_common::{LentRays, PointsSource};
 use shaders::Params;
 use std::ops::Range;
-use wgpu::{Buffer, BufferSlice, BufferUsages, CommandEncoder};
+use wgpu::{Buffer, BufferSlice, CommandEncoder};
 
 impl WgpuDevice {
-    /// Makes the positions from `first` on come from a buffer of the program, in all later key frames. The next key
+    /// Reads the positions from vertex `first` on from a buffer of the program, in all later key frames. The next key
     /// frame's submission copies them first. Does not check that the buffer allows copies.
-    pub fn bring_points(&mut self, first: usize, from: BufferSlice<'_>) {
-        let run = first..first + (from.size() / POINT) as usize;
-        self.release_points(&run);
-        let DevicePoints { runs, brought, .. } = &mut self.scene.points;
-        brought.push((run.clone(), (from.buffer().clone(), from.offset())));
-        runs.insert(runs.partition_point(|r| r.start < run.start), run);
+    pub fn set_buffer_points(&mut self, first: usize, from: BufferSlice<'_>) {
+        self.scene.points.points.set(PointsSource {
+            buffer: from.buffer().clone(),
+            offset: from.offset(),
+            run: first..first + (from.size() / POINT) as usize,
+        });
     }
 
-    /// Returns the buffer and byte range of a run that came from the program. Submits pending copies first.
+    /// Returns a buffer that contains a run, if its source is a buffer of the program. Submits pending copies first.
     ///
     /// # Errors
     /// A source buffer does not allow copies.
-    pub fn brought_points(&mut self, run: &Range<usize>) -> Result<Option<(Buffer, Range<u64>)>> {
+    pub fn points_buffer(&mut self, run: &Range<usize>) -> Result<Option<PointsSource<Buffer>>> {
         let (gpu, points) = (&self.gpu, &mut self.scene.points);
-        if !points.runs.contains(run) {
+        if !points.points.runs().contains(run) {
             return Ok(None);
         }
-        points.commands.append(&mut self.scene.lent.copies);
+        points
+            .commands
+            .append(&mut self.scene.caller_buffers.copies);
         if !points.commands.is_empty() {
             let mut encoder = gpu.encoder("positions of the program's")?;
             points.encode(gpu, &mut encoder)?;
             gpu.submit([encoder])?;
         }
-        let place = points.place(run);
-        Ok(place.map(|(buffer, at)| (buffer, at..at + run.len() as u64 * POINT)))
+        Ok(points.source(run))
     }
 
-    /// Makes a run of positions come from the host again.
+    /// Reads a run of positions from the host again.
     pub fn release_points(&mut self, run: &Range<usize>) {
-        self.scene.points.brought.retain(|(other, _)| other != run);
-        self.scene.points.runs = without(&self.scene.points.runs, std::slice::from_ref(run));
+        self.scene.points.points.release(run);
     }
 
     /// Makes the next queries of [`backend::Rays::OnDevice`] trace these rays, one element per query. Kernels must be
     /// able to bind the buffers.
-    pub fn lend_rays(&mut self, rays: Vec<LentRays<Buffer>>) {
+    pub fn set_ray_buffers(&mut self, rays: Vec<LentRays<Buffer>>) {
         if self.scene.rays != rays {
             // Bind groups keep the previous buffers alive until they are recreated.
             self.gpu.count_buffer();
         }
-        self.scene.lent.rays = rays.iter().cloned().collect();
+        self.scene.caller_buffers.rays = rays.iter().cloned().collect();
         self.scene.rays = rays;
     }
 
@@ -65,17 +67,19 @@ impl WgpuDevice {
 
     /// Makes the next submission go into this encoder instead of the queue. The program should have submitted the
     /// previous encoder.
-    pub fn lend_encoder(&mut self, encoder: CommandEncoder) -> Result<()> {
-        let lent = &mut self.scene.encoder;
-        lent.encoder = Some(encoder);
-        if let Some((_, place @ None)) = lent.under_way.back_mut() {
+    pub fn set_encoder(&mut self, encoder: CommandEncoder) -> Result<()> {
+        let caller = &mut self.scene.encoder;
+        caller.encoder = Some(encoder);
+        if let Some(mut last) = caller.under_way.last_entry()
+            && last.get().is_none()
+        {
             // The index of the program's own submission is unknown, so a later one is used.
-            *place = Some(self.gpu.submit([])?);
+            last.insert(Some(self.gpu.submit([])?));
         }
         Ok(())
     }
 
-    /// Takes back the encoder lent last, unless it was taken already.
+    /// Takes back the encoder that was set last, unless it was taken already.
     pub fn take_encoder(&mut self) -> Option<CommandEncoder> {
         self.scene.encoder.encoder.take()
     }
@@ -92,8 +96,7 @@ impl WgpuDevice {
             return Ok(buffer.clone());
         }
         let bytes = bytemuck::bytes_of(&params);
-        let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
-        let buffer = make(&self.gpu, "parameters", bytes.len() as u64, usage)?;
+        let buffer = params_buffer(&self.gpu, bytes.len() as u64)?;
         write(&self.gpu, &buffer, 0, bytes)?;
         self.module = Some((params, buffer.clone()));
         Ok(buffer)

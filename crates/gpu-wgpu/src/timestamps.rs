@@ -18,7 +18,7 @@ pub(crate) const BYTES: u64 = MARKS as u64 * 8;
 pub(crate) struct PassTimestamps {
     set: QuerySet,
     resolved: Buffer,
-    /// Whether timestamps can be written between the dispatches of a pass, so that stages can share a pass.
+    /// Timestamps can be written between the dispatches of a pass, so that stages can share a pass.
     pub(crate) within: bool,
     pub(crate) stages: Vec<Option<Stage>>,
 }
@@ -50,12 +50,14 @@ impl PassTimestamps {
 
     /// Reserves the timestamps of a pass: one before each stage, and one at the end. Returns the index of the first, or
     /// `None` if too few are left.
-    pub(crate) fn take(&mut self, stages: impl ExactSizeIterator<Item = Stage>) -> Option<u32> {
+    pub(crate) fn reserve(&mut self, stages: &[Stage]) -> Option<u32> {
         let first = self.stages.len();
-        (stages.len() > 0 && first + stages.len() < MARKS).then(|| {
-            self.stages.extend(stages.map(Some).chain([None]));
-            first as u32
-        })
+        if stages.is_empty() || first + stages.len() >= MARKS {
+            return None;
+        }
+        self.stages.extend(stages.iter().copied().map(Some));
+        self.stages.push(None);
+        Some(first as u32)
     }
 
     /// Returns the timestamps at the start and the end of a pass of `stages` stages. They take 2 us less than
@@ -69,7 +71,7 @@ impl PassTimestamps {
     }
 
     /// Writes the timestamp before the `i`-th stage of a pass, except the first stage.
-    pub(crate) fn mark(&self, pass: &mut ComputePass<'_>, first: u32, i: usize) {
+    pub(crate) fn write(&self, pass: &mut ComputePass<'_>, first: u32, i: usize) {
         if i > 0 {
             pass.write_timestamp(&self.set, first + i as u32);
         }
