@@ -20,7 +20,7 @@ pub struct Traits {
 }
 
 /// Expected number of iterations of the self-test's loop.
-const TURNS: u32 = 100_000;
+const ITERATIONS: u32 = 100_000;
 
 /// Operand quadruples: moderate exponents, near cancellation, halfway mantissas, exponents far apart, equal products.
 pub fn operands() -> Vec<[f32; 4]> {
@@ -78,7 +78,7 @@ pub fn verify(
         "a / b",
         "the sign of a * b - c * d",
     ];
-    let mut own = Arithmetic::IEEE;
+    let mut behaviour = Arithmetic::IEEE;
     let mut fuses_once = !operands.is_empty();
     for (x, [found, free]) in operands.iter().zip(results) {
         let expected = expect(*x);
@@ -89,19 +89,19 @@ pub fn verify(
             ));
         }
         let [sum, _, quotient, _] = expected;
-        own.rounds_division &= free[0] == quotient;
-        own.fuses |= free[1] != sum;
-        fuses_once &= free[3] == lost_by_rounding(*x).to_bits();
+        behaviour.rounds_division &= free[0] == quotient;
+        behaviour.fuses |= free[1] != sum;
+        fuses_once &= free[3] == product_rounding_error(*x).to_bits();
     }
-    match results.first().map_or(TURNS, |r| r[1][2]) {
-        TURNS => Ok((own, fuses_once)),
-        turns => Err(format!(
-            "the driver ends loops after {turns} turns; software drivers of Mesa need version 23.1 or newer"
+    match results.first().map_or(ITERATIONS, |r| r[1][2]) {
+        ITERATIONS => Ok((behaviour, fuses_once)),
+        iterations => Err(format!(
+            "the driver ends loops after {iterations} iterations; software drivers of Mesa need version 23.1 or newer"
         )),
     }
 }
 
-fn lost_by_rounding([a, b, ..]: [f32; 4]) -> f32 {
+fn product_rounding_error([a, b, ..]: [f32; 4]) -> f32 {
     a.mul_add(b, -(a * b))
 }
 
@@ -128,7 +128,7 @@ mod tests {
             [[sum, back, quotient, sign], [quotient, sum, 0, 0]]
         };
         let mut all: Vec<_> = all.iter().map(of).collect();
-        all[0][1][2] = TURNS;
+        all[0][1][2] = ITERATIONS;
         all
     }
 
@@ -146,7 +146,7 @@ mod tests {
     fn rejects_drivers_that_truncate_loops() {
         let refused = with(1, 2, |_| 65_535).unwrap_err();
         assert!(
-            refused.contains("after 65535 turns") && refused.contains("Mesa need version 23.1")
+            refused.contains("after 65535 iterations") && refused.contains("Mesa need version 23.1")
         );
     }
 
@@ -157,7 +157,7 @@ mod tests {
         assert!(!divides.rounds_division && !divides.fuses);
         let (fuses, _) = free(1, |[a, b, c, d]| a.mul_add(b, c * d).to_bits());
         assert!(fuses.rounds_division && fuses.fuses);
-        assert!(free(3, |x| lost_by_rounding(x).to_bits()).1);
+        assert!(free(3, |x| product_rounding_error(x).to_bits()).1);
         assert!(!free(3, |[a, b, ..]| (a * b - a * b).to_bits()).1);
         let in_fewer_places = |[a, b, ..]: [f32; 4]| {
             let lost = f64::from(a) * f64::from(b) - f64::from(a * b);

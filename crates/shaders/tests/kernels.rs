@@ -42,7 +42,7 @@ const LOOSE: [(&str, usize); 13] = [
     // geometry/ray.wgsl: two products and two sums of vectors.
     ("fn loose_planes(", 4),
     // geometry/ray.wgsl: differences from the origin, the padding, and two products and two sums of vectors.
-    ("fn loose_planes_apart(", 7),
+    ("fn loose_planes_own_padding(", 7),
     // intersect/sheared.wgsl: a sum and two products.
     ("fn loose_own_pad(", 3),
     // intersect/sheared.wgsl.

@@ -12,7 +12,7 @@
 // Each round adds at most one level to the tree. The host bounds the number of rounds: after params.phase.rounds rounds, neighbours
 // merge in pairs.
 
-import package::geometry::node::{LEAF, TWO, children_of};
+import package::geometry::node::{LEAF, TWO_TRIANGLES, child_row};
 import package::lib::buffers::{costs, nodes};
 import package::lib::params::params;
 
@@ -38,8 +38,8 @@ struct Cluster { low: vec3<f32>, high: vec3<f32>, link: u32 }
 // Returns the traversal reference of an inner node made of two clusters. Two consecutive triangles that a ray can both hit share a
 // leaf, and the node's own rows stay unused.
 fn link_of(a: Cluster, b: Cluster, inner: u32) -> u32 {
-    let are_triangles = (a.link & (LEAF | TWO)) == LEAF && b.link == a.link + 1u;
-    if are_triangles && a.low.x <= a.high.x && b.low.x <= b.high.x { return a.link | TWO; }
+    let are_triangles = (a.link & (LEAF | TWO_TRIANGLES)) == LEAF && b.link == a.link + 1u;
+    if are_triangles && a.low.x <= a.high.x && b.low.x <= b.high.x { return a.link | TWO_TRIANGLES; }
     return inner + 1u;
 }
 
@@ -113,7 +113,7 @@ fn pack_high(c: Cluster) -> vec4<u32> { return vec4<u32>(bitcast<vec3<u32>>(c.hi
 fn merge(a: Cluster, b: Cluster, inner: u32) -> Cluster {
     let link = link_of(a, b, inner);
     if (link & LEAF) == 0u {
-        let row = children_of(link);
+        let row = child_row(link);
         nodes[row] = pack_low(a);
         nodes[row + 1u] = pack_high(a);
         nodes[row + 2u] = pack_low(b);

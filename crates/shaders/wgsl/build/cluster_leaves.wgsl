@@ -1,7 +1,7 @@
 // Computes triangle records, and one cluster per leaf, from positions.
 
-import package::geometry::record::{NO_TRIANGLE, keep_index, record_of};
 import package::geometry::node::LEAF;
+import package::geometry::record::{NO_TRIANGLE, record_of, store_triangle_index};
 import package::geometry::triangle::{corner, is_finite, is_flat};
 import package::geometry::units::scaled_point;
 import package::lib::buffers::{counts, records};
@@ -39,7 +39,7 @@ fn cluster_leaves(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_wor
     let b = scaled_point(given_b);
     let c = scaled_point(given_c);
     let record = record_of(triangle, a, b, c);
-    keep_index(leaf, triangle);
+    store_triangle_index(leaf, triangle);
     records[3u * leaf] = record.first;
     records[3u * leaf + 1u] = record.second;
     records[3u * leaf + 2u] = record.third;

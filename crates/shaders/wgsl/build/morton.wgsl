@@ -49,9 +49,9 @@ fn bounds(
     for (var i = id.x; i < params.count; i += groups.x * 256u) {
         let bits = vec3<u32>(positions[3u * i], positions[3u * i + 1u], positions[3u * i + 2u]);
         if is_finite_point(bitcast<vec3<f32>>(bits)) {
-            let at = scaled_point(bits);
-            low = min(low, at);
-            high = max(high, at);
+            let point = scaled_point(bits);
+            low = min(low, point);
+            high = max(high, point);
         }
     }
     gather_box(local, low, high);
@@ -66,9 +66,9 @@ fn bounds(
 // The curve always halves the longest side of the cell, so that flat scenes waste no bits (Vinkler, Bittner, Havran: Extended
 // Morton Codes for High Performance Bounding Volume Hierarchy Construction, 2017). Each bit is one halving.
 
-// `at` is within the cell from 0 to `cell`.
-fn key_of(at: vec3<f32>, cell: vec3<f32>) -> u32 {
-    var rest = at;
+// `point` is within the cell from 0 to `cell`.
+fn key_of(point: vec3<f32>, cell: vec3<f32>) -> u32 {
+    var rest = point;
     var size = cell;
     var key = 0u;
     for (var i = 0u; i < 32u; i += 1u) {

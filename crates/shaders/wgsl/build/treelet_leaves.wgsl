@@ -2,17 +2,18 @@
 
 import package::build::costs::sum_of_group;
 import package::build::interpolate::{blend, blend_native, is_rare};
-import package::geometry::record::{keep_index, record_of};
 import package::build::treelet::{
-    ENTRY, LEAF_COUNT_IN_ENTRY, LEAVES, inner_word, join, keep_box, keep_leaf, kept, refit_treelet, treelet, treelet_at, write_treelet,
+    ENTRY, LEAF_COUNT_IN_ENTRY, LEAVES, inner_word, join, keep_box, keep_leaf, kept, refit_treelet, treelet, treelet_at,
+    write_treelet,
 };
-import package::geometry::node::{LEAF, TWO};
-import package::geometry::triangle::{is_degenerate, is_finite, point_of, seen_to_have_area};
+import package::build::treelet_refit::{leave_and_climb, look_ahead_to_parent};
+import package::geometry::node::{LEAF, TWO_TRIANGLES};
+import package::geometry::record::{record_of, store_triangle_index};
+import package::geometry::triangle::{is_degenerate, is_finite, point_of, surely_has_area};
 import package::geometry::units::scaled_point;
 import package::lib::buffers::{costs, counts, records, topology, triangles};
 import package::lib::counters::{DEGENERATE_COUNT, INACTIVE_COUNT};
 import package::lib::params::{element, params};
-import package::build::treelet_refit::{leave_and_climb, look_ahead_to_parent};
 
 @group(0) @binding(next) var<storage, read> earlier: array<u32>;
 @group(0) @binding(next) var<storage, read> later: array<u32>;
@@ -164,7 +165,7 @@ fn stand(local: u32, leaf: u32, triangle: u32) -> bool {
         return false;
     }
     keep_box(LEAVES + local, bitcast<vec3<u32>>(min(min(a, b), c)), bitcast<vec3<u32>>(max(max(a, b), c)));
-    return !seen_to_have_area(given.a, given.b, given.c, a, b, c);
+    return !surely_has_area(given.a, given.b, given.c, a, b, c);
 }
 
 // Merges a triangle's leaf with the next one's. Its traversal reference only includes triangles that a ray can hit.
@@ -173,7 +174,7 @@ fn share(local: u32, leaf: u32) -> f32 {
     if kept[first] == EMPTY_LOW {
         keep_leaf(local, select(LEAF | (leaf + 1u), LEAF | leaf, kept[first + 1u] == EMPTY_LOW));
     } else if kept[first + 1u] != EMPTY_LOW {
-        keep_leaf(local, LEAF | TWO | leaf);
+        keep_leaf(local, LEAF | TWO_TRIANGLES | leaf);
     }
     return join(first, first, first + 1u);
 }
@@ -189,7 +190,7 @@ fn make_treelet(local: u32, place: u32) {
     var word = 0u;
     if is_there {
         word = topology[params.leaf_triangles_at + leaf];
-        keep_index(leaf, word & ~SHARED);
+        store_triangle_index(leaf, word & ~SHARED);
         if stand(local, leaf, word & ~SHARED) && has_none(leaf) { keep_empty(local, leaf, DEGENERATE_COUNT); }
     }
     let t = treelet(number);

@@ -2,8 +2,8 @@
 
 import package::build::costs::{GROUP, half_area, partial_sums, sum_of_group};
 import package::build::treelet::{
-    ENTRY, LEAVES, PARENT_IN_ENTRY, ROOT_ROW_IN_ENTRY, SIBLINGS_IN_ENTRY, Treelet, high_of, inner_word, keep_box, keep_leaf, low_of, refit_treelet, row_of, treelet,
-    treelet_at, write_treelet,
+    ENTRY, LEAVES, PARENT_IN_ENTRY, ROOT_ROW_IN_ENTRY, SIBLINGS_IN_ENTRY, Treelet, high_of, inner_word, keep_box, keep_leaf,
+    low_of, refit_treelet, row_of, treelet, treelet_at, write_treelet,
 };
 import package::lib::buffers::{costs, counts, nodes, topology};
 import package::lib::params::params;

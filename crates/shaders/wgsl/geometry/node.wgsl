@@ -3,16 +3,16 @@
 // No leaf.
 const NO_LEAF: u32 = 0xffffffffu;
 // No node. Read as a leaf, it would come after all others.
-const NONE: u32 = 0xffffffffu;
+const NO_NODE: u32 = 0xffffffffu;
 // Flags: a leaf; a leaf of two triangles.
 const LEAF: u32 = 0x80000000u;
-const TWO: u32 = 0x40000000u;
+const TWO_TRIANGLES: u32 = 0x40000000u;
 
 // Returns the row of an inner node's left child. The right child is two rows further.
-fn children_of(at: u32) -> u32 { return 4u * at; }
+fn child_row(at: u32) -> u32 { return 4u * at; }
 
 // Returns a leaf's first triangle, in leaf order.
-fn first_of(at: u32) -> u32 { return at & 0x3fffffffu; }
+fn first_triangle_of(at: u32) -> u32 { return at & 0x3fffffffu; }
 
 // Returns a reference to the second triangle of a leaf of two, else NONE.
-fn others_of(at: u32) -> u32 { return select(NONE, LEAF | (first_of(at) + 1u), (at & TWO) != 0u); }
+fn second_triangle_of(at: u32) -> u32 { return select(NO_NODE, LEAF | (first_triangle_of(at) + 1u), (at & TWO_TRIANGLES) != 0u); }

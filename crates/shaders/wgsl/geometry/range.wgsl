@@ -1,6 +1,6 @@
 // Measures the coordinates of a key frame that the host has not measured. The results equal geom::Range bit for bit.
 
-import package::geometry::units::{scale_bits, starts_beyond};
+import package::geometry::units::{has_extreme_origin, scale_bits};
 import package::lib::buffers::{counts, range};
 import package::lib::counters::SPREAD_AT;
 import package::lib::params::{element, params};
@@ -15,36 +15,36 @@ const TINY: u32 = 1u;
 // The largest finite coordinate, the number of vertices near the origin but not at it, and the number of finished workgroups.
 // The last workgroup resets them to 0.
 const LARGEST: u32 = 2u;
-const NEAR: u32 = 3u;
-const DONE: u32 = 4u;
+const NEAR_ORIGIN: u32 = 3u;
+const FINISHED_GROUPS: u32 = 4u;
 // The sizes of sampled vertices.
 const SAMPLES: u32 = 8u;
 
 // Returns whether a ray from `origin`, in scaled units, is extreme.
 @if(!measure_range)
 fn is_measured_extreme(origin: vec3<f32>) -> bool {
-    return range[EXTREME] != 0u || starts_beyond(origin, range[TINY] != 0u);
+    return range[EXTREME] != 0u || has_extreme_origin(origin, range[TINY] != 0u);
 }
 
 // Returns whether the measured range makes more rays extreme than their origins alone do.
 @if(extreme_rays)
-fn is_measured_unusual() -> bool { return (range[EXTREME] | range[TINY]) != 0u; }
+fn makes_rays_extreme() -> bool { return (range[EXTREME] | range[TINY]) != 0u; }
 
 const INFINITE: u32 = 0x7f800000u;
 // 1.0
 const ONE: u32 = 0x3f800000u;
 // Number of samples per invocation of the last workgroup: 4096 in all.
-const SHARE: u32 = 32u;
+const SAMPLES_PER_INVOCATION: u32 = 32u;
 
 var<workgroup> group_largest: atomic<u32>;
 var<workgroup> group_near: atomic<u32>;
-var<workgroup> groups_done: u32;
+var<workgroup> finished_groups: u32;
 // Number of valid samples, and number of samples that are far smaller than the largest coordinate.
-var<workgroup> telling: atomic<u32>;
-var<workgroup> small: atomic<u32>;
+var<workgroup> valid_samples: atomic<u32>;
+var<workgroup> small_samples: atomic<u32>;
 
 // Returns a size in scaled units, times 2^exponent, in scene units.
-fn in_scene(size: u32, exponent: i32) -> u32 { return bitcast<u32>(scale_bits(size, params.scale_exponent + exponent)); }
+fn in_scene_units(size: u32, exponent: i32) -> u32 { return bitcast<u32>(scale_bits(size, params.scale_exponent + exponent)); }
 
 fn finite_or_zero(size: u32) -> u32 { return select(0u, size, size < INFINITE); }
 
@@ -57,7 +57,7 @@ fn measure(vertex: u32) {
     let size = max(x, max(y, z));
     atomicMax(&group_largest, max(finite_or_zero(x), max(finite_or_zero(y), finite_or_zero(z))));
     // 2^-32
-    if size > 0u && size < in_scene(ONE, -32) { atomicAdd(&group_near, 1u); }
+    if size > 0u && size < in_scene_units(ONE, -32) { atomicAdd(&group_near, 1u); }
     // A sample at the origin is not valid and is stored as infinite.
     if vertex % params.measure.sample_step == 0u { atomicStore(&range[SAMPLES + vertex / params.measure.sample_step], select(INFINITE, size, size > 0u)); }
 }
@@ -65,34 +65,34 @@ fn measure(vertex: u32) {
 // Returns whether the largest coordinate exceeds 2^10 times the lower quartile of the valid samples. It does if it exceeds 2^10
 // times the size of more than a quarter of the samples.
 fn is_spread(local: u32, largest: u32) -> bool {
-    var own: array<u32, SHARE>;
+    var samples: array<u32, SAMPLES_PER_INVOCATION>;
     let count = (params.count + params.measure.sample_step - 1u) / params.measure.sample_step;
-    for (var i = 0u; i < SHARE; i += 1u) {
-        let sample = i * 128u + local;
-        own[i] = INFINITE;
-        if sample < count { own[i] = atomicLoad(&range[SAMPLES + sample]); }
+    for (var i = 0u; i < SAMPLES_PER_INVOCATION; i += 1u) {
+        let index = i * 128u + local;
+        samples[i] = INFINITE;
+        if index < count { samples[i] = atomicLoad(&range[SAMPLES + index]); }
     }
     var counts = vec2<u32>(0u);
-    for (var i = 0u; i < SHARE; i += 1u) {
-        if own[i] < INFINITE { counts += vec2<u32>(1u, u32(largest > bitcast<u32>(scale_bits(own[i], 10)))); }
+    for (var i = 0u; i < SAMPLES_PER_INVOCATION; i += 1u) {
+        if samples[i] < INFINITE { counts += vec2<u32>(1u, u32(largest > bitcast<u32>(scale_bits(samples[i], 10)))); }
     }
-    atomicAdd(&telling, counts.x);
-    atomicAdd(&small, counts.y);
+    atomicAdd(&valid_samples, counts.x);
+    atomicAdd(&small_samples, counts.y);
     workgroupBarrier();
-    return atomicLoad(&small) > atomicLoad(&telling) / 4u;
+    return atomicLoad(&small_samples) > atomicLoad(&valid_samples) / 4u;
 }
 
 // Writes the results for all vertices.
-fn judge(local: u32) {
+fn write_range(local: u32) {
     let largest = atomicLoad(&range[LARGEST]);
     let spread = is_spread(local, largest);
     if local != 0u { return; }
     atomicStore(&counts[SPREAD_AT], select(1u, 2u, spread));
-    atomicStore(&range[EXTREME], u32(largest > in_scene(ONE, 40)));
-    atomicStore(&range[TINY], u32(atomicLoad(&range[NEAR]) >= 2u));
+    atomicStore(&range[EXTREME], u32(largest > in_scene_units(ONE, 40)));
+    atomicStore(&range[TINY], u32(atomicLoad(&range[NEAR_ORIGIN]) >= 2u));
     atomicStore(&range[LARGEST], 0u);
-    atomicStore(&range[NEAR], 0u);
-    atomicStore(&range[DONE], 0u);
+    atomicStore(&range[NEAR_ORIGIN], 0u);
+    atomicStore(&range[FINISHED_GROUPS], 0u);
 }
 
 // One vertex per invocation. The workgroup that finishes last writes the results.
@@ -107,8 +107,8 @@ fn measure_range(
     if local == 0u {
         atomicStore(&group_largest, 0u);
         atomicStore(&group_near, 0u);
-        atomicStore(&telling, 0u);
-        atomicStore(&small, 0u);
+        atomicStore(&valid_samples, 0u);
+        atomicStore(&small_samples, 0u);
     }
     workgroupBarrier();
     let vertex = element(id, groups, 128u);
@@ -116,11 +116,11 @@ fn measure_range(
     workgroupBarrier();
     if local == 0u {
         atomicMax(&range[LARGEST], atomicLoad(&group_largest));
-        atomicAdd(&range[NEAR], atomicLoad(&group_near));
+        atomicAdd(&range[NEAR_ORIGIN], atomicLoad(&group_near));
     }
     storageBarrier();
-    if local == 0u { groups_done = 1u + atomicAdd(&range[DONE], 1u); }
-    if workgroupUniformLoad(&groups_done) < groups.x * groups.y { return; }
+    if local == 0u { finished_groups = 1u + atomicAdd(&range[FINISHED_GROUPS], 1u); }
+    if workgroupUniformLoad(&finished_groups) < groups.x * groups.y { return; }
     storageBarrier();
-    judge(local);
+    write_range(local);
 }

@@ -42,7 +42,7 @@ fn row(triangle: u32, a: f32, b: f32, c: f32) -> vec4<u32> {
 
 // The record already holds the triangle's index.
 @if(!WOOP)
-fn keep_index(leaf: u32, triangle: u32) {}
+fn store_triangle_index(leaf: u32, triangle: u32) {}
 
 @if(!WOOP)
 fn record_of(triangle: u32, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> Record {
@@ -53,7 +53,7 @@ fn record_of(triangle: u32, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> Record 
 // The third row is the unit normal. The normal over its squared length would lose small triangles.
 
 @if(WOOP)
-fn keep_index(leaf: u32, triangle: u32) {
+fn store_triangle_index(leaf: u32, triangle: u32) {
     records[3u * ((params.node_count + 1u) / 2u) + leaf / 4u][leaf & 3u] = triangle;
 }
 
@@ -67,13 +67,13 @@ fn record_of(triangle: u32, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> Record 
     let e1 = b - a;
     let e2 = c - a;
     let normal = cross(e1, e2);
-    let size = abs(normal);
-    let largest = max(size.x, max(size.y, size.z));
+    let magnitudes = abs(normal);
+    let largest = max(magnitudes.x, max(magnitudes.y, magnitudes.z));
     // The normal underflowed although it is not zero, or is not finite. A ray never hits a record of zeros.
     if !(largest > 0.0 && largest < 1e38) { return Record(vec4<u32>(0u), vec4<u32>(0u), vec4<u32>(0u)); }
-    let shape = normal / largest;
-    let length = sqrt(dot(shape, shape));
-    let unit = shape / length;
+    let scaled_normal = normal / largest;
+    let length = sqrt(dot(scaled_normal, scaled_normal));
+    let unit = scaled_normal / length;
     let area = length * largest;
     return Record(row(cross(e2, unit) / area, a), row(cross(unit, e1) / area, a), row(unit, a));
 }

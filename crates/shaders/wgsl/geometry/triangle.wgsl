@@ -9,7 +9,7 @@ fn point_of(vertex: u32) -> vec3<u32> {
 }
 
 // Returns one corner of a triangle in scene units, as bits.
-fn corner(triangle: u32, which: u32) -> vec3<u32> { return point_of(triangles[3u * triangle + which]); }
+fn corner(triangle: u32, vertex: u32) -> vec3<u32> { return point_of(triangles[3u * triangle + vertex]); }
 
 // Returns a triangle's corners in scene units, as bits.
 fn points_of(triangle: u32) -> array<vec3<u32>, 3> {
@@ -27,23 +27,23 @@ fn is_finite(v: vec3<u32>) -> bool {
 }
 
 // Returns whether scaling turned a non-zero coordinate into zero.
-fn lost_a_coordinate(before: vec3<u32>, after: vec3<f32>) -> bool {
+fn flushes_coordinate(before: vec3<u32>, after: vec3<f32>) -> bool {
     let was_zero = (before & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u);
     return any((after == vec3<f32>(0.0)) != was_zero);
 }
 
 // Returns whether a rounded test already shows that three finite corners span an area, as it does for most triangles. The corners
 // are passed in scene units and in scaled units.
-fn seen_to_have_area(
+fn surely_has_area(
     given_a: vec3<u32>, given_b: vec3<u32>, given_c: vec3<u32>, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>,
 ) -> bool {
-    let lost = lost_a_coordinate(given_a, a) || lost_a_coordinate(given_b, b) || lost_a_coordinate(given_c, c);
-    return !lost && has_area(a, b, c);
+    let is_flushed = flushes_coordinate(given_a, a) || flushes_coordinate(given_b, b) || flushes_coordinate(given_c, c);
+    return !is_flushed && has_area_when_rounded(a, b, c);
 }
 
 // Returns whether the corners span no area.
 fn is_flat(given_a: vec3<u32>, given_b: vec3<u32>, given_c: vec3<u32>, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> bool {
-    if seen_to_have_area(given_a, given_b, given_c, a, b, c) { return false; }
+    if surely_has_area(given_a, given_b, given_c, a, b, c) { return false; }
     return is_degenerate(given_a, given_b, given_c);
 }
 
@@ -82,36 +82,36 @@ fn residues(v: vec3<u32>, prime: u32) -> vec3<u32> {
 }
 
 // Returns whether the cross product of two edges is zero modulo a prime.
-fn vanishes(a: vec3<u32>, b: vec3<u32>, c: vec3<u32>, prime: u32) -> bool {
+fn cross_product_vanishes(a: vec3<u32>, b: vec3<u32>, c: vec3<u32>, prime: u32) -> bool {
     let p = vec3<u32>(prime);
-    let start = residues(a, prime);
-    let e = (residues(b, prime) + (p - start)) % p;
-    let f = (residues(c, prime) + (p - start)) % p;
+    let residue_a = residues(a, prime);
+    let e = (residues(b, prime) + (p - residue_a)) % p;
+    let f = (residues(c, prime) + (p - residue_a)) % p;
     return all((e.yzx * f.zxy) % p == (e.zxy * f.yzx) % p);
 }
 
 // Returns whether a component of the cross product exceeds underflow and its rounding error: two differences, one product and one
 // difference, for which 8 units of 2^-23 suffice.
-fn stands_clear(ei: f32, ej: f32, fi: f32, fj: f32) -> bool {
+fn exceeds_rounding_error(ei: f32, ej: f32, fi: f32, fj: f32) -> bool {
     let p = mul(ei, fj);
     let q = mul(ej, fi);
-    let size = add(abs(p), abs(q));
-    return size > 1e-30 && abs(sub(p, q)) > 9.5367431640625e-7 * size;
+    let magnitude = add(abs(p), abs(q));
+    return magnitude > 1e-30 && abs(sub(p, q)) > 9.5367431640625e-7 * magnitude;
 }
 
 // Returns whether rounded arithmetic shows an area. Coordinates are zero or at least 2^-64.
-fn has_area(a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> bool {
+fn has_area_when_rounded(a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> bool {
     let e = vec3<f32>(sub(b.x, a.x), sub(b.y, a.y), sub(b.z, a.z));
     let f = vec3<f32>(sub(c.x, a.x), sub(c.y, a.y), sub(c.z, a.z));
-    return stands_clear(e.x, e.y, f.x, f.y) || stands_clear(e.y, e.z, f.y, f.z)
-        || stands_clear(e.z, e.x, f.z, f.x);
+    return exceeds_rounding_error(e.x, e.y, f.x, f.y) || exceeds_rounding_error(e.y, e.z, f.y, f.z)
+        || exceeds_rounding_error(e.z, e.x, f.z, f.x);
 }
 
 // Returns whether an active triangle has exactly zero area. Coordinates are passed as bits.
 fn is_degenerate(a: vec3<u32>, b: vec3<u32>, c: vec3<u32>) -> bool {
     var prime = LARGEST_PRIME;
     for (var i = 0u; i < PRIMES; i += 1u) {
-        if !vanishes(a, b, c, prime) { return false; }
+        if !cross_product_vanishes(a, b, c, prime) { return false; }
         prime -= 2u * ((half_gaps(i >> 3u) >> (4u * (i & 7u))) & 15u);
     }
     return true;

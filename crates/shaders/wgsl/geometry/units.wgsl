@@ -1,7 +1,7 @@
 // Conversion from scene units to scaled units, and the sizes below which numbers count as zero: see "Scale" and "Small numbers" in
 // docs/design/hits.md. Powers of two are applied to bits, because a device may flush subnormal operands.
 
-import package::lib::ieee::{parts, round_quotient};
+import package::lib::ieee::{decode_float, round_quotient};
 import package::lib::params::params;
 
 // Returns t in the ray's own units, as bits. A zero is positive.
@@ -19,7 +19,7 @@ fn scale_bits(bits: u32, m: i32) -> f32 {
         return bitcast<f32>(bitcast<u32>(bitcast<i32>(bits) + (m << 23u)));
     }
     if magnitude == 0u || magnitude >= 0x7f800000u { return bitcast<f32>(bits); }
-    let p = parts(magnitude);
+    let p = decode_float(magnitude);
     return bitcast<f32>((bits & 0x80000000u) | round_quotient(p.mantissa << 1u, false, p.exponent + m));
 }
 
@@ -50,11 +50,11 @@ fn flushed(x: f32) -> f32 { return select(x, 0.0, abs(x) < 7.888609052210118e-31
 
 // Decides by the ray's start, in scaled units, at moments whose range the host knows.
 fn is_extreme(origin: vec3<f32>) -> bool {
-    return params.extreme == 1u || starts_beyond(origin, params.tiny != 0u);
+    return params.extreme == 1u || has_extreme_origin(origin, params.tiny != 0u);
 }
 
 // The bounds are 2^40 and 2^-24. A NaN is extreme.
-fn starts_beyond(origin: vec3<f32>, tiny: bool) -> bool {
+fn has_extreme_origin(origin: vec3<f32>, tiny: bool) -> bool {
     let size = abs(origin);
     let farthest = max(size.x, max(size.y, size.z));
     return !is_finite_point(origin) || farthest >= 1099511627776.0 || (tiny && farthest < 5.9604644775390625e-8);
@@ -66,7 +66,7 @@ fn ordered(bits: u32) -> i32 {
     return select(size, -size, (bits >> 31u) == 1u);
 }
 
-fn from_ordered(x: i32) -> u32 { return select(bitcast<u32>(x), bitcast<u32>(-x) | 0x80000000u, x < 0); }
+fn bits_from_ordered(x: i32) -> u32 { return select(bitcast<u32>(x), bitcast<u32>(-x) | 0x80000000u, x < 0); }
 
 // Returns 2^e, clamped to the range of normal floats.
 fn power_of_two(e: i32) -> f32 { return bitcast<f32>(u32(clamp(e, -126, 127) + 127) << 23u); }

@@ -1,28 +1,28 @@
 // Ray-triangle intersection by four determinants of 192 bits in registers.
 
 import package::geometry::triangle::points_of;
-import package::intersect::line::{Crossing, is_within, line, units_of};
 import package::intersect::candidates::{NO_NOTE, note_at};
+import package::intersect::line::{Crossing, is_within, line, units_of};
 import package::lib::buffers::{counts, occluded, records};
 import package::lib::fixed::{
-    About, Vector64, Whole192, about_192, add_192, in_units, negated_192, quotient_about, rounded_192, sign_192, sub_64,
-    triple_192,
+    Approximation, Int192, Int64x3, add_192, approximate_192, approximate_quotient, in_units, negate_192,
+    round_quotient_192, sign_192, sub_64, triple_product_192,
 };
-import package::lib::integers::{CROSSINGS, words};
+import package::lib::integers::{INTERSECTIONS_OFFSET, words};
 
 // Whether the triangle is hit, whether it needs longer integers, and t: approximate, and rounded once, as bits.
-struct Decided { met: u32, hard: u32, leaf: u32, exponent: i32, about: About, t: u32 }
+struct Decided { met: u32, hard: u32, leaf: u32, exponent: i32, about: Approximation, t: u32 }
 
-struct Fixed { fits: bool, unit: i32, a: Vector64, b: Vector64, c: Vector64 }
+struct Fixed { fits: bool, unit: i32, a: Int64x3, b: Int64x3, c: Int64x3 }
 
 // Returns a coordinate relative to the ray's start.
 fn fixed_from(x: u32, origin: u32, unit: i32) -> vec2<u32> {
     return sub_64(in_units(x, unit), in_units(origin, unit - line.shift));
 }
 
-fn fixed_point(p: vec3<u32>, unit: i32) -> Vector64 {
+fn fixed_point(p: vec3<u32>, unit: i32) -> Int64x3 {
     let o = line.origin;
-    return Vector64(fixed_from(p.x, o.x, unit), fixed_from(p.y, o.y, unit), fixed_from(p.z, o.z, unit));
+    return Int64x3(fixed_from(p.x, o.x, unit), fixed_from(p.y, o.y, unit), fixed_from(p.z, o.z, unit));
 }
 
 // Returns the corners relative to the ray's start. Requires that they and the direction have at most 60 bits and that t_min is
@@ -33,24 +33,24 @@ fn fixed(points: array<vec3<u32>, 3>) -> Fixed {
     return Fixed(true, units.x, fixed_point(points[0], units.x), fixed_point(points[1], units.x), fixed_point(points[2], units.x));
 }
 
-fn fixed_direction() -> Vector64 {
+fn fixed_direction() -> Int64x3 {
     let d = line.direction;
-    return Vector64(in_units(d.x, line.unit), in_units(d.y, line.unit), in_units(d.z, line.unit));
+    return Int64x3(in_units(d.x, line.unit), in_units(d.y, line.unit), in_units(d.z, line.unit));
 }
 
 // Returns d . (c x b), d . (a x c), d . (b x a) or a . (c x b).
-fn determinant(f: Fixed, side: u32) -> Whole192 {
+fn determinant(f: Fixed, side: u32) -> Int192 {
     var x = fixed_direction();
     var p = f.c;
     var q = f.b;
     if side == 1u { p = f.a; q = f.c; }
     if side == 2u { p = f.b; q = f.a; }
     if side == 3u { x = f.a; }
-    return triple_192(x, p, q);
+    return triple_product_192(x, p, q);
 }
 
-struct Four { u: Whole192, v: Whole192, w: Whole192, n: Whole192 }
-struct Concluded { made: Decided, d: Whole192, n: Whole192 }
+struct Four { u: Int192, v: Int192, w: Int192, n: Int192 }
+struct Concluded { made: Decided, d: Int192, n: Int192 }
 
 // Derives the denominator D, the numerator N and the decision from the four determinants.
 fn conclude(given: Decided, f: Four) -> Concluded {
@@ -60,27 +60,27 @@ fn conclude(given: Decided, f: Four) -> Concluded {
     if negative && any(signs > vec3<i32>(0)) { return c; }
     c.d = add_192(add_192(f.u, f.v), f.w);
     if negative {
-        c.d = negated_192(c.d);
-        c.n = negated_192(c.n);
+        c.d = negate_192(c.d);
+        c.n = negate_192(c.n);
     }
     // The ray is in the triangle's plane, or the triangle is behind its start.
     if all(signs == vec3<i32>(0)) || sign_192(c.n) <= 0 { return c; }
-    c.made.about = quotient_about(about_192(c.n), about_192(c.d), c.made.exponent);
-    c.made.t = rounded_192(c.n, c.d, c.made.exponent);
+    c.made.about = approximate_quotient(approximate_192(c.n), approximate_192(c.d), c.made.exponent);
+    c.made.t = round_quotient_192(c.n, c.d, c.made.exponent);
     c.made.met = select(0u, 1u, is_within(c.made.t));
     return c;
 }
 
 // Returns where a crossing's numbers are stored, in one of two slots.
 fn crossing_in(slot: u32, exponent: i32) -> Crossing {
-    return Crossing(true, CROSSINGS + 56u * slot, CROSSINGS + 56u * slot + 28u, LIMBS, exponent);
+    return Crossing(true, INTERSECTIONS_OFFSET + 56u * slot, INTERSECTIONS_OFFSET + 56u * slot + 28u, LIMBS, exponent);
 }
 
 // Number of limbs of 192 bits.
 const LIMBS: u32 = 6u;
 
 // Stores a non-negative number in the format of lib/integers.wgsl.
-fn put_192(at: u32, n: Whole192) {
+fn put_192(at: u32, n: Int192) {
     words[at] = 0u;
     words[at + 1u] = n.low.x;
     words[at + 2u] = n.low.y;
@@ -97,7 +97,7 @@ const RAYS: u32 = 4u;
 
 // Holds one determinant per invocation at first, then D, V, W and N of each note. The ray hits the triangle at t = N / D *
 // 2^exponent. V and W may have either sign.
-var<workgroup> determinants: array<Whole192, 64>;
+var<workgroup> determinants: array<Int192, 64>;
 var<workgroup> decided: array<Decided, 16>;
 // Number of open rays of this submission, and whether a ray of this round has more notes.
 var<workgroup> open_rays: u32;

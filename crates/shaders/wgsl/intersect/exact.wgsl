@@ -1,12 +1,12 @@
 // The intersector `exact`: the part that rounded arithmetic decides.
 
 import package::geometry::node::NO_LEAF;
-import package::geometry::ray::{MISS, Prepared};
+import package::geometry::queries::direction_of_ray;
+import package::geometry::ray::{MISS, PreparedRay};
 import package::geometry::record::corners_of;
-import package::geometry::queries::way_through;
+import package::intersect::candidates::{NO_NOTE, OPEN, with_note};
 import package::intersect::filter::{judge, set_view};
 import package::intersect::reported::surely_reported;
-import package::intersect::candidates::{NO_NOTE, OPEN, with_note};
 import package::lib::buffers::{counts, occluded, rays};
 import package::lib::counters::{HIT_COUNT, OPEN_OF, OPEN_RAYS};
 import package::lib::params::params;
@@ -21,7 +21,7 @@ const NEVER: f32 = 3.4028234663852886e38;
 // `other` is where the first interval of all other candidates begins.
 struct ExactFound { bound: f32, low: f32, other: f32, leaf: u32, notes: u32 }
 
-fn exact_nothing_found(ray: Prepared) -> ExactFound {
+fn exact_nothing_found(ray: PreparedRay) -> ExactFound {
     set_view(ray);
     return ExactFound(ray.t_max, NEVER, NEVER, NO_LEAF, NO_NOTE);
 }
@@ -30,12 +30,12 @@ fn exact_nothing_found(ray: Prepared) -> ExactFound {
 @if(trace_rays)
 fn exact_direction_of(i: u32) -> vec3<u32> { return rays[2u * i + 1u].xyz; }
 @else
-fn exact_direction_of(i: u32) -> vec3<u32> { return bitcast<vec3<u32>>(way_through(i)); }
+fn exact_direction_of(i: u32) -> vec3<u32> { return bitcast<vec3<u32>>(direction_of_ray(i)); }
 
 // Nodes with an entry beyond this are skipped.
 fn exact_limit(found: ExactFound) -> f32 { return found.bound; }
 
-fn exact_intersect_leaf_closest(ray: Prepared, leaf: u32, found: ExactFound) -> ExactFound {
+fn exact_intersect_leaf_closest(ray: PreparedRay, leaf: u32, found: ExactFound) -> ExactFound {
     let j = judge(ray, corners_of(leaf));
     if !j.possible || !(j.low <= found.bound) { return found; }
     if !(j.sure && j.high < found.bound) {
@@ -49,7 +49,7 @@ fn exact_intersect_leaf_closest(ray: Prepared, leaf: u32, found: ExactFound) -> 
 // Rasterization: the hit of one triangle.
 
 // Returns the least distance at which a ray may hit a leaf's triangle, or infinity.
-fn exact_begin_of(ray: Prepared, leaf: u32) -> f32 {
+fn exact_begin_of(ray: PreparedRay, leaf: u32) -> f32 {
     set_view(ray);
     let j = judge(ray, corners_of(leaf));
     if !j.possible { return bitcast<f32>(0x7f800000u | params.zero); }
@@ -58,7 +58,7 @@ fn exact_begin_of(ray: Prepared, leaf: u32) -> f32 {
 }
 
 // Returns the hit of a leaf's triangle if it is sure.
-fn exact_hit_on(ray: Prepared, leaf: u32) -> ExactFound {
+fn exact_hit_on(ray: PreparedRay, leaf: u32) -> ExactFound {
     let nothing = exact_nothing_found(ray);
     let j = judge(ray, corners_of(leaf));
     if j.sure && j.high < nothing.bound { return ExactFound(j.high, j.low, NEVER, leaf, NO_NOTE); }
@@ -68,7 +68,7 @@ fn exact_hit_on(ray: Prepared, leaf: u32) -> ExactFound {
 fn exact_is_found(found: ExactFound) -> bool { return found.leaf != NO_LEAF; }
 
 // Returns the hit to write for a ray, or the data for the kernel that resolves it.
-fn exact_hit_of(i: u32, ray: Prepared, found: ExactFound) -> vec4<u32> {
+fn exact_hit_of(i: u32, ray: PreparedRay, found: ExactFound) -> vec4<u32> {
     if found.other < NEVER && found.other <= found.bound {
         var notes = found.notes;
         if found.leaf != NO_LEAF { notes = with_note(notes, found.leaf); }
@@ -95,7 +95,7 @@ fn exact_is_unresolved(hit: vec4<u32>) -> bool { return hit.z == OPEN; }
 
 var<private> notes: u32 = NO_NOTE;
 
-fn exact_intersect_leaf_any(ray: Prepared, leaf: u32, ignore: u32) -> bool {
+fn exact_intersect_leaf_any(ray: PreparedRay, leaf: u32, ignore: u32) -> bool {
     let corners = corners_of(leaf);
     if corners.triangle == ignore { return false; }
     let j = judge(ray, corners);
@@ -103,7 +103,7 @@ fn exact_intersect_leaf_any(ray: Prepared, leaf: u32, ignore: u32) -> bool {
     return j.sure;
 }
 
-fn exact_ask_any(ray: Prepared, ignore: u32) -> bool {
+fn exact_ask_any(ray: PreparedRay, ignore: u32) -> bool {
     notes = NO_NOTE;
     set_view(ray);
     return find_any(ray, ignore);

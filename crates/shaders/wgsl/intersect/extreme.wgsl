@@ -1,17 +1,17 @@
 // Hits of extreme rays: see "Extreme rays" in docs/design/hits.md.
 
-import package::geometry::node::{LEAF, NONE, children_of, first_of, others_of};
-import package::geometry::ray::{MISS, are_negative, pushed_from_zero};
+import package::geometry::node::{LEAF, NO_NODE, child_row, first_triangle_of, second_triangle_of};
+import package::geometry::ray::{MISS, are_negative, each_away_from_zero};
 import package::geometry::record::NO_TRIANGLE;
 import package::geometry::triangle::points_of;
-import package::geometry::units::{from_ordered, ordered, power_of_two, scale_bits};
+import package::geometry::units::{bits_from_ordered, ordered, power_of_two, scale_bits};
 import package::intersect::line::{Crossing, cross_exactly, is_within, line, make_line, order_crossings};
 import package::intersect::rounded::{rounded, weights_of};
 import package::lib::buffers::{counts, nodes, records};
 import package::lib::counters::{HIT_COUNT, OPEN_RAYS};
-import package::lib::ieee::parts;
+import package::lib::ieee::decode_float;
+import package::lib::integers::INTERSECTIONS_OFFSET;
 import package::lib::params::params;
-import package::lib::integers::CROSSINGS;
 
 // A conservative filter for boxes and triangles of any size, in floats scaled so that the largest is close to 1.
 
@@ -44,10 +44,10 @@ fn make_coarse() {
     coarse_exponent = greatest_field(NO_FIELD, line.direction, 0) - 127;
     if coarse_exponent == 1 - 127 {
         let most = max(line.direction.x & 0x7fffffffu, max(line.direction.y & 0x7fffffffu, line.direction.z & 0x7fffffffu));
-        coarse_exponent = parts(most).exponent - 127;
+        coarse_exponent = decode_float(most).exponent - 127;
     }
     coarse_direction = scaled_by(line.direction, -coarse_exponent);
-    coarse_inverse = 1.0 / pushed_from_zero(coarse_direction);
+    coarse_inverse = 1.0 / each_away_from_zero(coarse_direction);
 }
 
 // Returns whether the line may hit a box, in scaled units, before `bound` (as bits) and not entirely before t_min. A plane at
@@ -117,7 +117,7 @@ var<private> best_t: u32;
 var<private> best_triangle: u32;
 
 // Returns the slot that the first hit so far does not use.
-fn spare_slot() -> u32 { return select(0u, 1u, best_triangle != NO_TRIANGLE && best.numerator == CROSSINGS); }
+fn spare_slot() -> u32 { return select(0u, 1u, best_triangle != NO_TRIANGLE && best.numerator == INTERSECTIONS_OFFSET); }
 
 // Returns whether the rule is that of `watertight`: the ray's start moves by an infinitely small amount, and rounded t orders
 // hits.
@@ -153,27 +153,27 @@ fn search_extreme(ignore: u32, any: bool) {
     var depth = 0u;
     var at = nodes[0].w;
     loop {
-        if at == NONE {
+        if at == NO_NODE {
             if depth == 0u { break; }
             depth -= 1u;
             at = stack[depth];
         }
         if (at & LEAF) != 0u {
-            let triangle = records[3u * first_of(at)].w;
-            at = others_of(at);
+            let triangle = records[3u * first_triangle_of(at)].w;
+            at = second_triangle_of(at);
             if triangle == ignore || triangle == NO_TRIANGLE { continue; }
             if offer_extreme(triangle) && any { break; }
         } else {
-            let row = children_of(at);
+            let row = child_row(at);
             var bound = line.t_max;
-            if best_triangle != NO_TRIANGLE { bound = from_ordered(min(ordered(bound), ordered(best_t) + 1)); }
+            if best_triangle != NO_TRIANGLE { bound = bits_from_ordered(min(ordered(bound), ordered(best_t) + 1)); }
             let left = may_pass(nodes[row].xyz, nodes[row + 1u].xyz, bound);
             let right = may_pass(nodes[row + 2u].xyz, nodes[row + 3u].xyz, bound);
             if left && right {
                 stack[depth] = nodes[row + 2u].w;
                 depth += 1u;
             }
-            at = select(select(NONE, nodes[row + 2u].w, right), nodes[row].w, left);
+            at = select(select(NO_NODE, nodes[row + 2u].w, right), nodes[row].w, left);
         }
     }
 }

@@ -1,8 +1,8 @@
 // Kernels for extreme rays.
 
-import package::geometry::queries::{asked, is_void_ray, set_line_of};
+import package::geometry::queries::{is_invalid_ray, query_ray, set_line_of_query};
+import package::geometry::range::{is_measured_extreme, makes_rays_extreme};
 import package::geometry::ray::MISS;
-import package::geometry::range::{is_measured_extreme, is_measured_unusual};
 import package::geometry::record::NO_TRIANGLE;
 import package::geometry::triangle::points_of;
 import package::geometry::units::{is_extreme, scale_bits};
@@ -11,8 +11,10 @@ import package::intersect::line::{make_line, put_corners, put_side, set_line};
 import package::lib::buffers::{counts, hits, occluded};
 import package::lib::counters::{BLOCKED_COUNT, HIT_COUNT, LEFT_AT};
 import package::lib::exact::{soft_add, soft_multiply};
+import package::lib::integers::{
+    INTERSECTIONS_OFFSET, ONE_OFFSET, PRODUCTS_OFFSET, accumulate_product, clear, sign_of_number, to_sign_magnitude,
+};
 import package::lib::params::{element, params};
-import package::lib::integers::{CROSSINGS, ONE, PRODUCTS, accumulate, clear, finish, sign_of_number};
 
 // Shadow rays of extreme rays. The host's counterpart is `shadow_ray` in cpu-ref/src/extreme.rs. All numbers are bits, added and
 // multiplied by IEEE rules, except that the largest finite number replaces infinity.
@@ -59,8 +61,8 @@ fn side_of(points: array<vec3<u32>, 3>, point: vec3<u32>) -> i32 {
     set_line(point, vec3<u32>(0x3f800000u, 0u, 0u), 0u, 0x7f800000u, 0);
     make_line();
     let placed = put_corners(points);
-    put_side(PRODUCTS, 3u, placed.len);
-    return sign_of_number(PRODUCTS, placed.len.triple);
+    put_side(PRODUCTS_OFFSET, 3u, placed.len);
+    return sign_of_number(PRODUCTS_OFFSET, placed.len.triple);
 }
 
 // Returns the sign of a component of a triangle's normal.
@@ -70,13 +72,13 @@ fn normal_sign(points: array<vec3<u32>, 3>, axis: u32) -> i32 {
     set_line(points[0], direction, 0u, 0x7f800000u, 0);
     make_line();
     let placed = put_corners(points);
-    clear(CROSSINGS, placed.len.triple);
+    clear(INTERSECTIONS_OFFSET, placed.len.triple);
     for (var side = 0u; side < 3u; side += 1u) {
-        put_side(PRODUCTS, side, placed.len);
-        accumulate(CROSSINGS, placed.len.triple, PRODUCTS, placed.len.triple, ONE, 1u, 1u);
+        put_side(PRODUCTS_OFFSET, side, placed.len);
+        accumulate_product(INTERSECTIONS_OFFSET, placed.len.triple, PRODUCTS_OFFSET, placed.len.triple, ONE_OFFSET, 1u, 1u);
     }
-    finish(CROSSINGS, placed.len.triple);
-    return sign_of_number(CROSSINGS, placed.len.triple);
+    to_sign_magnitude(INTERSECTIONS_OFFSET, placed.len.triple);
+    return sign_of_number(INTERSECTIONS_OFFSET, placed.len.triple);
 }
 
 // Returns whether the hit of a ray is in shadow. The light is in scene units.
@@ -112,17 +114,17 @@ fn may_be_left() -> bool {
 }
 
 // Returns whether a ray is left to these kernels. All rays of a camera are.
-fn is_known_to_be_left(i: u32) -> bool { return params.width > 0u || is_extreme(asked(i).origin); }
+fn is_known_to_be_left(i: u32) -> bool { return params.width > 0u || is_extreme(query_ray(i).origin); }
 
 // Returns whether the measured range makes rays extreme. The search ran without that range.
 @if(extreme_rays)
-fn is_range_unusual() -> bool { return params.extreme == 2u && is_measured_unusual(); }
+fn is_range_unusual() -> bool { return params.extreme == 2u && makes_rays_extreme(); }
 @else
 fn is_range_unusual() -> bool { return false; }
 
 @if(extreme_rays)
 fn is_left(i: u32) -> bool {
-    if params.extreme == 2u { return is_measured_extreme(asked(i).origin); }
+    if params.extreme == 2u { return is_measured_extreme(query_ray(i).origin); }
     return is_known_to_be_left(i);
 }
 // For shadow rays, the host knows the range.
@@ -151,9 +153,9 @@ fn answer(i: u32, hit: vec4<u32>) {
 fn answer_ray(i: u32) {
     discount_hit(i);
     var hit = MISS;
-    let ray = asked(i);
-    if !is_void_ray(ray.first, ray.second) {
-        set_line_of(i);
+    let ray = query_ray(i);
+    if !is_invalid_ray(ray.first, ray.second) {
+        set_line_of_query(i);
         hit = hit_extreme(params.extremes.answer_words == 1u);
     }
     answer(i, hit);
@@ -173,7 +175,7 @@ fn extreme_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workg
 fn answer_shadow(i: u32) {
     occluded[i] = 0u;
     if hits[i].w == NO_TRIANGLE { return; }
-    let ray = asked(i);
+    let ray = query_ray(i);
     if is_in_extreme_shadow(ray.first.xyz, ray.second.xyz, hits[i]) {
         occluded[i] = 1u;
         atomicAdd(&counts[BLOCKED_COUNT], 1u);

@@ -1,17 +1,17 @@
 // Resolves rays that candidate notes do not decide: each traverses the tree again.
 
-import package::geometry::node::{LEAF, NONE, NO_LEAF, children_of, first_of, others_of};
-import package::geometry::light::{ray_to_light, set_line_along, to_light};
-import package::geometry::queries::{asked, ray_of, set_line_of};
-import package::geometry::ray::{MISS, Prepared, meets_box};
+import package::geometry::node::{LEAF, NO_LEAF, NO_NODE, child_row, first_triangle_of, second_triangle_of};
+import package::geometry::queries::{prepared_query_ray, query_ray, set_line_of_query};
+import package::geometry::ray::{MISS, PreparedRay, intersects_box};
 import package::geometry::record::corners_of;
+import package::geometry::shadow_ray::{set_line_of_segment, shadow_ray, shadow_segment_of_hit};
 import package::geometry::triangle::points_of;
+import package::intersect::candidates::{FIRST_NOTE, OPEN, answer_any};
 import package::intersect::determinants::decide_alone;
 import package::intersect::filter::{judge, set_view};
 import package::intersect::line::make_line;
-import package::intersect::rounded::{meet_exactly, rounded, weights_of};
-import package::intersect::candidates::{FIRST_NOTE, OPEN, answer_any};
 import package::intersect::resolve_exact::{first, first_leaf, first_triangle, free_slot, offer, put_crossing};
+import package::intersect::rounded::{meet_exactly, rounded, weights_of};
 import package::lib::buffers::{counts, hits, nodes, occluded, records};
 import package::lib::counters::{HARD, HIT_COUNT, OPEN_RAYS, OPEN_SHADOWS};
 import package::lib::params::params;
@@ -34,8 +34,8 @@ fn fallback_open(local: u32, group: u32, word: u32) {
     }
 }
 
-fn may_meet(ray: Prepared, row: u32, bound: f32) -> bool {
-    return meets_box(ray, nodes[row], nodes[row + 1u], bound);
+fn may_meet(ray: PreparedRay, row: u32, bound: f32) -> bool {
+    return intersects_box(ray, nodes[row], nodes[row + 1u], bound);
 }
 
 // Returns where the list of open rays begins.
@@ -50,12 +50,12 @@ fn is_open(i: u32) -> bool { return hits[i].z == OPEN; }
 fn is_open(i: u32) -> bool { return occluded[i] >= FIRST_NOTE; }
 
 @if(fallback_rays)
-fn is_candidate(ray: Prepared, leaf: u32, bound: f32) -> bool {
+fn is_candidate(ray: PreparedRay, leaf: u32, bound: f32) -> bool {
     let j = judge(ray, corners_of(leaf));
     return j.possible && j.low <= bound;
 }
 @else
-fn is_candidate(ray: Prepared, leaf: u32, bound: f32) -> bool {
+fn is_candidate(ray: PreparedRay, leaf: u32, bound: f32) -> bool {
     let corners = corners_of(leaf);
     if corners.triangle == left_out { return false; }
     return judge(ray, corners).possible;
@@ -77,29 +77,29 @@ fn see(leaf: u32) -> bool {
 }
 
 // Traverses the tree and calls `see` for every candidate until it returns true.
-fn walk(place: u32, ray: Prepared, bound: f32) {
+fn walk(place: u32, ray: PreparedRay, bound: f32) {
     let stack = stack_at(place);
     var at = nodes[0].w;
     var depth = 0u;
     loop {
-        if at == NONE {
+        if at == NO_NODE {
             if depth == 0u { break; }
             depth -= 1u;
             at = occluded[stack + depth];
         }
         if (at & LEAF) != 0u {
-            let leaf = first_of(at);
+            let leaf = first_triangle_of(at);
             if is_candidate(ray, leaf, bound) && see(leaf) { break; }
-            at = others_of(at);
+            at = second_triangle_of(at);
         } else {
-            let row = children_of(at);
+            let row = child_row(at);
             let left = may_meet(ray, row, bound);
             let right = may_meet(ray, row + 2u, bound);
             if left && right {
                 occluded[stack + depth] = nodes[row + 2u].w;
                 depth += 1u;
             }
-            at = select(select(NONE, nodes[row + 2u].w, right), nodes[row].w, left);
+            at = select(select(NO_NODE, nodes[row + 2u].w, right), nodes[row].w, left);
         }
     }
 }
@@ -121,7 +121,7 @@ fn consider(leaf: u32) {
 }
 
 // Writes the hit of the ray at a place. The ray's line must be set.
-fn fallback_closest(place: u32, i: u32, ray: Prepared) {
+fn fallback_closest(place: u32, i: u32, ray: PreparedRay) {
     make_line();
     set_view(ray);
     first_leaf = NO_LEAF;
@@ -143,7 +143,7 @@ var<private> is_met: bool;
 
 // Writes whether the ray at a place hits anything except triangle `ignore`. If it does, increments word `count` of `counts`. The
 // ray's line must be set.
-fn fallback_any(place: u32, i: u32, ray: Prepared, ignore: u32, count: u32) {
+fn fallback_any(place: u32, i: u32, ray: PreparedRay, ignore: u32, count: u32) {
     left_out = ignore;
     make_line();
     set_view(ray);
@@ -155,19 +155,19 @@ fn fallback_any(place: u32, i: u32, ray: Prepared, ignore: u32, count: u32) {
 // Resolves the ray at a place.
 @if(fallback_rays)
 fn fallback_ray(place: u32, i: u32) {
-    set_line_of(i);
-    fallback_closest(place, i, ray_of(i));
+    set_line_of_query(i);
+    fallback_closest(place, i, prepared_query_ray(i));
 }
 @elif(fallback_any_rays)
 fn fallback_ray(place: u32, i: u32) {
-    set_line_of(i);
-    fallback_any(place, i, ray_of(i), NO_LEAF, 2u);
+    set_line_of_query(i);
+    fallback_any(place, i, prepared_query_ray(i), NO_LEAF, 2u);
 }
 @else
 fn fallback_ray(place: u32, i: u32) {
-    let way = to_light(hits[i], asked(i).origin);
-    set_line_along(way);
-    fallback_any(place, i, ray_to_light(way), hits[i].w, 3u);
+    let segment = shadow_segment_of_hit(hits[i], query_ray(i).origin);
+    set_line_of_segment(segment);
+    fallback_any(place, i, shadow_ray(segment), hits[i].w, 3u);
 }
 
 // Closest hits of rays that `resolve_exact_rays` or `resolve_exact_together` left open.

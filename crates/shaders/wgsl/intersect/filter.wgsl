@@ -1,6 +1,6 @@
 // The filter of intersector `exact`, in rounded arithmetic.
 
-import package::geometry::ray::{Prepared, from_start, unpermute};
+import package::geometry::ray::{PreparedRay, relative_to_origin, unpermute};
 import package::geometry::record::Corners;
 import package::geometry::units::power_of_two;
 import package::intersect::sheared::span_of_depths;
@@ -18,22 +18,22 @@ struct View { across: vec3<f32>, up: vec3<f32>, doubts: vec2<f32>, most: vec2<f3
 
 var<private> view: View;
 
-fn set_view(ray: Prepared) {
+fn set_view(ray: PreparedRay) {
     view.across = unpermute(vec3<f32>(1.0, 0.0, -ray.shear_x), ray.axis);
     view.up = unpermute(vec3<f32>(0.0, 1.0, -ray.shear_y), ray.axis);
     // 4.01 * 2^-24 of the sheared part, and 2^-37, below which a component of the direction became zero.
     view.doubts = 2.3901462554931640625e-7 * abs(vec2<f32>(ray.shear_x, ray.shear_y)) + 7.3e-12;
     // The slack is 17 * 2^-24 * D of the root.
-    view.most = view.doubts * (986896.0 * ray.slack) + SMALL;
+    view.most = view.doubts * (986896.0 * ray.max_padding) + SMALL;
 }
 
 // A triangle relative to the ray's start, its largest sheared coordinates, and its edge functions.
 struct Seen { a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, wide: vec2<f32>, u: f32, v: f32, w: f32 }
 
-fn look(ray: Prepared, k: Corners) -> Seen {
-    let a = from_start(ray, k.a);
-    let b = from_start(ray, k.b);
-    let c = from_start(ray, k.c);
+fn look(ray: PreparedRay, k: Corners) -> Seen {
+    let a = relative_to_origin(ray, k.a);
+    let b = relative_to_origin(ray, k.b);
+    let c = relative_to_origin(ray, k.c);
     let x = vec3<f32>(loose_along(view.across, a), loose_along(view.across, b), loose_along(view.across, c));
     let y = vec3<f32>(loose_along(view.up, a), loose_along(view.up, b), loose_along(view.up, c));
     let wide = vec2<f32>(max(abs(x.x), max(abs(x.y), abs(x.z))), max(abs(y.x), max(abs(y.y), abs(y.z))));
@@ -70,7 +70,7 @@ const OUT: Judged = Judged(false, false, 0.0, 0.0);
 // 2^100: rounded arithmetic does not decide larger determinants and distances.
 const DEEP: f32 = 1.2676506002282294e30;
 
-fn judge(ray: Prepared, corners: Corners) -> Judged {
+fn judge(ray: PreparedRay, corners: Corners) -> Judged {
     let s = look(ray, corners);
     if surely_out(s, loose_doubt(s.wide, view.most)) { return OUT; }
     return judge_near(ray, corners, s);
@@ -87,7 +87,7 @@ fn closer_doubt(s: Seen, depths: vec3<f32>) -> f32 {
     return loose_doubt(s.wide, view.doubts * deepest + SMALL);
 }
 
-fn judge_near(ray: Prepared, corners: Corners, s: Seen) -> Judged {
+fn judge_near(ray: PreparedRay, corners: Corners, s: Seen) -> Judged {
     let depths = depths_of(s, ray.axis);
     var doubt = loose_doubt(s.wide, view.most);
     var certain = surely_in(s, doubt);
@@ -113,7 +113,7 @@ fn judge_near(ray: Prepared, corners: Corners, s: Seen) -> Judged {
 // Returns whether every t of a span, rounded once in the ray's own units, is within the ray's limits. A float beyond t_min is at
 // least the next float, and rounding is monotone, so the limits themselves serve where t is normal. Subnormal numbers have fewer
 // digits than scaled ones, so distances below 2^-125 or beyond 2^127 stay open.
-fn rounds_within(ray: Prepared, span: vec2<f32>) -> bool {
+fn rounds_within(ray: PreparedRay, span: vec2<f32>) -> bool {
     let small = power_of_two(max(ray.exponent - 125, -99));
     let large = power_of_two(ray.exponent + 127);
     let after = max(select(ray.t_min, small, abs(ray.t_min) < small), -large);

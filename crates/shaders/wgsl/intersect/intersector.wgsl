@@ -1,6 +1,6 @@
 // Imports the intersector of a kernel under common names.
 
-import package::geometry::ray::Prepared;
+import package::geometry::ray::PreparedRay;
 import package::lib::buffers::{counts, occluded};
 import package::traversal::traverse::find_any;
 
@@ -52,9 +52,9 @@ import package::traversal::traverse::find_any;
 // Whether extreme rays are misses here, because the kernels `extreme_*` answer them. The textbook intersectors trace them like
 // all other rays, without guarantees.
 @if(WATERTIGHT || EXACT)
-const LEAVES_EXTREMES: bool = true;
+const DEFERS_EXTREME_RAYS: bool = true;
 @else
-const LEAVES_EXTREMES: bool = false;
+const DEFERS_EXTREME_RAYS: bool = false;
 
 // Writes whether a ray hit anything. If it did, increments word `count` of `counts`.
 @if(!EXACT)
@@ -64,4 +64,4 @@ fn store_occluded(i: u32, met: bool, count: u32) {
 }
 
 @if(!EXACT)
-fn ask_any(ray: Prepared, ignore: u32) -> bool { return find_any(ray, ignore); }
+fn ask_any(ray: PreparedRay, ignore: u32) -> bool { return find_any(ray, ignore); }

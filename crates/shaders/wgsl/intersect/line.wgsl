@@ -2,8 +2,9 @@
 
 import package::geometry::units::ordered;
 import package::lib::integers::{
-    COORDINATE, CORNERS, CROSS, CROSSINGS, DIRECTION, ONE, PRODUCT, PRODUCTS, accumulate, add_shifted, clear,
-    compare_sizes, finish, mantissa_of, sign_of_number, unit_of, words,
+    COORDINATE_STRIDE, CORNERS_OFFSET, CROSS_OFFSET, DIRECTION_OFFSET, INTERSECTIONS_OFFSET, ONE_OFFSET, PRODUCTS_OFFSET,
+    PRODUCT_STRIDE, accumulate_product, add_shifted, clear, compare_magnitudes, mantissa_of, sign_of_number,
+    to_sign_magnitude, unit_of, words,
 };
 
 // The ray's line. Corners are multiplied by 2^-shift before they are intersected.
@@ -42,10 +43,10 @@ fn set_line(origin: vec3<u32>, direction: vec3<u32>, t_min: u32, t_max: u32, shi
 
 // Converts the direction to integers of any length. Required by all functions below.
 fn make_line() {
-    words[ONE] = 0u;
-    words[ONE + 1u] = 1u;
+    words[ONE_OFFSET] = 0u;
+    words[ONE_OFFSET + 1u] = 1u;
     for (var i = 0u; i < 3u; i += 1u) {
-        let at = DIRECTION + COORDINATE * i;
+        let at = DIRECTION_OFFSET + COORDINATE_STRIDE * i;
         clear(at, line.len);
         let x = line.direction[i];
         if (x & 0x7fffffffu) != 0u { add_shifted(at, line.len, mantissa_of(x), u32(unit_of(x) - line.unit), false); }
@@ -67,7 +68,7 @@ fn put(at: u32, len: u32, x: u32, origin: u32, unit: i32) {
     if (origin & 0x7fffffffu) != 0u {
         add_shifted(at, len, mantissa_of(origin), u32(unit_of(origin) + line.shift - unit), (origin >> 31u) == 0u);
     }
-    finish(at, len);
+    to_sign_magnitude(at, len);
 }
 
 struct Lengths { coordinate: u32, cross: u32, triple: u32 }
@@ -78,19 +79,19 @@ fn triple(at: u32, x: u32, x_len: u32, p: u32, q: u32, len: Lengths) {
     for (var step = 0u; step < 9u; step += 1u) {
         let i = step / 3u;
         let turn = step % 3u;
-        let j = COORDINATE * ((i + 1u) % 3u);
-        let k = COORDINATE * ((i + 2u) % 3u);
-        if turn == 0u { clear(CROSS, len.cross); }
+        let j = COORDINATE_STRIDE * ((i + 1u) % 3u);
+        let k = COORDINATE_STRIDE * ((i + 2u) % 3u);
+        if turn == 0u { clear(CROSS_OFFSET, len.cross); }
         let sums = turn < 2u;
-        let a = select(x + COORDINATE * i, p + select(j, k, turn == 1u), sums);
-        let b = select(CROSS, q + select(k, j, turn == 1u), sums);
-        accumulate(
-            select(at, CROSS, sums), select(len.triple, len.cross, sums),
+        let a = select(x + COORDINATE_STRIDE * i, p + select(j, k, turn == 1u), sums);
+        let b = select(CROSS_OFFSET, q + select(k, j, turn == 1u), sums);
+        accumulate_product(
+            select(at, CROSS_OFFSET, sums), select(len.triple, len.cross, sums),
             a, select(x_len, len.coordinate, sums), b, select(len.cross, len.coordinate, sums), select(0u, 1u, turn == 1u),
         );
-        if turn == 1u { finish(CROSS, len.cross); }
+        if turn == 1u { to_sign_magnitude(CROSS_OFFSET, len.cross); }
     }
-    finish(at, len.triple);
+    to_sign_magnitude(at, len.triple);
 }
 
 // The lengths of numbers computed from a triangle's corners, and their unit.
@@ -102,7 +103,7 @@ fn put_corners(corners: array<vec3<u32>, 3>) -> Placed {
     let bits = units.y - units.x + 25;
     let len = Lengths(limbs(bits + 1), limbs(2 * bits + 2), limbs(2 * bits + max(bits, line.bits) + 6));
     for (var v = 0u; v < 9u; v += 1u) {
-        put(CORNERS + COORDINATE * v, len.coordinate, points[v / 3u][v % 3u], line.origin[v % 3u], units.x);
+        put(CORNERS_OFFSET + COORDINATE_STRIDE * v, len.coordinate, points[v / 3u][v % 3u], line.origin[v % 3u], units.x);
     }
     return Placed(len, units.x);
 }
@@ -111,9 +112,9 @@ fn put_corners(corners: array<vec3<u32>, 3>) -> Placed {
 struct EdgeEnds { first: u32, second: u32 }
 
 fn ends_of(side: u32) -> EdgeEnds {
-    let a = CORNERS;
-    let b = CORNERS + 3u * COORDINATE;
-    let c = CORNERS + 6u * COORDINATE;
+    let a = CORNERS_OFFSET;
+    let b = CORNERS_OFFSET + 3u * COORDINATE_STRIDE;
+    let c = CORNERS_OFFSET + 6u * COORDINATE_STRIDE;
     return EdgeEnds(select(select(c, a, side == 1u), b, side == 2u), select(select(b, c, side == 1u), a, side == 2u));
 }
 
@@ -121,14 +122,14 @@ fn ends_of(side: u32) -> EdgeEnds {
 fn put_side(to: u32, side: u32, len: Lengths) {
     let ends = ends_of(side);
     let last = side == 3u;
-    triple(to, select(DIRECTION, CORNERS, last), select(line.len, len.coordinate, last), ends.first, ends.second, len);
+    triple(to, select(DIRECTION_OFFSET, CORNERS_OFFSET, last), select(line.len, len.coordinate, last), ends.first, ends.second, len);
 }
 
 // Computes the crossing of the line with a closed triangle, at any t, in one of two slots. If `moves` is set, the line's start is
 // first moved by an infinitely small amount.
 fn cross_exactly(corners: array<vec3<u32>, 3>, slot: u32, moves: bool) -> Crossing {
     let placed = put_corners(corners);
-    let numbers = CROSSINGS + 56u * slot;
+    let numbers = INTERSECTIONS_OFFSET + 56u * slot;
     let made = Crossing(true, numbers, numbers + 28u, placed.len.triple, placed.unit - line.shift - line.unit);
     if !cross_planes(made, placed.len, moves) { return NOT_MET; }
     return made;
@@ -141,10 +142,10 @@ fn cross_planes(made: Crossing, len: Lengths, moves: bool) -> bool {
     clear(made.denominator, len.triple);
     for (var side = 0u; side < 4u; side += 1u) {
         let last = side == 3u;
-        put_side(select(PRODUCTS, made.numerator, last), side, len);
+        put_side(select(PRODUCTS_OFFSET, made.numerator, last), side, len);
         if last { break; }
-        var s = sign_of_number(PRODUCTS, len.triple);
-        accumulate(made.denominator, len.triple, PRODUCTS, len.triple, ONE, 1u, 0u);
+        var s = sign_of_number(PRODUCTS_OFFSET, len.triple);
+        accumulate_product(made.denominator, len.triple, PRODUCTS_OFFSET, len.triple, ONE_OFFSET, 1u, 0u);
         if s == 0 && moves {
             s = moved_sign(side, len);
             if s == 0 { return false; }
@@ -153,7 +154,7 @@ fn cross_planes(made: Crossing, len: Lengths, moves: bool) -> bool {
         negative = negative || s < 0;
         if positive && negative { return false; }
     }
-    finish(made.denominator, len.triple);
+    to_sign_magnitude(made.denominator, len.triple);
     words[made.numerator] ^= words[made.denominator];
     words[made.denominator] = 0u;
     return sign_of_number(made.denominator, len.triple) != 0;
@@ -164,17 +165,17 @@ fn cross_planes(made: Crossing, len: Lengths, moves: bool) -> bool {
 fn moved_sign(side: u32, len: Lengths) -> i32 {
     let ends = ends_of(side);
     for (var i = 0u; i < 3u; i += 1u) {
-        let j = COORDINATE * ((i + 1u) % 3u);
-        let k = COORDINATE * ((i + 2u) % 3u);
-        clear(PRODUCTS, len.triple);
+        let j = COORDINATE_STRIDE * ((i + 1u) % 3u);
+        let k = COORDINATE_STRIDE * ((i + 2u) % 3u);
+        clear(PRODUCTS_OFFSET, len.triple);
         for (var term = 0u; term < 4u; term += 1u) {
             let turned = (term & 1u) == 1u;
             let corner = select(ends.second, ends.first, term >= 2u) + select(k, j, turned);
             let flip = select(0u, 1u, turned != (term >= 2u));
-            accumulate(PRODUCTS, len.triple, DIRECTION + select(j, k, turned), line.len, corner, len.coordinate, flip);
+            accumulate_product(PRODUCTS_OFFSET, len.triple, DIRECTION_OFFSET + select(j, k, turned), line.len, corner, len.coordinate, flip);
         }
-        finish(PRODUCTS, len.triple);
-        let s = sign_of_number(PRODUCTS, len.triple);
+        to_sign_magnitude(PRODUCTS_OFFSET, len.triple);
+        let s = sign_of_number(PRODUCTS_OFFSET, len.triple);
         if s != 0 { return s; }
     }
     return 0;
@@ -190,13 +191,13 @@ fn order_crossings(a: Crossing, b: Crossing) -> i32 {
     if sign_a != sign_b || sign_a == 0 { return sign(sign_a - sign_b); }
     let len = a.len + b.len;
     for (var i = 0u; i < 2u; i += 1u) {
-        let at = PRODUCTS + PRODUCT * i;
+        let at = PRODUCTS_OFFSET + PRODUCT_STRIDE * i;
         clear(at, len);
         let first = i == 0u;
         let n = select(b.numerator, a.numerator, first);
         // Uses the magnitude. The denominator is positive.
         let flip = words[n];
-        accumulate(at, len, n, select(b.len, a.len, first), select(a.denominator, b.denominator, first), select(a.len, b.len, first), flip);
+        accumulate_product(at, len, n, select(b.len, a.len, first), select(a.denominator, b.denominator, first), select(a.len, b.len, first), flip);
     }
-    return sign_a * compare_sizes(PRODUCTS, len, a.exponent, PRODUCTS + PRODUCT, len, b.exponent);
+    return sign_a * compare_magnitudes(PRODUCTS_OFFSET, len, a.exponent, PRODUCTS_OFFSET + PRODUCT_STRIDE, len, b.exponent);
 }

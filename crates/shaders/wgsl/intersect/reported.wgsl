@@ -1,13 +1,13 @@
 // Rounds t and weights of a hit of `exact` once each, if about 48 bits suffice: "What is reported" in
 // docs/design/exact-arithmetic.md.
 
-import package::geometry::ray::{Prepared, most_of, permute};
+import package::geometry::ray::{PreparedRay, max_component, permute};
 import package::geometry::units::{in_ray_units, scale_bits};
 import package::intersect::sheared::turned_corners;
-import package::lib::ieee::{add, divisor, mul, rest_of_division, sub};
-import package::lib::twofold::{
-    Twofold, exact_product, exact_sum, negative_of, ordered_sum, product_of, sum_of, add_each, mul_each,
+import package::lib::double_float::{
+    DoubleFloat3, add_double, add_each, fast_two_sum, mul_each, multiply_double, negate_double, two_product, two_sum,
 };
+import package::lib::ieee::{add, division_remainder, divisor, mul, sub};
 import package::lib::params::params;
 
 // A hit to write, valid if `sure`.
@@ -24,36 +24,36 @@ const UNDERFLOWN: f32 = 3.0092655e-36;
 
 // Returns x * dz - dx * z for three corners, where x and z are exact. All sums are exact except that of the least significant
 // parts.
-fn exactly_sheared(x: Twofold, z: Twofold, dx: f32, dz: f32) -> Twofold {
+fn exactly_sheared(x: DoubleFloat3, z: DoubleFloat3, dx: f32, dz: f32) -> DoubleFloat3 {
     let by_x = vec3<f32>(dz);
     let by_z = vec3<f32>(-dx);
-    let p = exact_product(x.high, by_x);
-    let q = exact_product(z.high, by_z);
-    let r = exact_product(x.low, by_x);
-    let s = exact_product(z.low, by_z);
-    let first = exact_sum(p.high, q.high);
-    let second = exact_sum(p.low, q.low);
-    let third = exact_sum(r.high, s.high);
-    let two = exact_sum(first.low, second.high);
-    let three = exact_sum(two.high, third.high);
+    let p = two_product(x.high, by_x);
+    let q = two_product(z.high, by_z);
+    let r = two_product(x.low, by_x);
+    let s = two_product(z.low, by_z);
+    let first = two_sum(p.high, q.high);
+    let second = two_sum(p.low, q.low);
+    let third = two_sum(r.high, s.high);
+    let two = two_sum(first.low, second.high);
+    let three = two_sum(two.high, third.high);
     let least = add_each(add_each(second.low, two.low), add_each(add_each(third.low, three.low), add_each(r.low, s.low)));
-    let sum = exact_sum(first.high, three.high);
-    return ordered_sum(sum.high, add_each(sum.low, least));
+    let sum = two_sum(first.high, three.high);
+    return fast_two_sum(sum.high, add_each(sum.low, least));
 }
 
 // The edge functions U, V and W, and for each the sum of the magnitudes of its products.
-struct ExactEdges { value: Twofold, sizes: vec3<f32> }
+struct ExactEdges { value: DoubleFloat3, sizes: vec3<f32> }
 
-fn exact_edges(x: Twofold, y: Twofold) -> ExactEdges {
-    let p = product_of(Twofold(x.high.zxy, x.low.zxy), Twofold(y.high.yzx, y.low.yzx));
-    let q = product_of(Twofold(y.high.zxy, y.low.zxy), Twofold(x.high.yzx, x.low.yzx));
-    return ExactEdges(sum_of(p, negative_of(q)), abs(p.high) + abs(q.high));
+fn exact_edges(x: DoubleFloat3, y: DoubleFloat3) -> ExactEdges {
+    let p = multiply_double(DoubleFloat3(x.high.zxy, x.low.zxy), DoubleFloat3(y.high.yzx, y.low.yzx));
+    let q = multiply_double(DoubleFloat3(y.high.zxy, y.low.zxy), DoubleFloat3(x.high.yzx, x.low.yzx));
+    return ExactEdges(add_double(p, negate_double(q)), abs(p.high) + abs(q.high));
 }
 
 // Returns the sum of the three numbers in all three components.
-fn total_of(a: Twofold) -> Twofold {
-    let two = sum_of(Twofold(a.high.xxx, a.low.xxx), Twofold(a.high.yyy, a.low.yyy));
-    return sum_of(two, Twofold(a.high.zzz, a.low.zzz));
+fn total_of(a: DoubleFloat3) -> DoubleFloat3 {
+    let two = add_double(DoubleFloat3(a.high.xxx, a.low.xxx), DoubleFloat3(a.high.yyy, a.low.yyy));
+    return add_double(two, DoubleFloat3(a.high.zzz, a.low.zzz));
 }
 
 // A quotient, and whether it is the exact one rounded once.
@@ -63,8 +63,8 @@ struct Rounded { value: f32, sure: bool }
 fn round_once(n: vec2<f32>, d: vec2<f32>, error: f32) -> Rounded {
     let by = divisor(d.x);
     let guess = mul(n.x, by.inverse);
-    let q = add(guess, mul(rest_of_division(n.x, guess, by), by.inverse));
-    let rest = add(rest_of_division(n.x, q, by), sub(n.y, mul(q, d.y)));
+    let q = add(guess, mul(division_remainder(n.x, guess, by), by.inverse));
+    let rest = add(division_remainder(n.x, q, by), sub(n.y, mul(q, d.y)));
     let more = mul(rest, by.inverse);
     let value = add(q, more);
     let beyond = sub(more, sub(value, q));
@@ -80,7 +80,7 @@ fn round_once(n: vec2<f32>, d: vec2<f32>, error: f32) -> Rounded {
 
 fn has_zero(v: vec3<f32>) -> bool { return any(v == vec3<f32>(0.0)); }
 
-fn exactly_from(corners: vec3<f32>, start: f32) -> Twofold { return exact_sum(corners, vec3<f32>(-start)); }
+fn exactly_from(corners: vec3<f32>, start: f32) -> DoubleFloat3 { return two_sum(corners, vec3<f32>(-start)); }
 
 // Returns the prepared direction including small components, which filters take as zero.
 fn unflushed(given: vec3<u32>, exponent: i32) -> vec3<f32> {
@@ -88,11 +88,11 @@ fn unflushed(given: vec3<u32>, exponent: i32) -> vec3<f32> {
 }
 
 // Rounds the hit of a triangle that is surely hit by a ray with the direction `given`.
-fn surely_reported(ray: Prepared, leaf: u32, given: vec3<u32>) -> Reported {
+fn surely_reported(ray: PreparedRay, leaf: u32, given: vec3<u32>) -> Reported {
     let k = turned_corners(ray, leaf);
-    let x = exactly_from(k.x, ray.start.x);
-    let y = exactly_from(k.y, ray.start.y);
-    let z = exactly_from(k.z, ray.start.z);
+    let x = exactly_from(k.x, ray.permuted_origin.x);
+    let y = exactly_from(k.y, ray.permuted_origin.y);
+    let z = exactly_from(k.z, ray.permuted_origin.z);
     let d = permute(unflushed(given, -ray.exponent - params.scale_exponent), ray.axis);
     let p = exactly_sheared(x, z, d.x, d.z);
     let q = exactly_sheared(y, z, d.y, d.z);
@@ -101,19 +101,19 @@ fn surely_reported(ray: Prepared, leaf: u32, given: vec3<u32>) -> Reported {
     let size = abs(det.high.x);
 
     // Error bounds.
-    let deepest = 1.01 * most_of(abs(z.high));
-    let reach = 2.0 * (max(most_of(abs(x.high)), most_of(abs(y.high))) + deepest);
-    let small = has_zero(k.x) || has_zero(k.y) || has_zero(k.z) || has_zero(ray.start);
+    let deepest = 1.01 * max_component(abs(z.high));
+    let reach = 2.0 * (max(max_component(abs(x.high)), max_component(abs(y.high))) + deepest);
+    let small = has_zero(k.x) || has_zero(k.y) || has_zero(k.z) || has_zero(ray.permuted_origin);
     let flushed = select(0.0, FLUSHED, small);
     let slack = CANCELLED * reach + flushed;
-    let wide = most_of(abs(p.high)) + most_of(abs(q.high));
+    let wide = max_component(abs(p.high)) + max_component(abs(q.high));
     let errors = EDGE * edges.sizes + vec3<f32>(2.02 * slack * (wide + slack) + UNDERFLOWN);
     let error = 1.01 * (errors.x + errors.y + errors.z) + EDGE * size;
 
     // t is numerator / (det * dz).
-    let numerator = total_of(product_of(edges.value, z));
-    let by = exact_product(det.high, d.zzz);
-    let denominator = ordered_sum(by.high, add_each(by.low, mul_each(det.low, d.zzz)));
+    let numerator = total_of(multiply_double(edges.value, z));
+    let by = two_product(det.high, d.zzz);
+    let denominator = fast_two_sum(by.high, add_each(by.low, mul_each(det.low, d.zzz)));
     let n = vec2<f32>(numerator.high.x, numerator.low.x);
     let inverse = 1.02 / size;
     let t_error = (2.0 * deepest * error + flushed * size) * inverse;

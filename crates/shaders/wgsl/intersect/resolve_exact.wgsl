@@ -1,33 +1,33 @@
 // Resolves the rays that intersector `exact` left open, by their candidate notes. All workgroups share the list of rays.
 
 import package::geometry::node::NO_LEAF;
-import package::geometry::light::{set_line_along, to_light};
-import package::geometry::queries::{asked, set_line_of};
+import package::geometry::queries::{query_ray, set_line_of_query};
 import package::geometry::ray::MISS;
+import package::geometry::shadow_ray::{set_line_of_segment, shadow_segment_of_hit};
+import package::intersect::candidates::{NO_NOTE, TOO_MANY, answer_any, listed};
 import package::intersect::determinants::{
-    Decided, RAYS, Rest, begin_rounds, crossing_in, decide_notes, decided, determinants, put_192, rest_of,
+    RAYS, Decided, Rest, begin_rounds, crossing_in, decide_notes, decided, determinants, put_192, rest_of,
 };
 import package::intersect::line::{Crossing, order_crossings};
-import package::intersect::candidates::{NO_NOTE, TOO_MANY, answer_any, listed};
 import package::lib::buffers::{counts, hits, occluded, records};
 import package::lib::counters::{BLOCKED_COUNT, HARD, HIT_COUNT, OPEN_OF, OPEN_RAYS};
-import package::lib::fixed::{About, Whole192, compare_about, rounded_192, size_192};
+import package::lib::fixed::{Approximation, Int192, abs_192, compare_approximations, round_quotient_192};
+import package::lib::integers::INTERSECTIONS_OFFSET;
 import package::lib::params::params;
-import package::lib::integers::CROSSINGS;
 
 // The first hit among a ray's candidates so far.
 
 // Where the ray hits it, and an approximate distance if known.
 var<private> first: Crossing;
-var<private> first_about: About;
+var<private> first_about: Approximation;
 var<private> first_told: bool;
 var<private> first_leaf: u32;
 var<private> first_triangle: u32;
 
 // Returns the slot that the first hit so far does not use.
-fn free_slot() -> u32 { return select(0u, 1u, first_leaf != NO_LEAF && first.numerator == CROSSINGS); }
+fn free_slot() -> u32 { return select(0u, 1u, first_leaf != NO_LEAF && first.numerator == INTERSECTIONS_OFFSET); }
 
-fn put_crossing(exponent: i32, n: Whole192, d: Whole192) -> Crossing {
+fn put_crossing(exponent: i32, n: Int192, d: Int192) -> Crossing {
     let c = crossing_in(free_slot(), exponent);
     put_192(c.numerator, n);
     put_192(c.denominator, d);
@@ -39,7 +39,7 @@ fn put_crossing(exponent: i32, n: Whole192, d: Whole192) -> Crossing {
 fn offer(made: Decided, triangle: u32, c: Crossing, told: bool) -> bool {
     if first_leaf != NO_LEAF {
         var order = 0;
-        if told && first_told { order = compare_about(made.about, first_about); }
+        if told && first_told { order = compare_approximations(made.about, first_about); }
         if order == 0 { order = order_crossings(c, first); }
         if order > 0 || (order == 0 && triangle > first_triangle) { return false; }
     }
@@ -68,8 +68,8 @@ fn offer_decided(at: u32) -> bool {
             let d = determinants[4u * k];
             let triangle = records[3u * made.leaf].w;
             if offer(made, triangle, put_crossing(made.exponent, determinants[4u * k + 3u], d), true) {
-                let u = rounded_192(size_192(determinants[4u * k + 1u]), d, 0);
-                let v = rounded_192(size_192(determinants[4u * k + 2u]), d, 0);
+                let u = round_quotient_192(abs_192(determinants[4u * k + 1u]), d, 0);
+                let v = round_quotient_192(abs_192(determinants[4u * k + 2u]), d, 0);
                 first_hit = vec4<u32>(made.t, u, v, triangle);
             }
         }
@@ -116,7 +116,7 @@ fn resolve_exact_hits(local: u32, number: u32, sharers: u32) {
         if k < open {
             i = occluded[params.search.open_rays_at + k];
             list = listed(hits[i].y);
-            set_line_of(i);
+            set_line_of_query(i);
         }
         let leaf = first_of_notes(list, local);
         if k < open && local % 16u == 0u { resolve_exact_closest(i, leaf); }
@@ -155,9 +155,9 @@ fn resolve_exact_any(i: u32, count: u32, said: Said) {
 
 // Sets a query's line.
 @if(resolve_exact_any_rays)
-fn set_line_asked(i: u32) { set_line_of(i); }
+fn set_line_asked(i: u32) { set_line_of_query(i); }
 @else
-fn set_line_asked(i: u32) { set_line_along(to_light(hits[i], asked(i).origin)); }
+fn set_line_asked(i: u32) { set_line_of_segment(shadow_segment_of_hit(hits[i], query_ray(i).origin)); }
 
 // The list of open any-hit queries, shared by workgroups.
 //

@@ -1,19 +1,15 @@
 // Resolves the rays that `trace_and_shadow_camera` left open: hits and shadow rays at once, then the remaining shadow rays.
 
-import package::geometry::node::{LEAF, NONE, children_of, first_of, others_of};
-import package::geometry::light::{ToLight, ray_to_light, set_line_along, to_light};
-import package::geometry::queries::{eye, ray_of, way_through};
-import package::geometry::ray::{Prepared, meets_box};
+import package::geometry::node::{LEAF, NO_NODE, child_row, first_triangle_of, second_triangle_of};
+import package::geometry::queries::{direction_of_ray, eye, prepared_query_ray};
+import package::geometry::ray::{PreparedRay, intersects_box};
 import package::geometry::record::corners_of;
+import package::geometry::shadow_ray::{ShadowSegment, set_line_of_segment, shadow_ray, shadow_segment_of_hit};
+import package::intersect::candidates::{NO_NOTE, TOO_MANY, answer_any, listed, new_note, note_at, shadow_of};
 import package::intersect::determinants::{begin_rounds, note_after};
 import package::intersect::filter::{judge, set_view};
 import package::intersect::reported::surely_reported;
-import package::intersect::candidates::{
-    NO_NOTE, TOO_MANY, answer_any, listed, new_note, note_at, shadow_of,
-};
-import package::intersect::resolve_exact::{
-    Said, resolve_exact_any, resolve_exact_hits, resolve_exact_queries, said_by_notes,
-};
+import package::intersect::resolve_exact::{Said, resolve_exact_any, resolve_exact_hits, resolve_exact_queries, said_by_notes};
 import package::lib::buffers::{counts, hits, nodes, occluded, records};
 import package::lib::counters::{BLOCKED_COUNT, NOTES, OPEN_RAYS, OPEN_SHADOWS};
 import package::lib::params::params;
@@ -45,7 +41,7 @@ fn record_candidate_together(leaf: u32) {
     if note != TOO_MANY { occluded[note_at(note) + 1u] = atomicExchange(&first_note, note); }
 }
 
-fn see_together(ray: Prepared, leaf: u32, ignore: u32) {
+fn see_together(ray: PreparedRay, leaf: u32, ignore: u32) {
     let corners = corners_of(leaf);
     if corners.triangle == ignore { return; }
     let j = judge(ray, corners);
@@ -53,20 +49,20 @@ fn see_together(ray: Prepared, leaf: u32, ignore: u32) {
 }
 
 // Tests a leaf's triangles, or queues a node's children.
-fn visit(ray: Prepared, node: u32, ignore: u32) {
+fn visit(ray: PreparedRay, node: u32, ignore: u32) {
     if (node & LEAF) == 0u {
-        let row = children_of(node);
-        if meets_box(ray, nodes[row], nodes[row + 1u], ray.t_max) { wait(nodes[row].w); }
-        if meets_box(ray, nodes[row + 2u], nodes[row + 3u], ray.t_max) { wait(nodes[row + 2u].w); }
+        let row = child_row(node);
+        if intersects_box(ray, nodes[row], nodes[row + 1u], ray.t_max) { wait(nodes[row].w); }
+        if intersects_box(ray, nodes[row + 2u], nodes[row + 3u], ray.t_max) { wait(nodes[row + 2u].w); }
         return;
     }
-    see_together(ray, first_of(node), ignore);
-    let others = others_of(node);
-    if others != NONE { see_together(ray, first_of(others), ignore); }
+    see_together(ray, first_triangle_of(node), ignore);
+    let others = second_triangle_of(node);
+    if others != NO_NODE { see_together(ray, first_triangle_of(others), ignore); }
 }
 
 // Tests all boxes of one level at once, which saves the rounds for the levels above.
-fn begin_search(traced: bool, ray: Prepared, local: u32) {
+fn begin_search(is_traced: bool, ray: PreparedRay, local: u32) {
     if local == 0u {
         atomicStore(&waiting_count, 0u);
         atomicStore(&first_note, NO_NOTE);
@@ -74,10 +70,10 @@ fn begin_search(traced: bool, ray: Prepared, local: u32) {
         atomicStore(&surely_met, 0u);
     }
     workgroupBarrier();
-    if !traced { return; }
+    if !is_traced { return; }
     for (var k = local; k < params.start_count; k += 64u) {
         let row = params.start_row + 2u * k;
-        if meets_box(ray, nodes[row], nodes[row + 1u], ray.t_max) { wait(nodes[row].w); }
+        if intersects_box(ray, nodes[row], nodes[row + 1u], ray.t_max) { wait(nodes[row].w); }
     }
 }
 
@@ -93,27 +89,27 @@ fn stand_of_round(local: u32) -> vec2<u32> {
 
 // Returns NO_NOTE if nothing is hit, MET, TOO_MANY, or the first note of the triangles that may be hit. All invocations of the
 // workgroup must call it.
-fn search_together(traced: bool, ray: Prepared, ignore: u32, local: u32) -> u32 {
+fn search_together(is_traced: bool, ray: PreparedRay, ignore: u32, local: u32) -> u32 {
     set_view(ray);
-    begin_search(traced, ray, local);
+    begin_search(is_traced, ray, local);
     var stand = vec2<u32>(0u);
     loop {
         workgroupBarrier();
         stand = stand_of_round(local);
         if stand.y != 0u { break; }
         let taken = min(stand.x, 64u);
-        var node = NONE;
+        var node = NO_NODE;
         if local < taken { node = waiting[stand.x - 1u - local]; }
         if local == 0u { atomicSub(&waiting_count, taken); }
         workgroupBarrier();
         if local < taken { visit(ray, node, ignore); }
     }
     storageBarrier();
-    if local == 0u { outcome = select(NO_NOTE, outcome_of(ray, stand.y == 2u), traced); }
+    if local == 0u { outcome = select(NO_NOTE, outcome_of(ray, stand.y == 2u), is_traced); }
     return workgroupUniformLoad(&outcome);
 }
 
-fn outcome_of(ray: Prepared, gave_up: bool) -> u32 {
+fn outcome_of(ray: PreparedRay, gave_up: bool) -> u32 {
     let notes = atomicLoad(&note_count);
     if atomicLoad(&surely_met) == 1u { return MET; }
     let lost = atomicLoad(&counts[NOTES]) > params.search.notes && notes > 0u;
@@ -132,10 +128,10 @@ const MOST_RAYS: u32 = 512u;
 struct Sought { found: u32, said: Said }
 
 // All invocations of the workgroup must call it.
-fn seek_along(way: ToLight, ignore: u32, local: u32) -> Sought {
-    var sought = Sought(search_together(way.traced, ray_to_light(way), ignore, local), Said());
+fn seek_along(segment: ShadowSegment, ignore: u32, local: u32) -> Sought {
+    var sought = Sought(search_together(segment.is_traced, shadow_ray(segment), ignore, local), Said());
     if sought.found != MET && sought.found != NO_NOTE {
-        set_line_along(way);
+        set_line_of_segment(segment);
         sought.said = said_by_notes(select(NO_NOTE, listed(sought.found), local < 16u), local);
     }
     return sought;
@@ -165,10 +161,10 @@ fn known_shadow(i: u32, hit: vec4<u32>) -> u32 {
 // Stores in a candidate's note whether its segment to the light is occluded. This stays unknown if about 48 bits do not decide
 // how the hit is rounded. The result is only valid if the candidate turns out to be the hit.
 fn seek_shadow(i: u32, note: u32, local: u32) {
-    let reported = surely_reported(ray_of(i), occluded[note_at(note)], bitcast<vec3<u32>>(way_through(i)));
+    let reported = surely_reported(prepared_query_ray(i), occluded[note_at(note)], bitcast<vec3<u32>>(direction_of_ray(i)));
     if !reported.sure { return; }
     let hit = reported.hit;
-    let sought = seek_along(to_light(hit, eye()), hit.w, local);
+    let sought = seek_along(shadow_segment_of_hit(hit, eye()), hit.w, local);
     if local == 0u { occluded[shadow_of(note)] = known(sought); }
 }
 
@@ -230,7 +226,7 @@ fn shadow_left(@builtin(local_invocation_index) local: u32, @builtin(workgroup_i
             if local == 0u { answer_any(i, told == 1u, BLOCKED_COUNT); }
             continue;
         }
-        let sought = seek_along(to_light(hit, eye()), hit.w, local);
+        let sought = seek_along(shadow_segment_of_hit(hit, eye()), hit.w, local);
         if local == 0u { keep(i, sought); }
     }
 }

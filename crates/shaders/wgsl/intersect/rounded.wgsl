@@ -1,9 +1,10 @@
 // Rounds exact intersections to floats: the device version of the method `rounded` of the crate `exact`.
 
-import package::intersect::line::{Crossing, NOT_MET, cross_exactly, is_within, put_corners, put_side};
+import package::intersect::line::{NOT_MET, Crossing, cross_exactly, is_within, put_corners, put_side};
 import package::lib::ieee::round_quotient;
 import package::lib::integers::{
-    CROSSINGS, ONE, PRODUCT, PRODUCTS, accumulate, bit_length, bits_from, clear, compare_sizes, finish, words,
+    INTERSECTIONS_OFFSET, ONE_OFFSET, PRODUCTS_OFFSET, PRODUCT_STRIDE, accumulate_product, bit_length, bits_from, clear,
+    compare_magnitudes, to_sign_magnitude, words,
 };
 
 // Computes the crossing of the line with a closed triangle in one of two slots. Its rounded t must be within the ray's limits.
@@ -20,8 +21,8 @@ fn rounded(c: Crossing) -> u32 {
     let up = bits_n - bit_length(c.denominator, c.len);
     // Aligns both to the same length. Long division yields 26 bits of the quotient.
     let len = c.len + 1u;
-    let a = PRODUCTS;
-    let b = PRODUCTS + PRODUCT;
+    let a = PRODUCTS_OFFSET;
+    let b = PRODUCTS_OFFSET + PRODUCT_STRIDE;
     for (var i = 0u; i < 2u; i += 1u) {
         let side = select(c.numerator, c.denominator, i == 1u);
         let by = max(select(-up, up, i == 1u), 0);
@@ -31,9 +32,9 @@ fn rounded(c: Crossing) -> u32 {
     }
     var quotient = 0u;
     for (var i = 0u; i < 26u; i += 1u) {
-        let fits = compare_sizes(a, len, 0, b, len, 0) >= 0;
+        let fits = compare_magnitudes(a, len, 0, b, len, 0) >= 0;
         quotient = 2u * quotient + select(0u, 1u, fits);
-        if fits { accumulate(a, len, b, len, ONE, 1u, 1u); }
+        if fits { accumulate_product(a, len, b, len, ONE_OFFSET, 1u, 1u); }
         double_up(a, len);
     }
     let sticky = bit_length(a, len) != 0;
@@ -60,15 +61,15 @@ fn double_up(at: u32, len: u32) {
 fn weights_of(points: array<vec3<u32>, 3>) -> vec2<u32> {
     let placed = put_corners(points);
     let len = placed.len;
-    let sum = CROSSINGS;
-    let sides = vec2<u32>(CROSSINGS + 28u, CROSSINGS + 56u);
+    let sum = INTERSECTIONS_OFFSET;
+    let sides = vec2<u32>(INTERSECTIONS_OFFSET + 28u, INTERSECTIONS_OFFSET + 56u);
     clear(sum, len.triple);
     for (var side = 0u; side < 3u; side += 1u) {
-        let to = select(PRODUCTS, select(sides.x, sides.y, side == 2u), side > 0u);
+        let to = select(PRODUCTS_OFFSET, select(sides.x, sides.y, side == 2u), side > 0u);
         put_side(to, side, len);
-        accumulate(sum, len.triple, to, len.triple, ONE, 1u, 0u);
+        accumulate_product(sum, len.triple, to, len.triple, ONE_OFFSET, 1u, 0u);
     }
-    finish(sum, len.triple);
+    to_sign_magnitude(sum, len.triple);
     var weights: vec2<u32>;
     for (var i = 0u; i < 2u; i += 1u) {
         words[sides[i]] = 0u;

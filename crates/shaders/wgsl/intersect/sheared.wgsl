@@ -1,7 +1,8 @@
 // Sheared triangles (Woop, Benthin, Wald 2013) and their intersection: see docs/design/hits.md.
 
 import package::geometry::ray::{
-    Prepared, are_negative, clamped, inverse_of, least_of, most_of, pushed_from_zero, slab, unpermute,
+    PreparedRay, are_negative, clamp_to_span, each_away_from_zero, max_component, min_component, padded_slab,
+    rounded_inverse, unpermute,
 };
 import package::geometry::units::flushed;
 import package::lib::buffers::records;
@@ -18,16 +19,16 @@ struct Turned { x: vec3<f32>, y: vec3<f32>, z: vec3<f32>, triangle: u32 }
 struct Sheared { x: f32, y: f32, z: f32, along: f32 }
 
 // Needs no selects, because the rows of the record are read in the ray's order.
-fn turned_corners(ray: Prepared, leaf: u32) -> Turned {
-    let x = records[3u * leaf + ray.rows.x];
-    let y = records[3u * leaf + ray.rows.y];
-    let z = records[3u * leaf + ray.rows.z];
+fn turned_corners(ray: PreparedRay, leaf: u32) -> Turned {
+    let x = records[3u * leaf + ray.axes.x];
+    let y = records[3u * leaf + ray.axes.y];
+    let z = records[3u * leaf + ray.axes.z];
     return Turned(bitcast<vec3<f32>>(x.xyz), bitcast<vec3<f32>>(y.xyz), bitcast<vec3<f32>>(z.xyz), x.w);
 }
 
-fn shear(ray: Prepared, x: f32, y: f32, z: f32) -> Sheared {
-    let along = sub(z, ray.start.z);
-    return Sheared(sub(sub(x, ray.start.x), mul(ray.shear_x, along)), sub(sub(y, ray.start.y), mul(ray.shear_y, along)), mul(ray.shear_z, along), along);
+fn shear(ray: PreparedRay, x: f32, y: f32, z: f32) -> Sheared {
+    let along = sub(z, ray.permuted_origin.z);
+    return Sheared(sub(sub(x, ray.permuted_origin.x), mul(ray.shear_x, along)), sub(sub(y, ray.permuted_origin.y), mul(ray.shear_y, along)), mul(ray.shear_z, along), along);
 }
 
 fn edge(p: Sheared, q: Sheared) -> f32 {
@@ -47,7 +48,7 @@ fn solve(u: f32, v: f32, w: f32, az: f32, bz: f32, cz: f32) -> Candidate {
 
 // Returns the interval in which a triangle can be hit: from its nearest to its farthest corner, extended by the padding. If D
 // reaches 2^80, the interval is infinite.
-fn span_of_depths(ray: Prepared, a: f32, b: f32, c: f32) -> vec2<f32> { return padded_span(ray.pad, a, b, c); }
+fn span_of_depths(ray: PreparedRay, a: f32, b: f32, c: f32) -> vec2<f32> { return padded_span(ray.depth_padding, a, b, c); }
 
 fn padded_span(pad: f32, a: f32, b: f32, c: f32) -> vec2<f32> {
     return vec2<f32>(sub(min(a, min(b, c)), pad), add(max(a, max(b, c)), pad));
@@ -55,7 +56,7 @@ fn padded_span(pad: f32, a: f32, b: f32, c: f32) -> vec2<f32> {
 
 // Returns at least the padding of the triangle's own box along the main axis. A corner is at most as far away as its sheared
 // coordinates plus its depth.
-fn loose_own_pad(ray: Prepared, e: Edges) -> f32 {
+fn loose_own_pad(ray: PreparedRay, e: Edges) -> f32 {
     let across = max(max(abs(e.a.x), abs(e.a.y)), max(max(abs(e.b.x), abs(e.b.y)), max(abs(e.c.x), abs(e.c.y))));
     let along = max(abs(e.a.along), max(abs(e.b.along), abs(e.c.along)));
     // 20 * 2^-24
@@ -65,7 +66,7 @@ fn loose_own_pad(ray: Prepared, e: Edges) -> f32 {
 // A triangle's sheared corners and edge functions.
 struct Edges { a: Sheared, b: Sheared, c: Sheared, u: f32, v: f32, w: f32 }
 
-fn edges_of(ray: Prepared, k: Turned) -> Edges {
+fn edges_of(ray: PreparedRay, k: Turned) -> Edges {
     let a = shear(ray, k.x.x, k.y.x, k.z.x);
     let b = shear(ray, k.x.y, k.y.y, k.z.y);
     let c = shear(ray, k.x.z, k.y.z, k.z.z);
@@ -80,36 +81,36 @@ fn crossing(e: Edges) -> Candidate {
 // The test of a triangle's own box, without a division where that suffices: see "Own boxes" in docs/design/hits.md.
 
 // The device's own reciprocal suffices: boxes decide hits only where a hit is kept.
-fn sheared_inverse_for(ray: Prepared) -> vec3<f32> { return 1.0 / pushed_from_zero(ray.direction); }
+fn sheared_inverse_for(ray: PreparedRay) -> vec3<f32> { return 1.0 / each_away_from_zero(ray.direction); }
 
 struct Box { low: vec3<f32>, high: vec3<f32> }
 
-fn own_box(ray: Prepared, k: Turned) -> Box {
-    let low = vec3<f32>(least_of(k.x), least_of(k.y), least_of(k.z));
-    let high = vec3<f32>(most_of(k.x), most_of(k.y), most_of(k.z));
+fn own_box(ray: PreparedRay, k: Turned) -> Box {
+    let low = vec3<f32>(min_component(k.x), min_component(k.y), min_component(k.z));
+    let high = vec3<f32>(max_component(k.x), max_component(k.y), max_component(k.z));
     return Box(unpermute(low, ray.axis), unpermute(high, ray.axis));
 }
 
-// Returns whether t is surely within the padded box, so that `slab` is not needed.
-fn loose_within(ray: Prepared, own: Box, t: f32) -> bool {
+// Returns whether t is surely within the padded box, so that `padded_slab` is not needed.
+fn loose_within(ray: PreparedRay, own: Box, t: f32) -> bool {
     let negative = are_negative(ray.inverse);
     let near = select(own.low, own.high, negative) - ray.origin;
     let far = select(own.high, own.low, negative) - ray.origin;
     // 4.25 * 2^-24
-    let pad = 2.53319740295410156e-7 * most_of(max(abs(near), abs(far))) * abs(ray.inverse);
+    let pad = 2.53319740295410156e-7 * max_component(max(abs(near), abs(far))) * abs(ray.inverse);
     let n = near * ray.inverse - pad;
     let f = far * ray.inverse + pad;
     // 2^100: from there on, products may be infinite.
     return abs(t) < 1.2676506002282294e30 && t >= max(n.x, max(n.y, n.z)) && t <= min(f.x, min(f.y, f.z));
 }
 
-fn own_span(ray: Prepared, own: Box) -> vec2<f32> { return slab(ray, inverse_of(ray), own.low, own.high); }
+fn own_span(ray: PreparedRay, own: Box) -> vec2<f32> { return padded_slab(ray, rounded_inverse(ray), own.low, own.high); }
 
 // Clamps t to the triangle's own box, so that the hit does not depend on the tree. Returns infinity if the ray misses the box.
-fn within_own(ray: Prepared, k: Turned, t: f32) -> f32 {
+fn within_own(ray: PreparedRay, k: Turned, t: f32) -> f32 {
     let own = own_box(ray, k);
     if loose_within(ray, own, t) { return flushed(t); }
     let span = own_span(ray, own);
     if !(span.x <= span.y) { return bitcast<f32>(0x7f800000u | params.zero); }
-    return clamped(t, span);
+    return clamp_to_span(t, span);
 }

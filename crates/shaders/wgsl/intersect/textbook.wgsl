@@ -1,6 +1,6 @@
 // The textbook intersectors `moller_trumbore` and `woop`.
 
-import package::geometry::ray::{MISS, Prepared, clamped, inverse_of, slab};
+import package::geometry::ray::{MISS, PreparedRay, clamp_to_span, padded_slab, rounded_inverse};
 import package::geometry::record::{Corners, corners_of};
 import package::geometry::units::in_ray_units;
 import package::lib::buffers::{counts, records};
@@ -10,15 +10,15 @@ import package::lib::params::params;
 // Shared by both: t is clamped to the triangle's own box, so that the hit does not depend on the tree.
 
 // The exact reciprocal: boxes decide hits at each candidate triangle.
-fn textbook_inverse_for(ray: Prepared) -> vec3<f32> { return inverse_of(ray); }
+fn textbook_inverse_for(ray: PreparedRay) -> vec3<f32> { return rounded_inverse(ray); }
 
 struct Meeting { hit: bool, t: f32, u: f32, v: f32, triangle: u32 }
 
 const NO_MEETING: Meeting = Meeting(false, 0.0, 0.0, 0.0, 0xffffffffu);
 
-fn within_box(ray: Prepared, k: Corners, t: f32, u: f32, v: f32) -> Meeting {
-    let own = slab(ray, ray.inverse, min(min(k.a, k.b), k.c), max(max(k.a, k.b), k.c));
-    return Meeting(own.x <= own.y, clamped(t, own), u, v, k.triangle);
+fn within_box(ray: PreparedRay, k: Corners, t: f32, u: f32, v: f32) -> Meeting {
+    let own = padded_slab(ray, ray.inverse, min(min(k.a, k.b), k.c), max(max(k.a, k.b), k.c));
+    return Meeting(own.x <= own.y, clamp_to_span(t, own), u, v, k.triangle);
 }
 
 // Möller, Trumbore 1997, without culling and without its epsilon. It leaks near edges.
@@ -26,7 +26,7 @@ fn within_box(ray: Prepared, k: Corners, t: f32, u: f32, v: f32) -> Meeting {
 
 // Returns where the ray hits the leaf's triangle within its own box.
 @if(!WOOP)
-fn meet_leaf(ray: Prepared, leaf: u32) -> Meeting {
+fn meet_leaf(ray: PreparedRay, leaf: u32) -> Meeting {
     let k = corners_of(leaf);
     let e1 = k.b - k.a;
     let e2 = k.c - k.a;
@@ -46,7 +46,7 @@ fn meet_leaf(ray: Prepared, leaf: u32) -> Meeting {
 
 // Returns where the ray hits the leaf's triangle within its own box.
 @if(WOOP)
-fn meet_leaf(ray: Prepared, leaf: u32) -> Meeting {
+fn meet_leaf(ray: PreparedRay, leaf: u32) -> Meeting {
     let to_u = bitcast<vec4<f32>>(records[3u * leaf]);
     let to_v = bitcast<vec4<f32>>(records[3u * leaf + 1u]);
     let to_height = bitcast<vec4<f32>>(records[3u * leaf + 2u]);
@@ -63,13 +63,13 @@ fn meet_leaf(ray: Prepared, leaf: u32) -> Meeting {
 
 struct TextbookFound { t: f32, u: f32, v: f32, triangle: u32 }
 
-fn textbook_nothing_found(ray: Prepared) -> TextbookFound { return TextbookFound(ray.t_max, 0.0, 0.0, 0xffffffffu); }
+fn textbook_nothing_found(ray: PreparedRay) -> TextbookFound { return TextbookFound(ray.t_max, 0.0, 0.0, 0xffffffffu); }
 
 // Nodes with an entry beyond this are skipped.
 fn textbook_limit(found: TextbookFound) -> f32 { return found.t; }
 
 // Tests the leaf's triangle. Keeps it if it precedes the best hit by t, then by index.
-fn textbook_intersect_leaf_closest(ray: Prepared, leaf: u32, best: TextbookFound) -> TextbookFound {
+fn textbook_intersect_leaf_closest(ray: PreparedRay, leaf: u32, best: TextbookFound) -> TextbookFound {
     let m = meet_leaf(ray, leaf);
     let inside = m.hit && m.t > ray.t_min && m.t < ray.t_max;
     let before = m.t < best.t || (m.t == best.t && m.triangle < best.triangle);
@@ -78,7 +78,7 @@ fn textbook_intersect_leaf_closest(ray: Prepared, leaf: u32, best: TextbookFound
 }
 
 // Returns the hit to write for a ray, with t in the ray's own units.
-fn textbook_hit_of(i: u32, ray: Prepared, best: TextbookFound) -> vec4<u32> {
+fn textbook_hit_of(i: u32, ray: PreparedRay, best: TextbookFound) -> vec4<u32> {
     if best.triangle == 0xffffffffu { return MISS; }
     atomicAdd(&counts[HIT_COUNT], 1u);
     let t = in_ray_units(best.t, ray.exponent);
@@ -91,9 +91,9 @@ fn textbook_is_unresolved(hit: vec4<u32>) -> bool { return false; }
 // Rasterization: the hit of one triangle.
 
 // Returns the distance at which a ray hits a leaf's triangle, or infinity.
-fn textbook_begin_of(ray: Prepared, leaf: u32) -> f32 { return textbook_hit_on(ray, leaf).t; }
+fn textbook_begin_of(ray: PreparedRay, leaf: u32) -> f32 { return textbook_hit_on(ray, leaf).t; }
 
-fn textbook_hit_on(ray: Prepared, leaf: u32) -> TextbookFound {
+fn textbook_hit_on(ray: PreparedRay, leaf: u32) -> TextbookFound {
     return textbook_intersect_leaf_closest(ray, leaf, textbook_nothing_found(ray));
 }
 
@@ -101,7 +101,7 @@ fn textbook_is_found(best: TextbookFound) -> bool { return best.triangle != 0xff
 
 // Any-hit search: returns whether the ray hits a leaf's triangle.
 
-fn textbook_intersect_leaf_any(ray: Prepared, leaf: u32, ignore: u32) -> bool {
+fn textbook_intersect_leaf_any(ray: PreparedRay, leaf: u32, ignore: u32) -> bool {
     let m = meet_leaf(ray, leaf);
     return m.hit && m.triangle != ignore && m.t > ray.t_min && m.t < ray.t_max;
 }

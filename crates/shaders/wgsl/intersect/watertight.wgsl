@@ -1,7 +1,7 @@
 // The intersector `watertight`.
 
 import package::geometry::node::NO_LEAF;
-import package::geometry::ray::{MISS, Prepared};
+import package::geometry::ray::{MISS, PreparedRay};
 import package::geometry::units::in_ray_units;
 import package::intersect::sheared::{
     Edges, Sheared, Turned, crossing, edges_of, loose_own_pad, padded_span, turned_corners, within_own,
@@ -39,20 +39,20 @@ fn signs_stand(e: Edges) -> bool {
 }
 
 // Returns at least the padding of the triangle's own box along the main axis: that of the root box, except at spread moments.
-fn pad_of(ray: Prepared, e: Edges) -> f32 {
+fn pad_of(ray: PreparedRay, e: Edges) -> f32 {
     @if(!(trace_packets || trace_packets_by_subgroups || resolve))
     if params.spread == 1u { return loose_own_pad(ray, e); }
-    return ray.pad;
+    return ray.depth_padding;
 }
 
 fn span_of(pad: f32, e: Edges) -> vec2<f32> { return padded_span(pad, e.a.z, e.b.z, e.c.z); }
 
 // Returns whether a span that begins at `low` is surely beyond t_min. A t below 2^-100 is zero.
-fn begins_within(ray: Prepared, low: f32) -> bool { return low > max(ray.t_min, 7.888609052210118e-31); }
+fn begins_within(ray: PreparedRay, low: f32) -> bool { return low > max(ray.t_min, 7.888609052210118e-31); }
 
 // Returns where the ray hits a triangle within its own box, or infinity. The caller must have excluded triangles that the ray
 // surely misses.
-fn distance_to(ray: Prepared, corners: Turned, e: Edges) -> f32 {
+fn distance_to(ray: PreparedRay, corners: Turned, e: Edges) -> f32 {
     if !signs_stand(e) {
         let side = edge_sign(e.u, e.c, e.b);
         if side == 0 || side != edge_sign(e.v, e.a, e.c) || side != edge_sign(e.w, e.b, e.a) { return bitcast<f32>(0x7f800000u | params.zero); }
@@ -67,13 +67,13 @@ fn distance_to(ray: Prepared, corners: Turned, e: Edges) -> f32 {
 // The t of the best hit so far is in low ..= high.
 struct WatertightFound { low: f32, high: f32, leaf: u32 }
 
-fn watertight_nothing_found(ray: Prepared) -> WatertightFound { return WatertightFound(ray.t_max, ray.t_max, NO_LEAF); }
+fn watertight_nothing_found(ray: PreparedRay) -> WatertightFound { return WatertightFound(ray.t_max, ray.t_max, NO_LEAF); }
 
 // Nodes with an entry beyond this are skipped.
 fn watertight_limit(found: WatertightFound) -> f32 { return found.high; }
 
 // Tests the leaf's triangle. Keeps it if it precedes the best hit by t, then by index.
-fn watertight_intersect_leaf_closest(ray: Prepared, leaf: u32, found: WatertightFound) -> WatertightFound {
+fn watertight_intersect_leaf_closest(ray: PreparedRay, leaf: u32, found: WatertightFound) -> WatertightFound {
     let corners = turned_corners(ray, leaf);
     let e = edges_of(ray, corners);
     if surely_passes(e) { return found; }
@@ -97,7 +97,7 @@ fn watertight_earlier(t: f32, leaf: u32, other_t: f32, other: u32) -> Watertight
 }
 
 // Returns the hit to write for a ray, with t in the ray's own units.
-fn watertight_hit_of(i: u32, ray: Prepared, found: WatertightFound) -> vec4<u32> {
+fn watertight_hit_of(i: u32, ray: PreparedRay, found: WatertightFound) -> vec4<u32> {
     if found.leaf == NO_LEAF { return MISS; }
     @if(!MODULE) atomicAdd(&counts[HIT_COUNT], 1u);
     let corners = turned_corners(ray, found.leaf);
@@ -113,7 +113,7 @@ fn watertight_is_unresolved(hit: vec4<u32>) -> bool { return false; }
 
 // Any-hit search: returns whether the ray hits a leaf's triangle.
 
-fn watertight_intersect_leaf_any(ray: Prepared, leaf: u32, ignore: u32) -> bool {
+fn watertight_intersect_leaf_any(ray: PreparedRay, leaf: u32, ignore: u32) -> bool {
     let corners = turned_corners(ray, leaf);
     let e = edges_of(ray, corners);
     if surely_passes(e) || corners.triangle == ignore { return false; }

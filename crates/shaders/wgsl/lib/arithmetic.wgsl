@@ -11,12 +11,12 @@ import package::lib::params::{element, params};
 fn loose_quotient_and_sum(x: vec4<f32>) -> vec2<f32> { return vec2<f32>(x.x / x.y, dot(x.xz, x.yw)); }
 
 // Rounding error of the product, on devices whose fused multiply-add rounds once.
-fn lost_by_rounding(a: f32, b: f32) -> f32 { return fma(a, b, -mul(a, b)); }
+fn product_rounding_error(a: f32, b: f32) -> f32 { return fma(a, b, -mul(a, b)); }
 
 // Runs a loop of 100,000 iterations and counts them in memory. Mesa before 23.1 ends an invocation's loops after 65,535
 // iterations; afterwards only values in memory are reliable.
-fn count_turns(i: u32) {
-    for (var turn = params.zero; turn < 100000u; turn += 1u) { results[2u * i + 1u].z += 1u; }
+fn count_iterations(i: u32) {
+    for (var iteration = params.zero; iteration < 100000u; iteration += 1u) { results[2u * i + 1u].z += 1u; }
 }
 
 @compute @workgroup_size(128)
@@ -25,9 +25,9 @@ fn arithmetic(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgro
     if i >= params.count { return; }
     let x = bitcast<vec4<f32>>(operands[i]);
     let sum = add(mul(x.x, x.y), mul(x.z, x.w));
-    let back = sub(add(x.x, x.y), x.x);
+    let difference = sub(add(x.x, x.y), x.x);
     let sign = sign_of_difference(x.x, x.y, x.z, x.w);
-    results[2u * i] = vec4<u32>(bitcast<u32>(sum), bitcast<u32>(back), bitcast<u32>(divide(x.x, x.y)), bitcast<u32>(sign));
-    results[2u * i + 1u] = vec4<u32>(bitcast<vec2<u32>>(loose_quotient_and_sum(x)), 0u, bitcast<u32>(lost_by_rounding(x.x, x.y)));
-    if i == 0u { count_turns(i); }
+    results[2u * i] = vec4<u32>(bitcast<u32>(sum), bitcast<u32>(difference), bitcast<u32>(divide(x.x, x.y)), bitcast<u32>(sign));
+    results[2u * i + 1u] = vec4<u32>(bitcast<vec2<u32>>(loose_quotient_and_sum(x)), 0u, bitcast<u32>(product_rounding_error(x.x, x.y)));
+    if i == 0u { count_iterations(i); }
 }

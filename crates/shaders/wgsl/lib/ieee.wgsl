@@ -31,55 +31,55 @@ fn mul(a: f32, b: f32) -> f32 { return opaque_zero(a * b); }
 // Correctly rounded division that does not rely on the device's division: its reciprocal only gives a guess, which the exact
 // remainder corrects. Zeros, infinities, NaNs and subnormals follow IEEE.
 
-struct Parts { mantissa: u32, exponent: i32 }
+struct DecodedFloat { mantissa: u32, exponent: i32 }
 
 // A finite, non-zero number as mantissa * 2^(exponent - 150), with the mantissa in [2^23, 2^24).
-fn parts(bits: u32) -> Parts {
+fn decode_float(bits: u32) -> DecodedFloat {
     let exponent = i32((bits >> 23u) & 255u);
     let fraction = bits & 0x7fffffu;
     if exponent != 0 {
-        return Parts(fraction | 0x800000u, exponent);
+        return DecodedFloat(fraction | 0x800000u, exponent);
     }
     let shift = countLeadingZeros(fraction) - 8u;
-    return Parts(fraction << shift, 1 - i32(shift));
+    return DecodedFloat(fraction << shift, 1 - i32(shift));
 }
 
 // A divisor prepared for one or more divisions: its upper and lower 12 bits, and an approximate reciprocal.
 struct Divisor { value: f32, high: f32, low: f32, inverse: f32 }
 
-fn upper_half(x: f32) -> f32 { return bitcast<f32>(bitcast<u32>(x) & 0xfffff000u); }
+fn upper_bits(x: f32) -> f32 { return bitcast<f32>(bitcast<u32>(x) & 0xfffff000u); }
 
 fn divisor(b: f32) -> Divisor {
-    let high = upper_half(b);
+    let high = upper_bits(b);
     return Divisor(b, high, sub(b, high), 1.0 / b);
 }
 
 fn divide(a: f32, b: f32) -> f32 { return divide_by(a, divisor(b)); }
 
 fn divide_by(a: f32, by: Divisor) -> f32 {
-    let ea = (bitcast<u32>(a) >> 23u) & 255u;
-    let eb = (bitcast<u32>(by.value) >> 23u) & 255u;
+    let exponent_a = (bitcast<u32>(a) >> 23u) & 255u;
+    let exponent_b = (bitcast<u32>(by.value) >> 23u) & 255u;
     // Both operands are between 2^-60 and 2^61.
-    if ea - 67u <= 120u && eb - 67u <= 120u { return divide_normal(a, by); }
-    return divide_rarely(bitcast<u32>(a), bitcast<u32>(by.value));
+    if exponent_a - 67u <= 120u && exponent_b - 67u <= 120u { return divide_normal(a, by); }
+    return divide_special_range(bitcast<u32>(a), bitcast<u32>(by.value));
 }
 
 // Divides operands between 2^-60 and 2^61. After one correction, the quotient is one of the two floats next to a / b. A second exact
 // remainder selects between them, since no quotient is half way between two floats.
 fn divide_normal(a: f32, by: Divisor) -> f32 {
     let guess = mul(a, by.inverse);
-    let q = add(guess, mul(rest_of_division(a, guess, by), by.inverse));
-    let rest = rest_of_division(a, q, by);
-    let grows = ((bitcast<u32>(rest) ^ bitcast<u32>(by.value) ^ bitcast<u32>(q)) >> 31u) == 0u;
-    let other = bitcast<f32>(bitcast<u32>(q) + select(0xffffffffu, 1u, grows));
-    return select(q, other, 2.0 * abs(rest) > abs(mul(sub(other, q), by.value)));
+    let quotient = add(guess, mul(division_remainder(a, guess, by), by.inverse));
+    let remainder = division_remainder(a, quotient, by);
+    let is_below_quotient = ((bitcast<u32>(remainder) ^ bitcast<u32>(by.value) ^ bitcast<u32>(quotient)) >> 31u) == 0u;
+    let neighbour = bitcast<f32>(bitcast<u32>(quotient) + select(0xffffffffu, 1u, is_below_quotient));
+    return select(quotient, neighbour, 2.0 * abs(remainder) > abs(mul(sub(neighbour, quotient), by.value)));
 }
 
 struct Quotient { value: u32, sticky: bool }
 
 // Returns the integer quotient of a * 2^shift and b, in [2^24, 2^25). The reciprocal that it starts from is off by a few units
 // in the last place.
-fn quotient_of(a: u32, shift: u32, b: u32) -> Quotient {
+fn integer_quotient(a: u32, shift: u32, b: u32) -> Quotient {
     let inverse = 1.0 / f32(b);
     var value = u32(f32(a) * inverse * select(16777216.0, 33554432.0, shift == 25u));
     // |remainder| is far below 2^31, so wrapping arithmetic is exact.
@@ -95,19 +95,19 @@ fn quotient_of(a: u32, shift: u32, b: u32) -> Quotient {
 }
 
 // Divides where an operand or the quotient is, or may be, zero, subnormal, infinite or NaN.
-fn divide_rarely(ua: u32, ub: u32) -> f32 {
-    let sign = (ua ^ ub) & 0x80000000u;
-    let xa = ua & 0x7fffffffu;
-    let xb = ub & 0x7fffffffu;
-    if xa >= 0x7f800000u || xb >= 0x7f800000u || xa == 0u || xb == 0u {
-        return divide_special(sign, xa, xb);
+fn divide_special_range(a: u32, b: u32) -> f32 {
+    let sign = (a ^ b) & 0x80000000u;
+    let magnitude_a = a & 0x7fffffffu;
+    let magnitude_b = b & 0x7fffffffu;
+    if magnitude_a >= 0x7f800000u || magnitude_b >= 0x7f800000u || magnitude_a == 0u || magnitude_b == 0u {
+        return divide_special(sign, magnitude_a, magnitude_b);
     }
-    let pa = parts(xa);
-    let pb = parts(xb);
-    let below = pa.mantissa < pb.mantissa;
-    let exponent = pa.exponent - pb.exponent + select(127, 126, below);
-    let q = quotient_of(pa.mantissa, select(24u, 25u, below), pb.mantissa);
-    return bitcast<f32>(sign | round_quotient(q.value, q.sticky, exponent));
+    let pa = decode_float(magnitude_a);
+    let pb = decode_float(magnitude_b);
+    let is_below_one = pa.mantissa < pb.mantissa;
+    let exponent = pa.exponent - pb.exponent + select(127, 126, is_below_one);
+    let quotient = integer_quotient(pa.mantissa, select(24u, 25u, is_below_one), pb.mantissa);
+    return bitcast<f32>(sign | round_quotient(quotient.value, quotient.sticky, exponent));
 }
 
 // Rounds a 25-bit quotient with a sticky bit to nearest even. Returns the bits without sign.
@@ -115,38 +115,38 @@ fn round_quotient(quotient: u32, sticky: bool, exponent: i32) -> u32 {
     if exponent >= 255 {
         return 0x7f800000u;
     }
-    let drop = select(1u, u32(2 - exponent), exponent <= 0);
-    if drop > 26u {
+    let dropped_bits = select(1u, u32(2 - exponent), exponent <= 0);
+    if dropped_bits > 26u {
         return 0u;
     }
-    let kept = select(quotient >> (drop & 31u), 0u, drop > 31u);
-    let rest = quotient - (kept << drop);
-    let half = 1u << (drop - 1u);
-    let up = rest > half || (rest == half && (sticky || (kept & 1u) == 1u));
-    let rounded = kept + select(0u, 1u, up);
+    let truncated = select(quotient >> (dropped_bits & 31u), 0u, dropped_bits > 31u);
+    let remainder = quotient - (truncated << dropped_bits);
+    let half = 1u << (dropped_bits - 1u);
+    let rounds_up = remainder > half || (remainder == half && (sticky || (truncated & 1u) == 1u));
+    let rounded = truncated + select(0u, 1u, rounds_up);
     // The hidden bit adds one to the exponent field; a carry out of the mantissa adds another.
     return select(rounded + (u32(max(exponent, 1) - 1) << 23u), rounded, exponent <= 0);
 }
 
-fn divide_special(sign: u32, xa: u32, xb: u32) -> f32 {
+fn divide_special(sign: u32, magnitude_a: u32, magnitude_b: u32) -> f32 {
     let inf = 0x7f800000u;
-    let nan = xa > inf || xb > inf || (xa == inf && xb == inf) || (xa == 0u && xb == 0u);
+    let nan = magnitude_a > inf || magnitude_b > inf || (magnitude_a == inf && magnitude_b == inf) || (magnitude_a == 0u && magnitude_b == 0u);
     if nan {
         return bitcast<f32>(0x7fc00000u | (params.zero & 0u));
     }
-    let infinite = xa == inf || xb == 0u;
+    let infinite = magnitude_a == inf || magnitude_b == 0u;
     return bitcast<f32>(sign | select(0u, inf, infinite));
 }
 
 // Remainder a - q * b, on devices whose fused multiply-add rounds once. It is exact if q is within one place of a / b.
 
 @if(FUSED)
-fn rest_of_division(a: f32, q: f32, by: Divisor) -> f32 { return fma(-q, by.value, a); }
+fn division_remainder(a: f32, q: f32, by: Divisor) -> f32 { return fma(-q, by.value, a); }
 
 // Remainder a - q * b. Products of halves are exact, and so is each difference if q is within one place of a / b (Dekker 1971).
 @else
-fn rest_of_division(a: f32, q: f32, by: Divisor) -> f32 {
-    let high = upper_half(q);
+fn division_remainder(a: f32, q: f32, by: Divisor) -> f32 {
+    let high = upper_bits(q);
     let low = sub(q, high);
     return sub(sub(sub(sub(a, mul(high, by.high)), mul(high, by.low)), mul(low, by.high)), mul(low, by.low));
 }

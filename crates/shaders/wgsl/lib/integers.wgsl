@@ -11,15 +11,15 @@
 // coordinate, or with a direction of at most 277 bits, has 3B + 3. The sum of three such sums has 2 more, plus a sign bit: 849
 // bits, or 27 limbs. A product of two such numbers has 54 limbs.
 
-const COORDINATE: u32 = 10u;
-const CORNERS: u32 = 0u;
-const DIRECTION: u32 = 90u;
-const CROSS: u32 = 120u;
+const COORDINATE_STRIDE: u32 = 10u;
+const CORNERS_OFFSET: u32 = 0u;
+const DIRECTION_OFFSET: u32 = 90u;
+const CROSS_OFFSET: u32 = 120u;
 // Numerators and denominators of two crossings, 28 words each.
-const CROSSINGS: u32 = 140u;
-const ONE: u32 = 254u;
-const PRODUCTS: u32 = 256u;
-const PRODUCT: u32 = 55u;
+const INTERSECTIONS_OFFSET: u32 = 140u;
+const ONE_OFFSET: u32 = 254u;
+const PRODUCTS_OFFSET: u32 = 256u;
+const PRODUCT_STRIDE: u32 = 55u;
 
 var<private> words: array<u32, 366>;
 
@@ -30,9 +30,9 @@ fn clear(at: u32, len: u32) {
 // Returns the 64-bit product, low word first. The build turns it into one SPIR-V instruction: see build/harden.rs.
 fn multiply_32(a: u32, b: u32) -> vec2<u32> {
     let low = (a & 0xffffu) * (b & 0xffffu);
-    let one = (a >> 16u) * (b & 0xffffu) + (low >> 16u);
-    let two = (a & 0xffffu) * (b >> 16u) + (one & 0xffffu);
-    return vec2<u32>((two << 16u) | (low & 0xffffu), (a >> 16u) * (b >> 16u) + (one >> 16u) + (two >> 16u));
+    let first = (a >> 16u) * (b & 0xffffu) + (low >> 16u);
+    let second = (a & 0xffffu) * (b >> 16u) + (first & 0xffffu);
+    return vec2<u32>((second << 16u) | (low & 0xffffu), (a >> 16u) * (b >> 16u) + (first >> 16u) + (second >> 16u));
 }
 
 // Returns the sum and the carry.
@@ -42,7 +42,7 @@ fn add_32(a: u32, b: u32) -> vec2<u32> {
 }
 
 // Adds or subtracts a * b. Since not(not(x) + y) is x - y, one loop does both.
-fn accumulate(at: u32, len: u32, a: u32, a_len: u32, b: u32, b_len: u32, flip: u32) {
+fn accumulate_product(at: u32, len: u32, a: u32, a_len: u32, b: u32, b_len: u32, flip: u32) {
     let mask = 0u - (words[a] ^ words[b] ^ flip);
     for (var i = 0u; i < a_len; i += 1u) {
         let x = words[a + 1u + i];
@@ -51,11 +51,11 @@ fn accumulate(at: u32, len: u32, a: u32, a_len: u32, b: u32, b_len: u32, flip: u
         for (var j = 0u; i + j < len && (j < b_len || carry != 0u); j += 1u) {
             var product = vec2<u32>(0u);
             if j < b_len { product = multiply_32(x, words[b + 1u + j]); }
-            let to = at + 1u + i + j;
-            let first = add_32(product.x, words[to] ^ mask);
+            let destination = at + 1u + i + j;
+            let first = add_32(product.x, words[destination] ^ mask);
             let sum = add_32(first.x, carry);
             carry = product.y + first.y + sum.y;
-            words[to] = sum.x ^ mask;
+            words[destination] = sum.x ^ mask;
         }
     }
 }
@@ -63,20 +63,20 @@ fn accumulate(at: u32, len: u32, a: u32, a_len: u32, b: u32, b_len: u32, flip: u
 // Adds or subtracts mantissa * 2^shift.
 fn add_shifted(at: u32, len: u32, mantissa: u32, shift: u32, negative: bool) {
     let mask = select(0u, 0xffffffffu, negative);
-    let within = shift & 31u;
-    var rest = vec2<u32>(mantissa << within, select(mantissa >> ((32u - within) & 31u), 0u, within == 0u));
+    let bit_shift = shift & 31u;
+    var addend = vec2<u32>(mantissa << bit_shift, select(mantissa >> ((32u - bit_shift) & 31u), 0u, bit_shift == 0u));
     var carry = 0u;
-    for (var i = shift >> 5u; i < len && (rest.x | rest.y | carry) != 0u; i += 1u) {
-        let first = rest.x + (words[at + 1u + i] ^ mask);
-        let sum = first + carry;
-        carry = select(0u, 1u, first < rest.x || sum < carry);
+    for (var i = shift >> 5u; i < len && (addend.x | addend.y | carry) != 0u; i += 1u) {
+        let partial = addend.x + (words[at + 1u + i] ^ mask);
+        let sum = partial + carry;
+        carry = select(0u, 1u, partial < addend.x || sum < carry);
         words[at + 1u + i] = sum ^ mask;
-        rest = vec2<u32>(rest.y, 0u);
+        addend = vec2<u32>(addend.y, 0u);
     }
 }
 
 // Converts a two's complement to sign and magnitude.
-fn finish(at: u32, len: u32) {
+fn to_sign_magnitude(at: u32, len: u32) {
     let negative = (words[at + len] >> 31u) == 1u;
     words[at] = select(0u, 1u, negative);
     if !negative { return; }
@@ -107,20 +107,20 @@ fn bits_from(at: u32, len: u32, low: i32) -> u32 {
     if low <= -32 || low >= 32 * i32(len) { return 0u; }
     if low < 0 { return words[at + 1u] << u32(-low); }
     let i = at + 1u + (u32(low) >> 5u);
-    let within = u32(low) & 31u;
-    var bits = words[i] >> within;
-    if within > 0u && i < at + len { bits |= words[i + 1u] << (32u - within); }
+    let bit_shift = u32(low) & 31u;
+    var bits = words[i] >> bit_shift;
+    if bit_shift > 0u && i < at + len { bits |= words[i + 1u] << (32u - bit_shift); }
     return bits;
 }
 
 // Compares |a| * 2^a_exponent with |b| * 2^b_exponent. Returns -1, 0 or 1.
-fn compare_sizes(a: u32, a_len: u32, a_exponent: i32, b: u32, b_len: u32, b_exponent: i32) -> i32 {
+fn compare_magnitudes(a: u32, a_len: u32, a_exponent: i32, b: u32, b_len: u32, b_exponent: i32) -> i32 {
     let bits_a = bit_length(a, a_len);
     let bits_b = bit_length(b, b_len);
     if bits_a == 0 || bits_b == 0 || bits_a + a_exponent != bits_b + b_exponent {
-        let size_a = select(bits_a + a_exponent, -100000, bits_a == 0);
-        let size_b = select(bits_b + b_exponent, -100000, bits_b == 0);
-        return sign(size_a - size_b);
+        let length_a = select(bits_a + a_exponent, -100000, bits_a == 0);
+        let length_b = select(bits_b + b_exponent, -100000, bits_b == 0);
+        return sign(length_a - length_b);
     }
     // The leading bits of both have the same weight.
     for (var down = 32; down < max(bits_a, bits_b) + 32; down += 32) {

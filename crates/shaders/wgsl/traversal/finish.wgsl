@@ -1,13 +1,13 @@
 // The last step of each camera ray: its hit and its shadow.
 
-import package::geometry::light::{is_occluded, way_from};
-import package::geometry::ray::{MISS, Prepared};
+import package::geometry::ray::{MISS, PreparedRay};
+import package::geometry::shadow_ray::{is_occluded, shadow_segment_of_best};
 import package::intersect::intersector::{Found, hit_of, is_unresolved, store_occluded};
 import package::lib::buffers::{hits, occluded};
 import package::lib::counters::BLOCKED_COUNT;
 
 // Writes the hit of ray `i` from `eye`, and whether the hit point is in shadow.
-fn finish_ray(i: u32, ray: Prepared, found: Found, eye: vec3<f32>) {
+fn finish_ray(i: u32, ray: PreparedRay, found: Found, eye: vec3<f32>) {
     let hit = hit_of(i, ray, found);
     hits[i] = hit;
     if is_unresolved(hit) {
@@ -16,7 +16,7 @@ fn finish_ray(i: u32, ray: Prepared, found: Found, eye: vec3<f32>) {
         return;
     }
     var is_dark = false;
-    if hit.w != 0xffffffffu { is_dark = is_occluded(way_from(found, hit, eye), hit.w); }
+    if hit.w != 0xffffffffu { is_dark = is_occluded(shadow_segment_of_best(found, hit, eye), hit.w); }
     store_occluded(i, is_dark, BLOCKED_COUNT);
 }
 

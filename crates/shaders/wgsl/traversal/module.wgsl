@@ -1,8 +1,8 @@
 // Single rays for shaders of a program. crates/abvh returns this file as text in which all other names are escaped.
 
-import package::geometry::queries::is_void_ray;
+import package::geometry::queries::is_invalid_ray;
 import package::geometry::range::is_measured_extreme;
-import package::geometry::ray::{MISS, prepare, root_from};
+import package::geometry::ray::{MISS, prepare_ray, root_relative_to};
 import package::geometry::units::{is_extreme, scaled_point};
 import package::intersect::intersector::{ask_any, hit_of};
 import package::lib::params::params;
@@ -29,9 +29,9 @@ fn abvh_closest(origin: vec3<f32>, t_min: f32, direction: vec3<f32>, t_max: f32)
     let second = vec4<u32>(bitcast<vec3<u32>>(direction), bitcast<u32>(t_max));
     let start = scaled_point(first.xyz);
     var hit = MISS;
-    if params.node_count > 0u && !is_void_ray(first, second) {
+    if params.node_count > 0u && !is_invalid_ray(first, second) {
         if abvh_is_extreme(start) { return AbvhHit(0.0, 0.0, 0.0, ABVH_EXTREME); }
-        let ray = prepare(start, second.xyz, first.w, second.w, root_from(start));
+        let ray = prepare_ray(start, second.xyz, first.w, second.w, root_relative_to(start));
         hit = hit_of(0u, ray, find_closest(ray));
     }
     return AbvhHit(bitcast<f32>(hit.x), bitcast<f32>(hit.y), bitcast<f32>(hit.z), hit.w);
@@ -42,8 +42,8 @@ fn abvh_any(origin: vec3<f32>, t_min: f32, direction: vec3<f32>, t_max: f32) -> 
     let first = vec4<u32>(bitcast<vec3<u32>>(origin), bitcast<u32>(t_min));
     let second = vec4<u32>(bitcast<vec3<u32>>(direction), bitcast<u32>(t_max));
     let start = scaled_point(first.xyz);
-    if params.node_count == 0u || is_void_ray(first, second) { return 0u; }
+    if params.node_count == 0u || is_invalid_ray(first, second) { return 0u; }
     if abvh_is_extreme(start) { return ABVH_EXTREME; }
-    let ray = prepare(start, second.xyz, first.w, second.w, root_from(start));
+    let ray = prepare_ray(start, second.xyz, first.w, second.w, root_relative_to(start));
     return u32(ask_any(ray, 0xffffffffu));
 }

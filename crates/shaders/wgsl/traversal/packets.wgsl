@@ -1,10 +1,10 @@
 // Kernels that trace packets of rays.
 
-import package::geometry::queries::{camera_ray, eye, is_void_way, through_pixel};
-import package::geometry::ray::{Prepared, root_from};
+import package::geometry::queries::{camera_ray, eye, is_untraceable, pixel_direction};
+import package::geometry::ray::{PreparedRay, root_relative_to};
 import package::intersect::intersector::{Found, intersect_leaf_closest, limit, nothing_found};
 import package::lib::buffers::covers;
-import package::lib::lanes::{any_of_all, least_of_all, most_of_all, of_lane, transposed};
+import package::lib::lanes::{group_any, group_max, group_min, group_shuffle, transpose_bits};
 import package::lib::params::params;
 import package::traversal::finish::{finish_miss, finish_ray};
 import package::visibility::outline::{BLOCK, BOUNDLESS};
@@ -68,7 +68,7 @@ fn pixels_of(leaf: u32, corner: vec2<u32>, depth: u32) -> u32 {
 }
 
 // Returns the factor from a ray's t to depths of the picture; infinity if it is out of range.
-fn depth_a_unit(ray: Prepared) -> f32 {
+fn depth_a_unit(ray: PreparedRay) -> f32 {
     let shift = params.depth_exponent - params.scale_exponent - ray.exponent;
     if shift < 0 || shift > 100 { return bitcast<f32>(0x7f800000u | params.zero); }
     return bitcast<f32>(u32(127 + shift) << 23u);
@@ -85,7 +85,7 @@ fn lanes_of(node: u32, corner: vec2<u32>, depth: u32, lane: u32) -> Lanes {
 }
 
 // Searches closest hits from the root's lanes on. Rays that are not `sought` find nothing.
-fn find_together(root: Lanes, corner: vec2<u32>, lane: u32, sought: bool, ray: Prepared) -> Found {
+fn find_together(root: Lanes, corner: vec2<u32>, lane: u32, sought: bool, ray: PreparedRay) -> Found {
     let depth_of_t = depth_a_unit(ray);
     var best = nothing_found(ray);
     // Stack of the nodes above, with the keys of their remaining lanes.
@@ -95,7 +95,7 @@ fn find_together(root: Lanes, corner: vec2<u32>, lane: u32, sought: bool, ray: P
     var at = root;
     var depth = FARTHEST_DEPTH;
     loop {
-        let least = least_of_all(at.place, lane);
+        let least = group_min(at.place, lane);
         if (least & 0x7fffffe0u) > depth {
             if level == 0u { break; }
             level -= 1u;
@@ -105,7 +105,7 @@ fn find_together(root: Lanes, corner: vec2<u32>, lane: u32, sought: bool, ray: P
             continue;
         }
         if at.place == least { at.place = DONE; }
-        let next = of_lane(at.goal, least & 31u, lane);
+        let next = group_shuffle(at.goal, least & 31u, lane);
         if (next & BLOCK) == 0u {
             places[level] = at.place;
             nodes_above[level] = at.node;
@@ -116,14 +116,14 @@ fn find_together(root: Lanes, corner: vec2<u32>, lane: u32, sought: bool, ray: P
         let first = (next & ~BLOCK) >> 6u;
         var pixels = 0u;
         if lane < (next & 63u) { pixels = pixels_of(first + lane, corner, depth); }
-        if !any_of_all(pixels != 0u, lane) { continue; }
-        var left = transposed(pixels, lane);
+        if !group_any(pixels != 0u, lane) { continue; }
+        var left = transpose_bits(pixels, lane);
         if !sought { left = 0u; }
         while left != 0u {
             best = intersect_leaf_closest(ray, first + firstTrailingBit(left), best);
             left &= left - 1u;
         }
-        depth = most_of_all(select(0u, bitcast<u32>(limit(best) * depth_of_t), sought), lane);
+        depth = group_max(select(0u, bitcast<u32>(limit(best) * depth_of_t), sought), lane);
     }
     return best;
 }
@@ -139,14 +139,14 @@ fn trace_tile(packet: vec2<u32>, lane: u32) {
     let i = pixel.y * params.width + pixel.x;
     // Excludes most packets that see nothing, before their rays are generated.
     let root = lanes_of(params.wide_root, corner, FARTHEST_DEPTH, lane);
-    if !any_of_all(root.place != DONE, lane) {
+    if !group_any(root.place != DONE, lane) {
         if is_there { finish_miss(i); }
         return;
     }
-    let direction = through_pixel(pixel);
+    let direction = pixel_direction(pixel);
     let origin = eye();
-    let sought = is_there && !is_void_way(direction, origin);
-    let ray = camera_ray(direction, origin, root_from(origin));
+    let sought = is_there && !is_untraceable(direction, origin);
+    let ray = camera_ray(direction, origin, root_relative_to(origin));
     let found = find_together(root, corner, lane, sought, ray);
     if is_there { finish_ray(i, ray, found, origin); }
 }

@@ -3,8 +3,8 @@
 // The crate `wesl` does not know the address spaces of payloads and some stage inputs. Attributes are placeholders for them,
 // which the build replaces (build/rays.rs).
 
-import package::geometry::light::to_light;
-import package::geometry::queries::{is_void_ray, through_pixel};
+import package::geometry::queries::{is_invalid_ray, pixel_direction};
+import package::geometry::shadow_ray::shadow_segment_of_hit;
 import package::geometry::units::{is_finite_point, scale_bits, scaled_point, snapped3};
 import package::lib::buffers::{hits, occluded, rays};
 import package::lib::params::params;
@@ -60,13 +60,13 @@ fn unscaled(v: vec3<f32>) -> vec3<f32> {
 // Returns 1 if the hit is in shadow. `eye` is the start of the ray that hit, in scene units, as bits.
 fn shade(hit: vec4<u32>, eye: vec3<u32>) -> u32 {
     if hit.w == NOTHING { return 0u; }
-    let ray = to_light(hit, scaled_point(eye));
-    if !ray.traced { return 0u; }
+    let ray = shadow_segment_of_hit(hit, scaled_point(eye));
+    if !ray.is_traced { return 0u; }
     return select(0u, 1u, finds_any(unscaled(snapped3(ray.origin)), unscaled(ray.direction), 0.0, 1.0));
 }
 
 fn meet_pixel(pixel: vec2<u32>) -> vec4<u32> {
-    let direction = through_pixel(pixel);
+    let direction = pixel_direction(pixel);
     found.triangle = NOTHING;
     if any(direction != vec3<f32>(0.0)) && is_finite_point(direction) && is_finite_point(params.eye) {
         find_driver_closest(params.eye, direction, 0.0, bitcast<f32>(0x7f7fffffu));
@@ -87,7 +87,7 @@ fn camera_shadow(@ray_invocation_id id: vec3<u32>) {
     occluded[i] = shade(hit, bitcast<vec3<u32>>(params.eye));
 }
 
-struct Given { origin: vec3<f32>, t_min: f32, direction: vec3<f32>, t_max: f32, traced: bool }
+struct Given { origin: vec3<f32>, t_min: f32, direction: vec3<f32>, t_max: f32, is_traced: bool }
 
 // Invalid rays are not traced. Drivers do not trace behind a ray's origin.
 fn given(i: u32) -> Given {
@@ -96,13 +96,13 @@ fn given(i: u32) -> Given {
     let a = bitcast<vec4<f32>>(first);
     let b = bitcast<vec4<f32>>(second);
     let t_min = max(a.w, 0.0);
-    return Given(a.xyz, t_min, b.xyz, b.w, !is_void_ray(first, second) && t_min < b.w);
+    return Given(a.xyz, t_min, b.xyz, b.w, !is_invalid_ray(first, second) && t_min < b.w);
 }
 
 fn meet_given(i: u32) -> vec4<u32> {
     let ray = given(i);
     found.triangle = NOTHING;
-    if ray.traced { find_driver_closest(ray.origin, ray.direction, ray.t_min, ray.t_max); }
+    if ray.is_traced { find_driver_closest(ray.origin, ray.direction, ray.t_min, ray.t_max); }
     return as_hit();
 }
 
@@ -129,6 +129,6 @@ fn given_any(@ray_invocation_id id: vec3<u32>, @num_ray_invocations size: vec3<u
     if i >= params.count { return; }
     let ray = given(i);
     var met = 0u;
-    if ray.traced { met = select(0u, 1u, finds_any(ray.origin, ray.direction, ray.t_min, ray.t_max)); }
+    if ray.is_traced { met = select(0u, 1u, finds_any(ray.origin, ray.direction, ray.t_min, ray.t_max)); }
     occluded[i] = met;
 }

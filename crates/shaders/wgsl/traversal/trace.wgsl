@@ -1,8 +1,8 @@
 // Kernels that trace rays one by one.
 
-import package::geometry::light::{is_occluded, to_light};
-import package::geometry::queries::{camera_ray, eye, given_ray, is_void, misses_root, pixel_of, through_pixel};
-import package::geometry::ray::{MISS, root_from};
+import package::geometry::queries::{camera_ray, explicit_ray, eye, is_skipped, misses_scene, pixel_direction, pixel_of};
+import package::geometry::ray::{MISS, root_relative_to};
+import package::geometry::shadow_ray::{is_occluded, shadow_segment_of_hit};
 import package::geometry::units::scaled_point;
 import package::intersect::intersector::{ask_any, hit_of, store_occluded};
 import package::lib::buffers::{hits, rays};
@@ -19,11 +19,11 @@ import package::traversal::traverse::find_closest;
 fn trace_camera(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>) {
     let pixel = pixel_of(local, group);
     if pixel.x >= params.width || pixel.y >= params.height { return; }
-    let direction = through_pixel(pixel);
+    let direction = pixel_direction(pixel);
     let i = pixel.y * params.width + pixel.x;
     let origin = eye();
-    let root = root_from(origin);
-    if misses_root(direction, origin, root) {
+    let root = root_relative_to(origin);
+    if misses_scene(direction, origin, root) {
         hits[i] = MISS;
         return;
     }
@@ -39,11 +39,11 @@ fn trace_camera(@builtin(local_invocation_index) local: u32, @builtin(workgroup_
 fn trace_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let i = element(id, groups, 128u);
     if i >= params.count { return; }
-    if is_void(i) {
+    if is_skipped(i) {
         hits[i] = MISS;
         return;
     }
-    let ray = given_ray(i);
+    let ray = explicit_ray(i);
     hits[i] = hit_of(i, ray, find_closest(ray));
 }
 
@@ -56,7 +56,7 @@ fn any_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroup
     let i = element(id, groups, 128u);
     if i >= params.count { return; }
     var met = false;
-    if !is_void(i) { met = ask_any(given_ray(i), 0xffffffffu); }
+    if !is_skipped(i) { met = ask_any(explicit_ray(i), 0xffffffffu); }
     store_occluded(i, met, HIT_COUNT);
 }
 
@@ -70,10 +70,10 @@ fn trace_and_shadow_camera(@builtin(local_invocation_index) local: u32, @builtin
     let pixel = pixel_of(local, group);
     if pixel.x >= params.width || pixel.y >= params.height { return; }
     let i = pixel.y * params.width + pixel.x;
-    let direction = through_pixel(pixel);
+    let direction = pixel_direction(pixel);
     let origin = eye();
-    let root = root_from(origin);
-    if misses_root(direction, origin, root) {
+    let root = root_relative_to(origin);
+    if misses_scene(direction, origin, root) {
         finish_miss(i);
         return;
     }
@@ -91,6 +91,6 @@ fn shadow_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgr
     if i >= params.count { return; }
     let hit = hits[i];
     var dark = false;
-    if hit.w != 0xffffffffu { dark = is_occluded(to_light(hit, scaled_point(rays[2u * i].xyz)), hit.w); }
+    if hit.w != 0xffffffffu { dark = is_occluded(shadow_segment_of_hit(hit, scaled_point(rays[2u * i].xyz)), hit.w); }
     store_occluded(i, dark, BLOCKED_COUNT);
 }

@@ -1,7 +1,7 @@
 // Traversal of the tree for the closest hit and for any hit.
 
-import package::geometry::node::{LEAF, NONE, children_of, first_of, others_of};
-import package::geometry::ray::{Prepared, loose_planes, loose_slab};
+import package::geometry::node::{LEAF, NO_NODE, child_row, first_triangle_of, second_triangle_of};
+import package::geometry::ray::{PreparedRay, loose_planes, loose_slab};
 import package::intersect::intersector::{Found, intersect_leaf_any, intersect_leaf_closest, limit, nothing_found};
 import package::lib::buffers::nodes;
 
@@ -10,7 +10,7 @@ import package::lib::buffers::nodes;
 // Devices find the greatest of three integers in one instruction (an H200: rays 4 % faster).
 
 @if(!(trace_rays || any_rays || MODULE))
-fn slab_interval(ray: Prepared, low: vec4<u32>, high: vec4<u32>, bound: f32) -> vec2<i32> {
+fn slab_interval(ray: PreparedRay, low: vec4<u32>, high: vec4<u32>, bound: f32) -> vec2<i32> {
     let planes = loose_planes(ray, bitcast<vec3<f32>>(low.xyz), bitcast<vec3<f32>>(high.xyz));
     let n = bitcast<vec3<i32>>(planes.near);
     let f = bitcast<vec3<i32>>(planes.far);
@@ -22,7 +22,7 @@ fn slab_interval(ray: Prepared, low: vec4<u32>, high: vec4<u32>, bound: f32) -> 
 
 // The same for rays whose t_min may be negative.
 @else
-fn slab_interval(ray: Prepared, low: vec4<u32>, high: vec4<u32>, bound: f32) -> vec2<f32> {
+fn slab_interval(ray: PreparedRay, low: vec4<u32>, high: vec4<u32>, bound: f32) -> vec2<f32> {
     let s = loose_slab(ray, bitcast<vec3<f32>>(low.xyz), bitcast<vec3<f32>>(high.xyz));
     return vec2<f32>(max(s.x, ray.t_min), min(s.y, bound));
 }
@@ -30,8 +30,8 @@ fn slab_interval(ray: Prepared, low: vec4<u32>, high: vec4<u32>, bound: f32) -> 
 // Closest hit. The intersector defines what is kept of each leaf.
 
 // Descends one node. If both children are met, pushes the farther one.
-fn traverse_node(ray: Prepared, at: u32, best: f32, stack: ptr<function, array<u32, 64>>, depth: ptr<function, u32>) -> u32 {
-    let row = children_of(at);
+fn traverse_node(ray: PreparedRay, at: u32, best: f32, stack: ptr<function, array<u32, 64>>, depth: ptr<function, u32>) -> u32 {
+    let row = child_row(at);
     let l0 = nodes[row];
     let r0 = nodes[row + 2u];
     let l = slab_interval(ray, l0, nodes[row + 1u], best);
@@ -44,12 +44,12 @@ fn traverse_node(ray: Prepared, at: u32, best: f32, stack: ptr<function, array<u
         *depth += 1u;
         return select(l0.w, r0.w, right_first);
     }
-    return select(select(NONE, r0.w, meets_r), l0.w, meets_l);
+    return select(select(NO_NODE, r0.w, meets_r), l0.w, meets_l);
 }
 
 // Each iteration of this one loop visits at most two nodes and one triangle. Iterations of one kind of work each (Aila, Laine
 // 2009: "if-if") were a tenth slower. Descending to a leaf before any triangle test was slower still.
-fn find_closest(ray: Prepared) -> Found {
+fn find_closest(ray: PreparedRay) -> Found {
     var best = nothing_found(ray);
     var stack: array<u32, 64>;
     var depth = 0u;
@@ -62,11 +62,11 @@ fn find_closest(ray: Prepared) -> Found {
             if (at & LEAF) == 0u { at = traverse_node(ray, at, limit(best), &stack, &depth); }
         }
         if (at & LEAF) != 0u {
-            if at != NONE {
-                best = intersect_leaf_closest(ray, first_of(at), best);
-                at = others_of(at);
+            if at != NO_NODE {
+                best = intersect_leaf_closest(ray, first_triangle_of(at), best);
+                at = second_triangle_of(at);
             }
-            if at == NONE {
+            if at == NO_NODE {
                 if depth == 0u { break; }
                 depth -= 1u;
                 at = stack[depth];
@@ -87,8 +87,8 @@ const BY_PAIRS: bool = false;
 // Any-hit search, which ends at the first hit of a triangle other than `ignore`.
 
 // Descends one node. If both children are met, pushes the second one.
-fn push_children(ray: Prepared, at: u32, stack: ptr<function, array<u32, 64>>, depth: ptr<function, u32>) -> u32 {
-    let row = children_of(at);
+fn push_children(ray: PreparedRay, at: u32, stack: ptr<function, array<u32, 64>>, depth: ptr<function, u32>) -> u32 {
+    let row = child_row(at);
     let l0 = nodes[row];
     let r0 = nodes[row + 2u];
     let l = slab_interval(ray, l0, nodes[row + 1u], ray.t_max);
@@ -99,10 +99,10 @@ fn push_children(ray: Prepared, at: u32, stack: ptr<function, array<u32, 64>>, d
         (*stack)[*depth] = r0.w;
         *depth += 1u;
     }
-    return select(select(NONE, r0.w, meets_r), l0.w, meets_l);
+    return select(select(NO_NODE, r0.w, meets_r), l0.w, meets_l);
 }
 
-fn find_any(ray: Prepared, ignore: u32) -> bool {
+fn find_any(ray: PreparedRay, ignore: u32) -> bool {
     var stack: array<u32, 64>;
     var depth = 0u;
     var at = nodes[0].w;
@@ -117,14 +117,14 @@ fn find_any(ray: Prepared, ignore: u32) -> bool {
             }
         }
         if (at & LEAF) != 0u {
-            if at != NONE {
-                if intersect_leaf_any(ray, first_of(at), ignore) { return true; }
-                at = others_of(at);
-                if BY_PAIRS && at != NONE {
-                    if intersect_leaf_any(ray, first_of(at), ignore) { return true; }
+            if at != NO_NODE {
+                if intersect_leaf_any(ray, first_triangle_of(at), ignore) { return true; }
+                at = second_triangle_of(at);
+                if BY_PAIRS && at != NO_NODE {
+                    if intersect_leaf_any(ray, first_triangle_of(at), ignore) { return true; }
                 }
             }
-            if BY_PAIRS || at == NONE {
+            if BY_PAIRS || at == NO_NODE {
                 if depth == 0u { break; }
                 depth -= 1u;
                 at = stack[depth];

@@ -111,9 +111,9 @@ const STRIDE: vec2<i32> = vec2<i32>(128, 32);
 fn stamp_share(leaf: u32, local: u32, first: i32, sharers: i32) {
     let origin = eye();
     let o = outline_of(leaf, origin, cover_reach(origin));
-    let parts = (o.last - o.first + STRIDE) / STRIDE;
-    for (var k = first; k < parts.x * parts.y; k += sharers) {
-        let corner = o.first + STRIDE * vec2<i32>(k % parts.x, k / parts.x) + vec2<i32>(8 * i32(local & 15u), 4 * i32(local >> 4u));
+    let blocks = (o.last - o.first + STRIDE) / STRIDE;
+    for (var k = first; k < blocks.x * blocks.y; k += sharers) {
+        let corner = o.first + STRIDE * vec2<i32>(k % blocks.x, k / blocks.x) + vec2<i32>(8 * i32(local & 15u), 4 * i32(local >> 4u));
         var pixels = 0u;
         if all(corner <= o.last) { pixels = loose_stamp(o, corner); }
         let place = place_stamps(min(pixels, 1u), countOneBits(pixels), local);

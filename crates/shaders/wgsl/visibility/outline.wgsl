@@ -1,6 +1,6 @@
 // Coverage of the picture by a triangle.
 
-import package::geometry::ray::{FARTHEST, least_of, most_of, root_from};
+import package::geometry::ray::{MAX_DISTANCE, max_component, min_component, root_relative_to};
 import package::geometry::record::{corners_of, is_unhittable};
 import package::lib::buffers::records;
 import package::lib::params::params;
@@ -33,54 +33,54 @@ const DOUBT: f32 = 2.1457672119140625e-6;
 const OUTER: f32 = 16384.0;
 
 // Returns D of the root, at least 2^-38. Compared with that, coordinates that count as zero are negligible.
-fn cover_reach(origin: vec3<f32>) -> f32 { return max(root_from(origin).reach, 3.637978807091713e-12); }
+fn cover_reach(origin: vec3<f32>) -> f32 { return max(root_relative_to(origin).max_distance, 3.637978807091713e-12); }
 
 fn size_of(v: vec3<f32>) -> f32 { return abs(v.x) + abs(v.y) + abs(v.z); }
 
 // Projected coordinates along one axis of the picture, and their error bounds.
 struct Places { at: vec3<f32>, doubt: vec3<f32> }
 
-fn loose_places(axis: vec3<f32>, x: vec3<f32>, y: vec3<f32>, z: vec3<f32>, inverse: vec3<f32>, reach: f32) -> Places {
+fn loose_places(axis: vec3<f32>, x: vec3<f32>, y: vec3<f32>, z: vec3<f32>, inverse: vec3<f32>, max_distance: f32) -> Places {
     let at = (axis.x * x + axis.y * y + axis.z * z) * inverse;
-    let doubt = DOUBT * reach * (size_of(axis) + abs(at) * size_of(params.depth)) * inverse;
+    let doubt = DOUBT * max_distance * (size_of(axis) + abs(at) * size_of(params.depth)) * inverse;
     return Places(at - 0.5, doubt);
 }
 
-fn is_near(p: Places) -> bool { return most_of(abs(p.at)) < OUTER && most_of(p.doubt) < 1.0; }
+fn is_near(p: Places) -> bool { return max_component(abs(p.at)) < OUTER && max_component(p.doubt) < 1.0; }
 
 // Returns the depth below which the error of a depth may exceed a 64th.
-fn too_near(reach: f32) -> f32 { return 64.0 * DOUBT * reach * size_of(params.depth); }
+fn too_near(max_distance: f32) -> f32 { return 64.0 * DOUBT * max_distance * size_of(params.depth); }
 
 // Returns whether a triangle is surely beyond one side of the picture. This also holds if it reaches behind the eye: no point
 // there is visible, and in front of the eye the sign of column times depth determines the side.
-fn is_triangle_beside(x: vec3<f32>, y: vec3<f32>, z: vec3<f32>, depths: vec3<f32>, reach: f32) -> bool {
+fn is_triangle_beside(x: vec3<f32>, y: vec3<f32>, z: vec3<f32>, depths: vec3<f32>, max_distance: f32) -> bool {
     let across = params.column.x * x + params.column.y * y + params.column.z * z;
     let down = params.row.x * x + params.row.y * y + params.row.z * z;
-    return are_beside(vec2<f32>(least_of(across - f32(params.width) * depths), most_of(across)), params.column, params.width, reach)
-        || are_beside(vec2<f32>(least_of(down - f32(params.height) * depths), most_of(down)), params.row, params.height, reach);
+    return are_beside(vec2<f32>(min_component(across - f32(params.width) * depths), max_component(across)), params.column, params.width, max_distance)
+        || are_beside(vec2<f32>(min_component(down - f32(params.height) * depths), max_component(down)), params.row, params.height, max_distance);
 }
 
 // The same for a box with these corners.
-fn is_box_beside(low: vec3<f32>, high: vec3<f32>, reach: f32) -> bool {
-    return is_box_beside_along(low, high, params.column, params.width, reach) || is_box_beside_along(low, high, params.row, params.height, reach);
+fn is_box_beside(low: vec3<f32>, high: vec3<f32>, max_distance: f32) -> bool {
+    return is_box_beside_along(low, high, params.column, params.width, max_distance) || is_box_beside_along(low, high, params.row, params.height, max_distance);
 }
 
-fn is_box_beside_along(low: vec3<f32>, high: vec3<f32>, axis: vec3<f32>, size: u32, reach: f32) -> bool {
+fn is_box_beside_along(low: vec3<f32>, high: vec3<f32>, axis: vec3<f32>, size: u32, max_distance: f32) -> bool {
     let last = axis - f32(size) * params.depth;
     let least = min(last * low, last * high);
     let most = max(axis * low, axis * high);
-    return are_beside(vec2<f32>(least.x + least.y + least.z, most.x + most.y + most.z), axis, size, reach);
+    return are_beside(vec2<f32>(least.x + least.y + least.z, most.x + most.y + most.z), axis, size, max_distance);
 }
 
 // Decides by two bounds, both times depth: the least projected coordinate minus the picture's size, and the greatest one.
-fn are_beside(least_and_most: vec2<f32>, axis: vec3<f32>, size: u32, reach: f32) -> bool {
-    let doubt = DOUBT * reach * (size_of(axis) + f32(size) * size_of(params.depth));
-    return reach < FARTHEST && (least_and_most.x > doubt || least_and_most.y < -doubt);
+fn are_beside(least_and_most: vec2<f32>, axis: vec3<f32>, size: u32, max_distance: f32) -> bool {
+    let doubt = DOUBT * max_distance * (size_of(axis) + f32(size) * size_of(params.depth));
+    return max_distance < MAX_DISTANCE && (least_and_most.x > doubt || least_and_most.y < -doubt);
 }
 
 // Returns the nearest depth of something whose computed depth is `depth`; at least 0.
-fn begins_at(depth: f32, reach: f32) -> f32 {
-    let least = depth - DOUBT * reach * size_of(params.depth);
+fn begins_at(depth: f32, max_distance: f32) -> f32 {
+    let least = depth - DOUBT * max_distance * size_of(params.depth);
     return select(0.0, least, least > 0.0);
 }
 
@@ -97,40 +97,40 @@ struct BoxCover { columns: u32, rows: u32, begin: u32 }
 const COVERS_NOTHING: BoxCover = BoxCover(NOWHERE, NOWHERE, 0u);
 
 // Projects a box by its corners, one pair along x at a time. `low` and `high` are relative to the eye.
-fn box_cover(low: vec3<f32>, high: vec3<f32>, reach: f32) -> BoxCover {
+fn box_cover(low: vec3<f32>, high: vec3<f32>, max_distance: f32) -> BoxCover {
     var nearest = 3.0e38;
     var farthest = -3.0e38;
     var least = vec2<f32>(3.0e38);
     var most = vec2<f32>(-3.0e38);
-    var tells = reach < FARTHEST;
+    var tells = max_distance < MAX_DISTANCE;
     for (var k = 0u; k < 4u; k += 1u) {
         let y = vec3<f32>(select(low.y, high.y, (k & 1u) != 0u));
         let z = vec3<f32>(select(low.z, high.z, (k & 2u) != 0u));
         let x = vec3<f32>(low.x, high.x, low.x);
         let depths = params.depth.x * x + params.depth.y * y + params.depth.z * z;
         let inverse = 1.0 / depths;
-        let across = loose_places(params.column, x, y, z, inverse, reach);
-        let down = loose_places(params.row, x, y, z, inverse, reach);
+        let across = loose_places(params.column, x, y, z, inverse, max_distance);
+        let down = loose_places(params.row, x, y, z, inverse, max_distance);
         tells = tells && is_near(across) && is_near(down);
-        nearest = min(nearest, least_of(depths));
-        farthest = max(farthest, most_of(depths));
-        least = min(least, vec2<f32>(least_of(across.at - across.doubt), least_of(down.at - down.doubt)));
-        most = max(most, vec2<f32>(most_of(across.at + across.doubt), most_of(down.at + down.doubt)));
+        nearest = min(nearest, min_component(depths));
+        farthest = max(farthest, max_component(depths));
+        least = min(least, vec2<f32>(min_component(across.at - across.doubt), min_component(down.at - down.doubt)));
+        most = max(most, vec2<f32>(max_component(across.at + across.doubt), max_component(down.at + down.doubt)));
     }
-    if farthest < -too_near(reach) && reach < FARTHEST { return COVERS_NOTHING; }
-    let begin = bitcast<u32>(select(0.0, begins_at(nearest, reach), reach < FARTHEST));
-    if tells && nearest > too_near(reach) {
+    if farthest < -too_near(max_distance) && max_distance < MAX_DISTANCE { return COVERS_NOTHING; }
+    let begin = bitcast<u32>(select(0.0, begins_at(nearest, max_distance), max_distance < MAX_DISTANCE));
+    if tells && nearest > too_near(max_distance) {
         return BoxCover(loose_pixel_span(least.x, most.x), loose_pixel_span(least.y, most.y), begin);
     }
-    let all = select(EVERYWHERE, NOWHERE, is_box_beside(low, high, reach));
+    let all = select(EVERYWHERE, NOWHERE, is_box_beside(low, high, max_distance));
     return BoxCover(all, all, begin);
 }
 
 // Projects the own box of a leaf's triangle. Textbook tests may accept any ray that meets this box.
-fn own_box_cover(leaf: u32, origin: vec3<f32>, reach: f32) -> BoxCover {
+fn own_box_cover(leaf: u32, origin: vec3<f32>, max_distance: f32) -> BoxCover {
     if is_unhittable(leaf) { return COVERS_NOTHING; }
     let k = corners_of(leaf);
-    return box_cover(min(min(k.a, k.b), k.c) - origin, max(max(k.a, k.b), k.c) - origin, reach);
+    return box_cover(min(min(k.a, k.b), k.c) - origin, max(max(k.a, k.b), k.c) - origin, max_distance);
 }
 
 // A triangle's outline in the picture, slightly enlarged: see docs/design/visibility-buffer.md.
@@ -144,10 +144,10 @@ fn without_edges(first: vec2<i32>, last: vec2<i32>) -> Outline {
     return Outline(first, last, vec3<f32>(0.0), vec3<f32>(0.0), vec3<f32>(0.0), size.x * size.y);
 }
 
-fn loose_first(p: Places) -> i32 { return i32(max(ceil(least_of(p.at - p.doubt) - params.pixel_margin), 0.0)); }
+fn loose_first(p: Places) -> i32 { return i32(max(ceil(min_component(p.at - p.doubt) - params.pixel_margin), 0.0)); }
 
 fn loose_last(p: Places, size: u32) -> i32 {
-    return i32(clamp(floor(most_of(p.at + p.doubt) + params.pixel_margin), -1.0, f32(size) - 1.0));
+    return i32(clamp(floor(max_component(p.at + p.doubt) + params.pixel_margin), -1.0, f32(size) - 1.0));
 }
 
 // Moving the corners by their error bounds and the pixels by the margin moves the interior by at most the sum. Edges that are
@@ -164,7 +164,7 @@ fn loose_edges(given: Outline, across: Places, down: Places) -> Outline {
     if !(abs(area) > 4.76837158203125e-7 * size.x * size.y) { return o; }
     let slope = dx / dy;
     let way = slope * (f32(o.first.y) - y);
-    let margin = max(most_of(across.doubt), most_of(down.doubt)) + params.pixel_margin;
+    let margin = max(max_component(across.doubt), max_component(down.doubt)) + params.pixel_margin;
     let apart = margin * (abs(slope) + 1.0) + 4.0e-6 * (abs(way) + abs(slope) * size.y + abs(x) + 1.0);
     let side = sign(area) * sign(dy);
     o.side = select(vec3<f32>(0.0), side, abs(slope) < vec3<f32>(100.0));
@@ -176,28 +176,28 @@ fn loose_edges(given: Outline, across: Places, down: Places) -> Outline {
 
 // Returns the rectangle of the triangle's own box.
 @if(MOLLER_TRUMBORE || WOOP)
-fn outline_of(leaf: u32, origin: vec3<f32>, reach: f32) -> Outline {
-    let c = own_box_cover(leaf, origin, reach);
+fn outline_of(leaf: u32, origin: vec3<f32>, max_distance: f32) -> Outline {
+    let c = own_box_cover(leaf, origin, max_distance);
     let pixels = vec2<u32>(c.columns, c.rows);
     let last = min(vec2<i32>(pixels >> vec2<u32>(16u)), vec2<i32>(i32(params.width), i32(params.height)) - 1);
     return without_edges(vec2<i32>(pixels & vec2<u32>(0xffffu)), last);
 }
 
 @else
-fn outline_of(leaf: u32, origin: vec3<f32>, reach: f32) -> Outline {
+fn outline_of(leaf: u32, origin: vec3<f32>, max_distance: f32) -> Outline {
     let first = records[3u * leaf];
     let x = bitcast<vec3<f32>>(first.xyz) - origin.x;
     let y = bitcast<vec3<f32>>(records[3u * leaf + 1u].xyz) - origin.y;
     let z = bitcast<vec3<f32>>(records[3u * leaf + 2u].xyz) - origin.z;
     let depths = params.depth.x * x + params.depth.y * y + params.depth.z * z;
-    let is_behind = most_of(depths) < -too_near(reach) && reach < FARTHEST;
+    let is_behind = max_component(depths) < -too_near(max_distance) && max_distance < MAX_DISTANCE;
     if is_unhittable(leaf) || is_behind { return without_edges(vec2<i32>(0), vec2<i32>(-1)); }
     let inverse = 1.0 / depths;
-    let across = loose_places(params.column, x, y, z, inverse, reach);
-    let down = loose_places(params.row, x, y, z, inverse, reach);
-    if !(least_of(depths) > too_near(reach) && is_near(across) && is_near(down)) {
+    let across = loose_places(params.column, x, y, z, inverse, max_distance);
+    let down = loose_places(params.row, x, y, z, inverse, max_distance);
+    if !(min_component(depths) > too_near(max_distance) && is_near(across) && is_near(down)) {
         let last = vec2<i32>(i32(params.width), i32(params.height)) - 1;
-        return without_edges(vec2<i32>(0), select(last, vec2<i32>(-1), is_triangle_beside(x, y, z, depths, reach)));
+        return without_edges(vec2<i32>(0), select(last, vec2<i32>(-1), is_triangle_beside(x, y, z, depths, max_distance)));
     }
     let corner = vec2<i32>(loose_first(across), loose_first(down));
     let o = without_edges(corner, vec2<i32>(loose_last(across, params.width), loose_last(down, params.height)));
@@ -213,8 +213,8 @@ fn loose_stamp(o: Outline, corner: vec2<i32>) -> u32 {
         let at = o.at + o.slope * f32(y - o.first.y);
         let low = select(vec3<f32>(-1.0e9), at, o.side < vec3<f32>(0.0));
         let high = select(vec3<f32>(1.0e9), at, o.side > vec3<f32>(0.0));
-        let first = clamp(max(i32(ceil(most_of(low))), o.first.x) - corner.x, 0, 8);
-        let last = clamp(min(i32(floor(least_of(high))), o.last.x) - corner.x, -1, 7);
+        let first = clamp(max(i32(ceil(max_component(low))), o.first.x) - corner.x, 0, 8);
+        let last = clamp(min(i32(floor(min_component(high))), o.last.x) - corner.x, -1, 7);
         let bits = (0xffu << u32(first)) & (0xffu >> u32(7 - last));
         pixels |= select(0u, bits << u32(8 * row), y <= o.last.y);
     }

@@ -1,7 +1,7 @@
 // Projects each triangle, and each box of the wide tree, to the pixels that it covers: see docs/design/packets.md.
 
 import package::geometry::queries::eye;
-import package::geometry::ray::{FARTHEST, least_of, most_of};
+import package::geometry::ray::{MAX_DISTANCE, max_component, min_component};
 import package::geometry::record::is_unhittable;
 import package::lib::buffers::{covers, nodes, records, topology};
 import package::lib::params::{element, params};
@@ -47,12 +47,12 @@ fn loose_lines(x: Places, y: Places, first: f32) -> RowBounds {
     let a = vec2<f32>(x.at.x, y.at.x);
     let b = vec2<f32>(x.at.y, y.at.y);
     let c = vec2<f32>(x.at.z, y.at.z);
-    let doubt = max(most_of(x.doubt), most_of(y.doubt));
+    let doubt = max(max_component(x.doubt), max_component(y.doubt));
     let area = (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
     let size = abs(b - a) + abs(c - b) + abs(a - c);
     var lines = no_lines();
     // 2^-21, because coordinates are rounded too.
-    if !(abs(area) > 2.5 * (doubt + 4.76837158203125e-7 * (most_of(abs(x.at)) + most_of(abs(y.at)))) * (size.x + size.y)) { return lines; }
+    if !(abs(area) > 2.5 * (doubt + 4.76837158203125e-7 * (max_component(abs(x.at)) + max_component(abs(y.at)))) * (size.x + size.y)) { return lines; }
     let turn = sign(area);
     let margin = doubt + params.pixel_margin;
     lines = with_line(lines, loose_line(a, b, turn, first, margin));
@@ -74,45 +74,45 @@ fn write_triangle(leaf: u32, columns: u32, rows: u32, begin: f32, lines: RowBoun
 
 // Projects the own box, without edges.
 @if(MOLLER_TRUMBORE || WOOP)
-fn project_triangle(leaf: u32, origin: vec3<f32>, reach: f32) {
-    let c = own_box_cover(leaf, origin, reach);
+fn project_triangle(leaf: u32, origin: vec3<f32>, max_distance: f32) {
+    let c = own_box_cover(leaf, origin, max_distance);
     write_triangle(leaf, c.columns, c.rows, bitcast<f32>(c.begin), no_lines());
 }
 
 @else
-fn project_triangle(leaf: u32, origin: vec3<f32>, reach: f32) {
+fn project_triangle(leaf: u32, origin: vec3<f32>, max_distance: f32) {
     let first = records[3u * leaf];
     let x = bitcast<vec3<f32>>(first.xyz) - origin.x;
     let y = bitcast<vec3<f32>>(records[3u * leaf + 1u].xyz) - origin.y;
     let z = bitcast<vec3<f32>>(records[3u * leaf + 2u].xyz) - origin.z;
     let depths = params.depth.x * x + params.depth.y * y + params.depth.z * z;
-    let is_behind = most_of(depths) < -too_near(reach) && reach < FARTHEST;
+    let is_behind = max_component(depths) < -too_near(max_distance) && max_distance < MAX_DISTANCE;
     if is_unhittable(leaf) || is_behind {
         write_triangle(leaf, NOWHERE, NOWHERE, 0.0, no_lines());
         return;
     }
     let inverse = 1.0 / depths;
-    let across = loose_places(params.column, x, y, z, inverse, reach);
-    let down = loose_places(params.row, x, y, z, inverse, reach);
-    let begin = begins_at(least_of(depths), reach);
-    if !(least_of(depths) > too_near(reach) && is_near(across) && is_near(down)) {
-        let all = select(EVERYWHERE, NOWHERE, is_triangle_beside(x, y, z, depths, reach));
-        write_triangle(leaf, all, all, select(0.0, begin, reach < FARTHEST), no_lines());
+    let across = loose_places(params.column, x, y, z, inverse, max_distance);
+    let down = loose_places(params.row, x, y, z, inverse, max_distance);
+    let begin = begins_at(min_component(depths), max_distance);
+    if !(min_component(depths) > too_near(max_distance) && is_near(across) && is_near(down)) {
+        let all = select(EVERYWHERE, NOWHERE, is_triangle_beside(x, y, z, depths, max_distance));
+        write_triangle(leaf, all, all, select(0.0, begin, max_distance < MAX_DISTANCE), no_lines());
         return;
     }
-    let columns = loose_pixel_span(least_of(across.at - across.doubt), most_of(across.at + across.doubt));
-    let rows = loose_pixel_span(least_of(down.at - down.doubt), most_of(down.at + down.doubt));
+    let columns = loose_pixel_span(min_component(across.at - across.doubt), max_component(across.at + across.doubt));
+    let rows = loose_pixel_span(min_component(down.at - down.doubt), max_component(down.at + down.doubt));
     write_triangle(leaf, columns, rows, begin, loose_lines(across, down, f32(rows & 0xffffu)));
 }
 
-fn project_lane(lane: u32, origin: vec3<f32>, reach: f32) {
+fn project_lane(lane: u32, origin: vec3<f32>, max_distance: f32) {
     let row = topology[params.wide_at + lane];
     let goal = topology[params.wide_at + params.wide_lanes + lane];
     let low = bitcast<vec3<f32>>(nodes[row].xyz);
     let high = bitcast<vec3<f32>>(nodes[row + 1u].xyz);
     var c = COVERS_NOTHING;
     // An empty subtree contains no triangle that a ray can hit.
-    if low.x <= high.x { c = box_cover(low - origin, high - origin, reach); }
+    if low.x <= high.x { c = box_cover(low - origin, high - origin, max_distance); }
     covers[lane] = vec4<u32>(c.columns, c.rows, c.begin, goal);
 }
 
@@ -122,10 +122,10 @@ fn project(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups
     let i = element(id, groups, 128u);
     if i >= params.count { return; }
     let origin = eye();
-    let reach = cover_reach(origin);
+    let max_distance = cover_reach(origin);
     if i < params.wide_lanes {
-        project_lane(i, origin, reach);
+        project_lane(i, origin, max_distance);
     } else {
-        project_triangle(i - params.wide_lanes, origin, reach);
+        project_triangle(i - params.wide_lanes, origin, max_distance);
     }
 }

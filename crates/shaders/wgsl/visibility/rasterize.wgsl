@@ -1,14 +1,14 @@
 // Rasterization, second step: which triangle each pixel's ray hits first, by atomic minima in the visibility buffer.
 
-import package::geometry::queries::{camera_ray, eye, through_pixel};
-import package::geometry::ray::{Root, root_from};
+import package::geometry::queries::{camera_ray, eye, pixel_direction};
+import package::geometry::ray::{RelativeRoot, root_relative_to};
 @if(!WATERTIGHT)
 import package::intersect::intersector::begin_of;
 import package::intersect::sheared::{edges_of, turned_corners};
 import package::intersect::watertight::{distance_to, surely_passes};
 import package::lib::buffers::{counts, covers};
 import package::lib::counters::{LARGE_COUNT, TEST_COUNT, TILE_COUNT, UNTOLD_AT};
-import package::lib::lanes::{count_up_to, of_lane, sum_up_to};
+import package::lib::lanes::{count_at_most, group_inclusive_sum, group_shuffle};
 import package::lib::params::{element, params};
 import package::visibility::cover::{KEPT, LISTED};
 
@@ -48,8 +48,8 @@ fn nth_bit(bits: u32, n: u32) -> u32 {
 
 // Tests a pixel's ray and keeps its hit if it precedes the best one by t, then by index.
 @if(WATERTIGHT)
-fn try_pixel(leaf: u32, pixel: vec2<u32>, root: Root) {
-    let ray = camera_ray(through_pixel(pixel), eye(), root);
+fn try_pixel(leaf: u32, pixel: vec2<u32>, root: RelativeRoot) {
+    let ray = camera_ray(pixel_direction(pixel), eye(), root);
     let corners = turned_corners(ray, leaf);
     let e = edges_of(ray, corners);
     if surely_passes(e) { return; }
@@ -62,8 +62,8 @@ fn try_pixel(leaf: u32, pixel: vec2<u32>, root: Root) {
 // Tests a pixel's ray and keeps its hit if it is one of the first two. Each atomic minimum passes the greater of both elements on to
 // the second place. So every element but the least arrives there.
 @else
-fn try_pixel(leaf: u32, pixel: vec2<u32>, root: Root) {
-    let ray = camera_ray(through_pixel(pixel), eye(), root);
+fn try_pixel(leaf: u32, pixel: vec2<u32>, root: RelativeRoot) {
+    let ray = camera_ray(pixel_direction(pixel), eye(), root);
     let begin = begin_of(ray, leaf);
     if !(begin < ray.t_max) { return; }
     let key = (u64(bitcast<u32>(begin)) << 32u) | u64(leaf);
@@ -72,16 +72,16 @@ fn try_pixel(leaf: u32, pixel: vec2<u32>, root: Root) {
     if (later >> 32u) != u64(0xffffffffu) { atomicMin(&visibility[at + 1u], later); }
 }
 
-fn test_tiles(s: vec4<u32>, root: Root, lane: u32) {
+fn test_tiles(s: vec4<u32>, root: RelativeRoot, lane: u32) {
     let own = countOneBits(s.z);
-    let end = sum_up_to(own, lane);
-    let all = of_lane(end, 31u, lane);
+    let end = group_inclusive_sum(own, lane);
+    let all = group_shuffle(end, 31u, lane);
     for (var first = 0u; first < all; first += 32u) {
         let k = first + lane;
-        let owner = count_up_to(k, end, lane);
-        let leaf = of_lane(s.x, owner, lane);
-        let corner = of_lane(s.y, owner, lane);
-        let bit = nth_bit(of_lane(s.z, owner, lane), k - of_lane(end - own, owner, lane));
+        let owner = count_at_most(k, end, lane);
+        let leaf = group_shuffle(s.x, owner, lane);
+        let corner = group_shuffle(s.y, owner, lane);
+        let bit = nth_bit(group_shuffle(s.z, owner, lane), k - group_shuffle(end - own, owner, lane));
         let pixel = vec2<u32>(corner & 0xffffu, corner >> 16u) + vec2<u32>(bit & 7u, bit >> 3u);
         if k < all { try_pixel(leaf, pixel, root); }
     }
@@ -89,7 +89,7 @@ fn test_tiles(s: vec4<u32>, root: Root, lane: u32) {
 
 // Tests the tiles of one of `teams` teams.
 fn test_share(team: u32, teams: u32, count: u32, lane: u32) {
-    let root = root_from(eye());
+    let root = root_relative_to(eye());
     for (var first = 32u * team; first < count; first += 32u * teams) {
         var s = vec4<u32>(0u);
         if first + lane < count { s = covers[LISTED + first + lane]; }

@@ -1,9 +1,9 @@
 // Rasterization, last step: hits and shadows from the visibility buffer.
 
 import package::geometry::node::NO_LEAF;
-import package::geometry::light::{from_triangle, is_occluded, scaled};
-import package::geometry::queries::{camera_ray, eye, is_void_way, pixel_of, through_pixel};
-import package::geometry::ray::{Prepared, permute, root_from};
+import package::geometry::shadow_ray::{is_occluded, scaled_vertex, shadow_segment};
+import package::geometry::queries::{camera_ray, eye, is_untraceable, pixel_direction, pixel_of};
+import package::geometry::ray::{PreparedRay, permute, root_relative_to};
 import package::geometry::units::in_ray_units;
 @if(WATERTIGHT)
 import package::intersect::intersector::store_occluded;
@@ -25,7 +25,7 @@ import package::visibility::cover::KEPT;
 // buffer is incomplete, each ray traverses the tree, as in `trace_and_shadow_camera`.
 const NOT_SEEN: vec2<u32> = vec2<u32>(0xffffffffu);
 
-fn turn(ray: Prepared, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, triangle: u32) -> Turned {
+fn turn(ray: PreparedRay, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, triangle: u32) -> Turned {
     let p = permute(a, ray.axis);
     let q = permute(b, ray.axis);
     let r = permute(c, ray.axis);
@@ -33,7 +33,7 @@ fn turn(ray: Prepared, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, triangle: u32) 
 }
 
 // Returns the same as `hit_of`, for a triangle that is hit at a known t.
-fn hit_at(ray: Prepared, corners: Turned, t: u32) -> vec4<u32> {
+fn hit_at(ray: PreparedRay, corners: Turned, t: u32) -> vec4<u32> {
     let c = crossing(edges_of(ray, corners));
     let by = divisor(c.det);
     let weights = vec2<f32>(divide_by(c.v, by), divide_by(c.w, by));
@@ -42,7 +42,7 @@ fn hit_at(ray: Prepared, corners: Turned, t: u32) -> vec4<u32> {
 
 // Traverses the tree. Returns the result in the format of the visibility buffer.
 @if(WATERTIGHT)
-fn search(i: u32, ray: Prepared) -> vec2<u32> {
+fn search(i: u32, ray: PreparedRay) -> vec2<u32> {
     let found = find_closest(ray);
     if found.leaf == NO_LEAF { return NOT_SEEN; }
     let corners = turned_corners(ray, found.leaf);
@@ -51,7 +51,7 @@ fn search(i: u32, ray: Prepared) -> vec2<u32> {
 
 // Writes the hit and the shadow of ray `i`.
 @if(WATERTIGHT)
-fn resolve_pixel(i: u32, ray: Prepared, tells: bool, origin: vec3<f32>) {
+fn resolve_pixel(i: u32, ray: PreparedRay, tells: bool, origin: vec3<f32>) {
     var seen = visibility[i];
     if !tells { seen = search(i, ray); }
     if seen.y == NOT_SEEN.y {
@@ -60,17 +60,17 @@ fn resolve_pixel(i: u32, ray: Prepared, tells: bool, origin: vec3<f32>) {
     }
     atomicAdd(&counts[HIT_COUNT], 1u);
     let triangle = seen.x;
-    let a = scaled(triangles[3u * triangle]);
-    let b = scaled(triangles[3u * triangle + 1u]);
-    let c = scaled(triangles[3u * triangle + 2u]);
+    let a = scaled_vertex(triangles[3u * triangle]);
+    let b = scaled_vertex(triangles[3u * triangle + 1u]);
+    let c = scaled_vertex(triangles[3u * triangle + 2u]);
     let hit = hit_at(ray, turn(ray, a, b, c, triangle), seen.y);
     hits[i] = hit;
-    store_occluded(i, is_occluded(from_triangle(a, b, c, hit, origin), triangle), BLOCKED_COUNT);
+    store_occluded(i, is_occluded(shadow_segment(a, b, c, hit, origin), triangle), BLOCKED_COUNT);
 }
 
 // Writes the hit and the shadow of ray `i`. The first leaf has the hit if that is sure and ends before all others begin.
 @else
-fn resolve_pixel(i: u32, ray: Prepared, tells: bool, origin: vec3<f32>) {
+fn resolve_pixel(i: u32, ray: PreparedRay, tells: bool, origin: vec3<f32>) {
     var found = nothing_found(ray);
     var is_first = false;
     if tells {
@@ -89,11 +89,11 @@ fn resolve(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) g
     if pixel.x >= params.width || pixel.y >= params.height { return; }
     let i = pixel.y * params.width + pixel.x;
     let tells = visibility[KEPT * params.width * params.height].y == NOT_SEEN.y;
-    let direction = through_pixel(pixel);
+    let direction = pixel_direction(pixel);
     let origin = eye();
-    if (tells && visibility[KEPT * i].y == NOT_SEEN.y) || is_void_way(direction, origin) {
+    if (tells && visibility[KEPT * i].y == NOT_SEEN.y) || is_untraceable(direction, origin) {
         finish_miss(i);
         return;
     }
-    resolve_pixel(i, camera_ray(direction, origin, root_from(origin)), tells, origin);
+    resolve_pixel(i, camera_ray(direction, origin, root_relative_to(origin)), tells, origin);
 }

@@ -4,7 +4,7 @@
 import package::geometry::triangle::points_of;
 import package::geometry::units::{flushed, scale_bits, snapped};
 import package::lib::buffers::{hits, occluded};
-import package::lib::ieee::{add, mul, parts, sub};
+import package::lib::ieee::{add, decode_float, mul, sub};
 import package::lib::params::params;
 
 // sRGB colour of each triangle, one byte per channel.
@@ -87,7 +87,7 @@ fn ambient(normal: vec3<f32>) -> vec3<f32> {
 // Returns the exponent of the largest of three coordinates.
 fn exponent_of(v: vec3<u32>) -> i32 {
     let sizes = v & vec3<u32>(0x7fffffffu);
-    return parts(max(sizes.x, max(sizes.y, sizes.z))).exponent - 127;
+    return decode_float(max(sizes.x, max(sizes.y, sizes.z))).exponent - 127;
 }
 
 // Returns a point in units of 2^exponent. Coordinates below 2^-64 become zero.

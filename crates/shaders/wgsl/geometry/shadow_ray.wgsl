@@ -1,0 +1,118 @@
+// Shadow rays: the ray from a hit to the light, and whether it is occluded.
+
+import package::geometry::ray::{PreparedRay, prepare_scaled_ray, root_relative_to};
+import package::geometry::record::corners_of;
+import package::geometry::units::{flushed, is_finite_point, scaled_point, snapped3};
+import package::intersect::intersector::{Found, ask_any};
+import package::intersect::line::set_line;
+import package::lib::buffers::{nodes, positions, triangles};
+import package::lib::ieee::{add, mul, sub};
+import package::lib::params::params;
+
+// The shadow ray: see "Shadow rays" in docs/design/hits.md.
+
+fn sub3(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(sub(a.x, b.x), sub(a.y, b.y), sub(a.z, b.z));
+}
+
+fn dot3(a: vec3<f32>, b: vec3<f32>) -> f32 {
+    return add(add(flushed(mul(a.x, b.x)), flushed(mul(a.y, b.y))), flushed(mul(a.z, b.z)));
+}
+
+fn sign_of(x: f32) -> f32 {
+    return select(0.0, 1.0, x > 0.0) - select(0.0, 1.0, x < 0.0);
+}
+
+fn offset_coordinate(p: f32, normal: f32, side: f32, delta: f32) -> f32 {
+    return add(p, mul(mul(sign_of(normal), side), delta));
+}
+
+// A segment from near the hit to the light, over t in (0, 1). If `is_traced` is false, nothing can occlude it.
+// Coordinates of the origin may be small enough to count as zero.
+struct ShadowSegment { origin: vec3<f32>, direction: vec3<f32>, is_traced: bool }
+
+// Computes the segment from the corners of the triangle that was hit, all in scaled units. `eye` is the start of the ray.
+fn shadow_segment(v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>, hit: vec4<u32>, eye: vec3<f32>) -> ShadowSegment {
+    let e1 = sub3(v1, v0);
+    let e2 = sub3(v2, v0);
+    let u = bitcast<f32>(hit.y);
+    let v = bitcast<f32>(hit.z);
+    var point = vec3<f32>(
+        add(v0.x, add(mul(u, e1.x), mul(v, e2.x))),
+        add(v0.y, add(mul(u, e1.y), mul(v, e2.y))),
+        add(v0.z, add(mul(u, e1.z), mul(v, e2.z))),
+    );
+    point = snapped3(point);
+    let normal = vec3<f32>(
+        flushed(sub(mul(e1.y, e2.z), mul(e1.z, e2.y))),
+        flushed(sub(mul(e1.z, e2.x), mul(e1.x, e2.z))),
+        flushed(sub(mul(e1.x, e2.y), mul(e1.y, e2.x))),
+    );
+    let light = params.light;
+    var side = sign_of(dot3(normal, sub3(light, point)));
+    if side == 0.0 { side = sign_of(dot3(normal, sub3(eye, point))); }
+    let scene_extent = sub3(bitcast<vec3<f32>>(nodes[1].xyz), bitcast<vec3<f32>>(nodes[0].xyz));
+    let largest_coordinate = max(abs(point.x), max(abs(point.y), abs(point.z)));
+    let triangle_extent = max(abs(e1), abs(e2));
+    // The triangle's own size counts too: in a streamed key frame it may exceed the root box of a driver's tree, which only covers
+    // earlier key frames.
+    let offset_extent = max(min(max(scene_extent.x, max(scene_extent.y, scene_extent.z)), params.clearance), max(triangle_extent.x, max(triangle_extent.y, triangle_extent.z)));
+    // 4 * 2^-24 and 32 * 2^-24
+    let delta = add(mul(2.384185791015625e-7, largest_coordinate), mul(1.9073486328125e-6, offset_extent));
+    point = vec3<f32>(
+        offset_coordinate(point.x, normal.x, side, delta),
+        offset_coordinate(point.y, normal.y, side, delta),
+        offset_coordinate(point.z, normal.z, side, delta),
+    );
+    let direction = sub3(light, point);
+    let is_traced = any(direction != vec3<f32>(0.0)) && is_finite_point(direction) && is_finite_point(point);
+    return ShadowSegment(point, direction, is_traced);
+}
+
+// The segment from a hit to the light, computed from the triangle's vertices.
+
+fn scaled_vertex(vertex: u32) -> vec3<f32> {
+    let at = 3u * vertex;
+    return scaled_point(vec3<u32>(positions[at], positions[at + 1u], positions[at + 2u]));
+}
+
+// All in scaled units. `eye` is the start of the ray that hit.
+fn shadow_segment_of_hit(hit: vec4<u32>, eye: vec3<f32>) -> ShadowSegment {
+    let v0 = scaled_vertex(triangles[3u * hit.w]);
+    let v1 = scaled_vertex(triangles[3u * hit.w + 1u]);
+    let v2 = scaled_vertex(triangles[3u * hit.w + 2u]);
+    return shadow_segment(v0, v1, v2, hit, eye);
+}
+
+// The segment from a hit just found to the light, computed from the corners in the leaf's record.
+
+@if(WATERTIGHT || EXACT)
+fn shadow_segment_of_best(found: Found, hit: vec4<u32>, eye: vec3<f32>) -> ShadowSegment {
+    let k = corners_of(found.leaf);
+    return shadow_segment(k.a, k.b, k.c, hit, eye);
+}
+
+// The segment from a hit just found to the light, computed from the triangle's vertices.
+@else
+fn shadow_segment_of_best(found: Found, hit: vec4<u32>, eye: vec3<f32>) -> ShadowSegment { return shadow_segment_of_hit(hit, eye); }
+
+// The ray along such a segment.
+
+fn shadow_ray(segment: ShadowSegment) -> PreparedRay {
+    let origin = snapped3(segment.origin);
+    // Origin and direction are already in scaled units.
+    return prepare_scaled_ray(origin, segment.direction, root_relative_to(origin));
+}
+
+// The exact line along such a segment.
+
+// The segment is in scaled units; the corners are not.
+fn set_line_of_segment(segment: ShadowSegment) {
+    set_line(bitcast<vec3<u32>>(segment.origin), bitcast<vec3<u32>>(segment.direction), 0u, 0x3f800000u, params.scale_exponent);
+}
+
+// Returns whether the segment from a hit to the light is occluded, except by triangle `ignore`.
+fn is_occluded(segment: ShadowSegment, ignore: u32) -> bool {
+    if !segment.is_traced { return false; }
+    return ask_any(shadow_ray(segment), ignore);
+}
