@@ -146,7 +146,8 @@ mod tests {
     fn rejects_drivers_that_truncate_loops() {
         let refused = with(1, 2, |_| 65_535).unwrap_err();
         assert!(
-            refused.contains("after 65535 iterations") && refused.contains("Mesa need version 23.1")
+            refused.contains("after 65535 iterations")
+                && refused.contains("Mesa need version 23.1")
         );
     }
 

@@ -37,7 +37,7 @@ pub use params::{Counts, OwnParams, Params};
 pub use pictures::{Packets, RasterBackoff};
 pub use shape::{MovingShape, Shape, moving_rows};
 pub use sizes::{RANGE_BYTES, occluded_words, tree_buffers};
-pub(crate) use sizes::{notes, open_shadows_at, places};
+pub(crate) use sizes::{candidate_capacity, fallback_workers, undecided_shadows_at};
 pub use tree_counts::{Extents, TreeCounts};
 #[cfg(any(test, feature = "inspect"))]
 pub use view::View;

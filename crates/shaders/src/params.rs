@@ -92,7 +92,7 @@ macro_rules! kernel_params {
 
 kernel_params! {
     /// Parameters of kernels that search along rays, and of those that resolve open rays.
-    SearchParams = "search" { open_rays_at, open_shadows_at, places, notes, sharers }
+    SearchParams = "search" { undecided_rays_at, undecided_shadows_at, fallback_workers, candidate_capacity, workgroups_per_list }
     /// Parameters of kernels that rasterize.
     RasterParams = "raster" { tiles }
     /// Parameters of kernels that answer extreme rays.
@@ -220,15 +220,15 @@ pub struct Counts {
     /// Counterpart of `areas` for the candidate tree that is evaluated next to the current one. Both have the same root box.
     pub candidate_areas: f32,
     /// Rays that `trace_*` and `any_*` left to `resolve_exact_*`, for `exact`.
-    pub open: u32,
+    pub undecided: u32,
     /// Shadow rays that `shadow_*` left to `resolve_exact_*`, for `exact`.
-    pub open_shadows: u32,
+    pub undecided_shadows: u32,
     /// Candidate notes for `resolve_exact_*`.
-    pub notes: u32,
+    pub candidates: u32,
     /// Rays that `resolve_exact_*` left to `fallback_*`, for `exact`.
-    pub hard: u32,
+    pub fallback_rays: u32,
     /// Shadow rays that `resolve_exact_*` left to `fallback_*`, for `exact`.
-    pub hard_shadows: u32,
+    pub fallback_shadows: u32,
     /// Tiles that `cover_small` and `cover_large` wrote.
     pub tiles: u32,
     /// Triangles that were too large for `cover_small`.
@@ -236,9 +236,9 @@ pub struct Counts {
     /// Approximate number of ray-triangle tests in `rasterize`.
     pub tests: u32,
     /// 1 if rasterization was incomplete, so that `resolve` traverses the tree: see [`crate::RasterBackoff`].
-    pub untold: u32,
+    pub raster_incomplete: u32,
     /// 1 if `trace_rays` or `any_rays` left any ray to `extreme_*`.
-    pub left: u32,
+    pub found_extreme: u32,
     /// 2 if `measure_range` found coordinates of very different sizes, 1 if it did not, 0 if it did not run.
     pub spread: u32,
 }
@@ -248,7 +248,7 @@ impl Counts {
     pub fn add_trace(&mut self, other: &Self) {
         self.hits += other.hits;
         self.blocked += other.blocked;
-        self.open += other.open;
+        self.undecided += other.undecided;
     }
 
     /// Returns whether coordinates have very different sizes, if `measure_range` ran.
@@ -264,7 +264,7 @@ impl Counts {
 
     /// Returns the number of rays, including shadow rays, that exact integers resolved.
     pub fn settled(&self) -> u64 {
-        u64::from(self.open) + u64::from(self.open_shadows)
+        u64::from(self.undecided) + u64::from(self.undecided_shadows)
     }
 }
 
@@ -335,15 +335,21 @@ mod tests {
         macro_rules! same { ($($name:ident $member:ident)*) => { $(
             assert_eq!(word(stringify!($name)), offset_of!(Counts, $member), "{}", stringify!($name));
         )* } }
-        same!(INACTIVE_COUNT inactive DEGENERATE_COUNT degenerate HIT_COUNT hits BLOCKED_COUNT blocked
-              ROOT_AREA_AT root_area OPEN_RAYS open OPEN_SHADOWS open_shadows NOTES notes TILE_COUNT tiles
-              LARGE_COUNT large TEST_COUNT tests UNTOLD_AT untold LEFT_AT left SPREAD_AT spread);
-        let [open, hard] = ["OPEN_OF", "HARD"].map(word);
+        same!(INACTIVE_COUNT inactive DEGENERATE_COUNT degenerate HIT_COUNT hits OCCLUDED_COUNT blocked
+              ROOT_AREA root_area UNDECIDED_RAYS undecided UNDECIDED_SHADOWS undecided_shadows CANDIDATE_COUNT candidates TILE_COUNT tiles
+              LARGE_TRIANGLE_COUNT large TEST_COUNT tests RASTER_INCOMPLETE raster_incomplete FOUND_EXTREME found_extreme SIZE_SPREAD spread);
+        let [undecided, fallback_rays] = ["UNDECIDED_OFFSET", "FALLBACK_OFFSET"].map(word);
         let counts = [offset_of!(Counts, hits), offset_of!(Counts, blocked)];
-        let lists = [offset_of!(Counts, open), offset_of!(Counts, open_shadows)];
-        assert_eq!(counts.map(|count| count + open), lists);
-        let left = [offset_of!(Counts, hard), offset_of!(Counts, hard_shadows)];
-        assert_eq!(lists.map(|list| list + hard), left);
+        let lists = [
+            offset_of!(Counts, undecided),
+            offset_of!(Counts, undecided_shadows),
+        ];
+        assert_eq!(counts.map(|count| count + undecided), lists);
+        let found_extreme = [
+            offset_of!(Counts, fallback_rays),
+            offset_of!(Counts, fallback_shadows),
+        ];
+        assert_eq!(lists.map(|list| list + fallback_rays), found_extreme);
     }
 
     #[test]

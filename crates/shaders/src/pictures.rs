@@ -101,7 +101,7 @@ pub struct RasterBackoff {
 impl RasterBackoff {
     /// Updates the state from the counts of a submission.
     pub fn update(&mut self, counts: &Counts) {
-        if counts.untold != 0 {
+        if counts.raster_incomplete != 0 {
             self.rest = REST;
         }
     }
@@ -184,8 +184,8 @@ mod tests {
     #[test]
     fn rasterization_backs_off_and_retries() {
         let mut backoff = RasterBackoff::default();
-        let counts = |untold| Counts {
-            untold,
+        let counts = |raster_incomplete| Counts {
+            raster_incomplete,
             ..Counts::default()
         };
         backoff.update(&counts(0));

@@ -31,32 +31,32 @@ pub fn tree_buffers(intersector: Intersector, leaves: u64) -> [(BufferName, u64)
 /// notes of three words (`wgsl/intersect/candidates.wgsl`), and the stacks of `fallback.wgsl`.
 pub fn occluded_words(intersector: Intersector, rays: u64) -> u64 {
     match intersector {
-        Intersector::Exact => open_shadows_at(rays) + rays,
+        Intersector::Exact => undecided_shadows_at(rays) + rays,
         _ => rays,
     }
 }
 
 /// Returns where the list of open shadow rays begins in `occluded`, if the list of open rays is in use too.
-pub(crate) fn open_shadows_at(rays: u64) -> u64 {
-    2 * rays + 3 * notes(rays) + STACK * u64::from(places(rays))
+pub(crate) fn undecided_shadows_at(rays: u64) -> u64 {
+    2 * rays + 3 * candidate_capacity(rays) + STACK_SIZE * u64::from(fallback_workers(rays))
 }
 
 /// Number of words of a stack.
-const STACK: u64 = 64;
+const STACK_SIZE: u64 = 64;
 /// Number of stacks that fills any device.
-const PLACES: u32 = 2048;
+const MAX_WORKERS: u32 = 2048;
 
 /// Number of notes if rays are few, since each may need many.
-const NOTES: u64 = 1 << 16;
+const MIN_CANDIDATES: u64 = 1 << 16;
 
-/// Returns the capacity for notes: one per ray, but at least `NOTES`.
-pub(crate) fn notes(rays: u64) -> u64 {
-    rays.max(NOTES)
+/// Returns the capacity for notes: one per ray, but at least `MIN_CANDIDATES`.
+pub(crate) fn candidate_capacity(rays: u64) -> u64 {
+    rays.max(MIN_CANDIDATES)
 }
 
 /// Returns the number of stacks for `rays` rays.
-pub(crate) fn places(rays: u64) -> u32 {
-    rays.min(PLACES.into()) as u32
+pub(crate) fn fallback_workers(rays: u64) -> u32 {
+    rays.min(MAX_WORKERS.into()) as u32
 }
 
 #[cfg(test)]
@@ -83,10 +83,19 @@ mod tests {
             let wgsl = kernel(entry, Intersector::Exact).code.wgsl;
             assert!(wgsl.contains(what), "{entry}");
         };
-        says("fallback_rays", &format!("const STACK: u32 = {STACK}u;"));
-        says("trace_rays", &format!("var stack: array<u32, {STACK}>;"));
-        let abreast = format!("const ABREAST: u32 = {}u;", crate::work::ABREAST);
-        says("resolve_exact_together", &abreast);
+        says(
+            "fallback_rays",
+            &format!("const STACK_SIZE: u32 = {STACK_SIZE}u;"),
+        );
+        says(
+            "trace_rays",
+            &format!("var stack: array<u32, {STACK_SIZE}>;"),
+        );
+        let at_once = format!(
+            "const CANDIDATES_AT_ONCE: u32 = {}u;",
+            crate::work::CANDIDATES_AT_ONCE
+        );
+        says("resolve_exact_together", &at_once);
     }
 
     #[test]

@@ -12,8 +12,8 @@ pub use tree::TreeProgress;
 pub(crate) use tree::{sum, word_of};
 
 use crate::{
-    InterpolationParams, Kernel, Params, PointsParams, SearchParams, Traits, common, kernel, notes,
-    open_shadows_at, places,
+    InterpolationParams, Kernel, Params, PointsParams, SearchParams, Traits, candidate_capacity,
+    common, fallback_workers, kernel, undecided_shadows_at,
 };
 use backend::{Intersector, QueryKind};
 use extremes::Extremes;
@@ -56,11 +56,11 @@ pub enum RaySource<'a> {
 }
 
 /// Number of invocations that share the list of open rays, 16 per ray. They fill any device; most find no work.
-const SETTLERS: u32 = 1 << 15;
+const RESOLVERS: u32 = 1 << 15;
 /// Number of workgroups that share the list of hits whose shadow rays are traced, one per ray.
-const SEARCHERS: u32 = 1 << 10;
-/// Number of a ray's candidates that such workgroups take at once: see `intersect/resolve_together.wgsl`.
-pub(crate) const ABREAST: u32 = 4;
+const SHADOW_GROUPS: u32 = 1 << 10;
+/// Number of a ray's candidates that such workgroups take at once: see `intersect/resolve_hits_and_shadows.wgsl`.
+pub(crate) const CANDIDATES_AT_ONCE: u32 = 4;
 
 impl RaySource<'_> {
     fn count(self) -> u32 {
@@ -231,7 +231,7 @@ fn picture(intersector: Intersector, params: Params, camera: &Camera, traits: Tr
     let rays = RaySource::Camera(camera);
     let own = SearchParams {
         // Both lists of open rays are in use at once.
-        open_shadows_at: open_shadows_at(rays.count().into()) as u32,
+        undecided_shadows_at: undecided_shadows_at(rays.count().into()) as u32,
         ..searching(rays)
     };
     let params = params.with(own);
@@ -262,19 +262,22 @@ fn resolve_together(
     rays: RaySource<'_>,
     own: SearchParams,
 ) -> [Work; 4] {
-    let sharers = settlers(rays).div_ceil(64);
-    let searchers = SEARCHERS.min(rays.count());
+    let workgroups_per_list = resolvers(rays).div_ceil(64);
+    let shadow_groups = SHADOW_GROUPS.min(rays.count());
     let over = |entry, own, groups| Work {
         groups,
         ..Work::over(intersector, rays, params.with(own), [entry; 2])
     };
-    let shared = SearchParams { sharers, ..own };
-    let settle = Groups::Each(2 * sharers + ABREAST * searchers);
+    let shared = SearchParams {
+        workgroups_per_list,
+        ..own
+    };
+    let groups_of_all = Groups::Each(2 * workgroups_per_list + CANDIDATES_AT_ONCE * shadow_groups);
     [
-        over("resolve_exact_together", shared, settle),
-        over(HITS.finish, own, finishers(own)),
-        over("shadow_left", own, Groups::Each(searchers)),
-        over(SHADOWS.finish, own, finishers(own)),
+        over("resolve_exact_together", shared, groups_of_all),
+        over(HITS.fallback, own, fallback_groups(own)),
+        over("shadow_left", own, Groups::Each(shadow_groups)),
+        over(SHADOWS.fallback, own, fallback_groups(own)),
     ]
 }
 
@@ -288,47 +291,47 @@ struct SearchKernels {
     /// For `exact`: resolves most of the rays that the search left open.
     resolve: &'static str,
     /// For `exact`: resolves the remaining rays one by one.
-    finish: &'static str,
+    fallback: &'static str,
 }
 
 const HITS: SearchKernels = SearchKernels {
     given: "trace_rays",
     camera: "trace_camera",
     resolve: "resolve_exact_rays",
-    finish: "fallback_rays",
+    fallback: "fallback_rays",
 };
 const ANY: SearchKernels = SearchKernels {
     given: "any_rays",
     camera: "any_rays",
     resolve: "resolve_exact_any_rays",
-    finish: "fallback_any_rays",
+    fallback: "fallback_any_rays",
 };
 const SHADOWS: SearchKernels = SearchKernels {
     given: "shadow_rays",
     camera: "shadow_rays",
     resolve: "resolve_exact_shadow_rays",
-    finish: "fallback_shadow_rays",
+    fallback: "fallback_shadow_rays",
 };
 
 /// Returns the parameters of a search over all rays and of the kernels that resolve its open rays.
 fn searching(rays: RaySource<'_>) -> SearchParams {
     let count = rays.count();
     SearchParams {
-        open_rays_at: count,
-        open_shadows_at: count,
-        places: places(count.into()),
-        notes: notes(count.into()) as u32,
-        sharers: 0,
+        undecided_rays_at: count,
+        undecided_shadows_at: count,
+        fallback_workers: fallback_workers(count.into()),
+        candidate_capacity: candidate_capacity(count.into()) as u32,
+        workgroups_per_list: 0,
     }
 }
 
-fn settlers(rays: RaySource<'_>) -> u32 {
-    SETTLERS.min(rays.count().saturating_mul(16))
+fn resolvers(rays: RaySource<'_>) -> u32 {
+    RESOLVERS.min(rays.count().saturating_mul(16))
 }
 
 /// Returns the workgroups of kernels that resolve rays one by one.
-fn finishers(own: SearchParams) -> Groups {
-    Groups::Linear(16 * own.places)
+fn fallback_groups(own: SearchParams) -> Groups {
+    Groups::Linear(16 * own.fallback_workers)
 }
 
 /// Returns the dispatches that search along explicit or camera rays. For `exact`, candidate notes then resolve most of the
@@ -347,8 +350,8 @@ fn search(
             groups,
             ..over([entry; 2])
         };
-        all.push(open(kernels.resolve, Groups::Linear(settlers(rays))));
-        all.push(open(kernels.finish, finishers(own)));
+        all.push(open(kernels.resolve, Groups::Linear(resolvers(rays))));
+        all.push(open(kernels.fallback, fallback_groups(own)));
     }
     all
 }

@@ -48,7 +48,7 @@ const LOOSE: [(&str, usize); 13] = [
     // intersect/sheared.wgsl.
     ("fn loose_within(", 7),
     // intersect/filter.wgsl.
-    ("fn loose_doubt(", 29),
+    ("fn loose_error_bound(", 29),
     // visibility/project.wgsl.
     ("fn loose_line(", 18),
     ("fn loose_lines(", 19),

@@ -4,7 +4,7 @@
 // atomics, and the same bits each time.
 
 import package::lib::buffers::{costs, counts, nodes};
-import package::lib::counters::ROOT_AREA_AT;
+import package::lib::counters::ROOT_AREA;
 import package::lib::params::params;
 
 // Number of invocations of a workgroup.
@@ -51,6 +51,6 @@ fn sum_costs(@builtin(local_invocation_index) local: u32) {
     let sum = sum_of_group(local, (sums.x + sums.y) + (sums.z + sums.w));
     if local == 0u {
         counts[params.sum.counter] = bitcast<u32>(sum);
-        counts[ROOT_AREA_AT] = bitcast<u32>(half_area(nodes[0], nodes[1]));
+        counts[ROOT_AREA] = bitcast<u32>(half_area(nodes[0], nodes[1]));
     }
 }

@@ -5,7 +5,7 @@ import package::geometry::units::{is_extreme, is_finite_point, ordered, scaled_p
 import package::intersect::intersector::DEFERS_EXTREME_RAYS;
 import package::intersect::line::set_line;
 import package::lib::buffers::{counts, rays};
-import package::lib::counters::LEFT_AT;
+import package::lib::counters::FOUND_EXTREME;
 import package::lib::ieee::{add, mul};
 import package::lib::params::params;
 
@@ -89,7 +89,7 @@ fn is_skipped(i: u32) -> bool {
     let origin = scaled_point(first.xyz);
     if !DEFERS_EXTREME_RAYS { return !is_finite_point(origin); }
     let is_deferred = is_extreme(origin);
-    if is_deferred { atomicStore(&counts[LEFT_AT], 1u); }
+    if is_deferred { atomicStore(&counts[FOUND_EXTREME], 1u); }
     return is_deferred;
 }
 

@@ -2,7 +2,7 @@
 
 import package::geometry::units::{has_extreme_origin, scale_bits};
 import package::lib::buffers::{counts, range};
-import package::lib::counters::SPREAD_AT;
+import package::lib::counters::SIZE_SPREAD;
 import package::lib::params::{element, params};
 
 @group(0) @binding(next) var<storage, read> earlier: array<u32>;
@@ -87,7 +87,7 @@ fn write_range(local: u32) {
     let largest = atomicLoad(&range[LARGEST]);
     let spread = is_spread(local, largest);
     if local != 0u { return; }
-    atomicStore(&counts[SPREAD_AT], select(1u, 2u, spread));
+    atomicStore(&counts[SIZE_SPREAD], select(1u, 2u, spread));
     atomicStore(&range[EXTREME], u32(largest > in_scene_units(ONE, 40)));
     atomicStore(&range[TINY], u32(atomicLoad(&range[NEAR_ORIGIN]) >= 2u));
     atomicStore(&range[LARGEST], 0u);

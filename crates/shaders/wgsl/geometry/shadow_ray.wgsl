@@ -3,7 +3,7 @@
 import package::geometry::ray::{PreparedRay, prepare_scaled_ray, root_relative_to};
 import package::geometry::record::corners_of;
 import package::geometry::units::{flushed, is_finite_point, scaled_point, snapped3};
-import package::intersect::intersector::{Found, ask_any};
+import package::intersect::intersector::{BestHit, trace_any};
 import package::intersect::line::set_line;
 import package::lib::buffers::{nodes, positions, triangles};
 import package::lib::ieee::{add, mul, sub};
@@ -87,14 +87,14 @@ fn shadow_segment_of_hit(hit: vec4<u32>, eye: vec3<f32>) -> ShadowSegment {
 // The segment from a hit just found to the light, computed from the corners in the leaf's record.
 
 @if(WATERTIGHT || EXACT)
-fn shadow_segment_of_best(found: Found, hit: vec4<u32>, eye: vec3<f32>) -> ShadowSegment {
-    let k = corners_of(found.leaf);
+fn shadow_segment_of_best(best: BestHit, hit: vec4<u32>, eye: vec3<f32>) -> ShadowSegment {
+    let k = corners_of(best.leaf);
     return shadow_segment(k.a, k.b, k.c, hit, eye);
 }
 
 // The segment from a hit just found to the light, computed from the triangle's vertices.
 @else
-fn shadow_segment_of_best(found: Found, hit: vec4<u32>, eye: vec3<f32>) -> ShadowSegment { return shadow_segment_of_hit(hit, eye); }
+fn shadow_segment_of_best(best: BestHit, hit: vec4<u32>, eye: vec3<f32>) -> ShadowSegment { return shadow_segment_of_hit(hit, eye); }
 
 // The ray along such a segment.
 
@@ -114,5 +114,5 @@ fn set_line_of_segment(segment: ShadowSegment) {
 // Returns whether the segment from a hit to the light is occluded, except by triangle `ignore`.
 fn is_occluded(segment: ShadowSegment, ignore: u32) -> bool {
     if !segment.is_traced { return false; }
-    return ask_any(shadow_ray(segment), ignore);
+    return trace_any(shadow_ray(segment), ignore);
 }

@@ -5,10 +5,12 @@ import package::geometry::ray::{MISS, are_negative, each_away_from_zero};
 import package::geometry::record::NO_TRIANGLE;
 import package::geometry::triangle::points_of;
 import package::geometry::units::{bits_from_ordered, ordered, power_of_two, scale_bits};
-import package::intersect::line::{Crossing, cross_exactly, is_within, line, make_line, order_crossings};
-import package::intersect::rounded::{rounded, weights_of};
+import package::intersect::line::{
+    ExactIntersection, compare_intersections, intersect_exactly, is_within_limits, line, prepare_line,
+};
+import package::intersect::round_intersection::{rounded_t, rounded_weights};
 import package::lib::buffers::{counts, nodes, records};
-import package::lib::counters::{HIT_COUNT, OPEN_RAYS};
+import package::lib::counters::{HIT_COUNT, UNDECIDED_RAYS};
 import package::lib::ieee::decode_float;
 import package::lib::integers::INTERSECTIONS_OFFSET;
 import package::lib::params::params;
@@ -17,7 +19,7 @@ import package::lib::params::params;
 
 // Returns the largest of `given` and the exponent fields of a point's coordinates, plus `shift`. Zeros are ignored; subnormal
 // numbers have field 1.
-fn greatest_field(given: i32, point: vec3<u32>, shift: i32) -> i32 {
+fn max_exponent_field(given: i32, point: vec3<u32>, shift: i32) -> i32 {
     var most = given;
     for (var i = 0u; i < 3u; i += 1u) {
         let magnitude = point[i] & 0x7fffffffu;
@@ -26,7 +28,7 @@ fn greatest_field(given: i32, point: vec3<u32>, shift: i32) -> i32 {
     return most;
 }
 
-fn scaled_by(point: vec3<u32>, exponent: i32) -> vec3<f32> {
+fn scale_point(point: vec3<u32>, exponent: i32) -> vec3<f32> {
     return vec3<f32>(scale_bits(point.x, exponent), scale_bits(point.y, exponent), scale_bits(point.z, exponent));
 }
 
@@ -40,35 +42,35 @@ var<private> coarse_exponent: i32;
 var<private> coarse_inverse: vec3<f32>;
 
 // Prepares the filter for the line that is set.
-fn make_coarse() {
-    coarse_exponent = greatest_field(NO_FIELD, line.direction, 0) - 127;
+fn prepare_coarse_filter() {
+    coarse_exponent = max_exponent_field(NO_FIELD, line.direction, 0) - 127;
     if coarse_exponent == 1 - 127 {
         let most = max(line.direction.x & 0x7fffffffu, max(line.direction.y & 0x7fffffffu, line.direction.z & 0x7fffffffu));
         coarse_exponent = decode_float(most).exponent - 127;
     }
-    coarse_direction = scaled_by(line.direction, -coarse_exponent);
+    coarse_direction = scale_point(line.direction, -coarse_exponent);
     coarse_inverse = 1.0 / each_away_from_zero(coarse_direction);
 }
 
 // Returns whether the line may hit a box, in scaled units, before `bound` (as bits) and not entirely before t_min. A plane at
 // zero may represent a coordinate below 2^-64, which counts as zero.
-fn may_pass(low: vec3<u32>, high: vec3<u32>, bound: u32) -> bool {
+fn may_hit_box(low: vec3<u32>, high: vec3<u32>, bound: u32) -> bool {
     // An empty box.
     if low.x == 0x7f800000u { return false; }
     let k = params.scale_exponent;
-    var field = greatest_field(NO_FIELD, line.origin, 0);
-    field = greatest_field(greatest_field(field, low, k), high, k);
-    let by = 127 - field;
+    var field = max_exponent_field(NO_FIELD, line.origin, 0);
+    field = max_exponent_field(max_exponent_field(field, low, k), high, k);
+    let exponent = 127 - field;
     // At least 2^-100, below which differences lose digits.
-    let widening = power_of_two(max(by + k - 64, -100));
+    let flush_margin = power_of_two(max(exponent + k - 64, -100));
     let small_low = (low & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u);
     let small_high = (high & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u);
-    let origin = scaled_by(line.origin, by);
-    let to_low = select(scaled_by(low, by + k), vec3<f32>(-widening), small_low) - origin;
-    let to_high = select(scaled_by(high, by + k), vec3<f32>(widening), small_high) - origin;
-    let away = max(abs(to_low), abs(to_high));
+    let origin = scale_point(line.origin, exponent);
+    let to_low = select(scale_point(low, exponent + k), vec3<f32>(-flush_margin), small_low) - origin;
+    let to_high = select(scale_point(high, exponent + k), vec3<f32>(flush_margin), small_high) - origin;
+    let distances = max(abs(to_low), abs(to_high));
     // 17 * 2^-24 and 2^-90.
-    let pad = (1.01327896118164062e-6 * max(away.x, max(away.y, away.z)) + 8.077935669463161e-28) * abs(coarse_inverse);
+    let pad = (1.01327896118164062e-6 * max(distances.x, max(distances.y, distances.z)) + 8.077935669463161e-28) * abs(coarse_inverse);
     let negative = are_negative(coarse_inverse);
     let n = select(to_low, to_high, negative) * coarse_inverse - pad;
     let f = select(to_high, to_low, negative) * coarse_inverse + pad;
@@ -76,9 +78,9 @@ fn may_pass(low: vec3<u32>, high: vec3<u32>, bound: u32) -> bool {
     let leaves = min(f.x, min(f.y, f.z));
     if !(enters <= leaves) { return false; }
     // The limits in the same units, with a margin.
-    let since = scale_bits(line.t_min, coarse_exponent + by);
-    let until = scale_bits(bound, coarse_exponent + by);
-    return leaves >= since - 1.0e-5 * abs(since) - 1.0e-30 && enters <= until + 1.0e-5 * abs(until) + 1.0e-30;
+    let begin = scale_bits(line.t_min, coarse_exponent + exponent);
+    let end = scale_bits(bound, coarse_exponent + exponent);
+    return leaves >= begin - 1.0e-5 * abs(begin) - 1.0e-30 && enters <= end + 1.0e-5 * abs(end) + 1.0e-30;
 }
 
 // Returns on which side of an edge the line surely passes, else 0. Each product carries at most seven roundings, and values that
@@ -88,20 +90,20 @@ fn coarse_side(p: vec3<f32>, q: vec3<f32>) -> i32 {
     let plus = p.yzx * q.zxy;
     let minus = p.zxy * q.yzx;
     let sum = dot(d, plus - minus);
-    let size = dot(abs(d), abs(plus) + abs(minus));
+    let magnitude = dot(abs(d), abs(plus) + abs(minus));
     // 24 * 2^-24 and 2^-100.
-    let doubt = 1.430511474609375e-6 * size + 7.888609052210118e-31;
-    return select(0, 1, sum > doubt) - select(0, 1, sum < -doubt);
+    let error_bound = 1.430511474609375e-6 * magnitude + 7.888609052210118e-31;
+    return select(0, 1, sum > error_bound) - select(0, 1, sum < -error_bound);
 }
 
-fn surely_passes_by(points: array<vec3<u32>, 3>) -> bool {
-    var field = greatest_field(NO_FIELD, line.origin, 0);
-    field = greatest_field(greatest_field(greatest_field(field, points[0], 0), points[1], 0), points[2], 0);
-    let by = 127 - field;
-    let origin = scaled_by(line.origin, by);
-    let a = scaled_by(points[0], by) - origin;
-    let b = scaled_by(points[1], by) - origin;
-    let c = scaled_by(points[2], by) - origin;
+fn surely_misses(points: array<vec3<u32>, 3>) -> bool {
+    var field = max_exponent_field(NO_FIELD, line.origin, 0);
+    field = max_exponent_field(max_exponent_field(max_exponent_field(field, points[0], 0), points[1], 0), points[2], 0);
+    let exponent = 127 - field;
+    let origin = scale_point(line.origin, exponent);
+    let a = scale_point(points[0], exponent) - origin;
+    let b = scale_point(points[1], exponent) - origin;
+    let c = scale_point(points[2], exponent) - origin;
     let u = coarse_side(c, b);
     let v = coarse_side(a, c);
     let w = coarse_side(b, a);
@@ -112,84 +114,84 @@ fn surely_passes_by(points: array<vec3<u32>, 3>) -> bool {
 // `counts`.
 
 // The first hit so far, exact and with its t rounded once.
-var<private> best: Crossing;
+var<private> best: ExactIntersection;
 var<private> best_t: u32;
 var<private> best_triangle: u32;
 
 // Returns the slot that the first hit so far does not use.
-fn spare_slot() -> u32 { return select(0u, 1u, best_triangle != NO_TRIANGLE && best.numerator == INTERSECTIONS_OFFSET); }
+fn unused_slot() -> u32 { return select(0u, 1u, best_triangle != NO_TRIANGLE && best.numerator == INTERSECTIONS_OFFSET); }
 
 // Returns whether the rule is that of `watertight`: the ray's start moves by an infinitely small amount, and rounded t orders
 // hits.
-fn rule_moves() -> bool { return params.extremes.rule == 1u; }
+fn perturbs_origin() -> bool { return params.extremes.rule == 1u; }
 
 // Offers a triangle as a hit. Returns whether it is hit within the limits.
-fn offer_extreme(triangle: u32) -> bool {
+fn test_extreme_triangle(triangle: u32) -> bool {
     let points = points_of(triangle);
-    if surely_passes_by(points) { return false; }
-    let c = cross_exactly(points, spare_slot(), rule_moves());
-    if !c.met { return false; }
-    let t = rounded(c);
-    if !is_within(t) { return false; }
+    if surely_misses(points) { return false; }
+    let intersection = intersect_exactly(points, unused_slot(), perturbs_origin());
+    if !intersection.is_hit { return false; }
+    let t = rounded_t(intersection);
+    if !is_within_limits(t) { return false; }
     if best_triangle != NO_TRIANGLE {
         var order = select(0, 1, ordered(t) > ordered(best_t)) - select(0, 1, ordered(t) < ordered(best_t));
-        if !rule_moves() { order = order_crossings(c, best); }
+        if !perturbs_origin() { order = compare_intersections(intersection, best); }
         if order > 0 || (order == 0 && triangle > best_triangle) { return true; }
     }
-    best = c;
+    best = intersection;
     best_t = t;
     best_triangle = triangle;
     return true;
 }
 
 // Traverses the tree for the line that is set and ignores triangle `ignore`. Stops at the first hit if `any` is set.
-fn search_extreme(ignore: u32, any: bool) {
+fn traverse_extreme(ignore: u32, any: bool) {
     best_triangle = NO_TRIANGLE;
-    atomicAdd(&counts[OPEN_RAYS], 1u);
-    make_line();
-    make_coarse();
-    if !may_pass(nodes[0].xyz, nodes[1].xyz, line.t_max) { return; }
+    atomicAdd(&counts[UNDECIDED_RAYS], 1u);
+    prepare_line();
+    prepare_coarse_filter();
+    if !may_hit_box(nodes[0].xyz, nodes[1].xyz, line.t_max) { return; }
     var stack: array<u32, 64>;
     var depth = 0u;
-    var at = nodes[0].w;
+    var node = nodes[0].w;
     loop {
-        if at == NO_NODE {
+        if node == NO_NODE {
             if depth == 0u { break; }
             depth -= 1u;
-            at = stack[depth];
+            node = stack[depth];
         }
-        if (at & LEAF) != 0u {
-            let triangle = records[3u * first_triangle_of(at)].w;
-            at = second_triangle_of(at);
+        if (node & LEAF) != 0u {
+            let triangle = records[3u * first_triangle_of(node)].w;
+            node = second_triangle_of(node);
             if triangle == ignore || triangle == NO_TRIANGLE { continue; }
-            if offer_extreme(triangle) && any { break; }
+            if test_extreme_triangle(triangle) && any { break; }
         } else {
-            let row = child_row(at);
+            let row = child_row(node);
             var bound = line.t_max;
             if best_triangle != NO_TRIANGLE { bound = bits_from_ordered(min(ordered(bound), ordered(best_t) + 1)); }
-            let left = may_pass(nodes[row].xyz, nodes[row + 1u].xyz, bound);
-            let right = may_pass(nodes[row + 2u].xyz, nodes[row + 3u].xyz, bound);
+            let left = may_hit_box(nodes[row].xyz, nodes[row + 1u].xyz, bound);
+            let right = may_hit_box(nodes[row + 2u].xyz, nodes[row + 3u].xyz, bound);
             if left && right {
                 stack[depth] = nodes[row + 2u].w;
                 depth += 1u;
             }
-            at = select(select(NO_NODE, nodes[row + 2u].w, right), nodes[row].w, left);
+            node = select(select(NO_NODE, nodes[row + 2u].w, right), nodes[row].w, left);
         }
     }
 }
 
 // Returns the closest hit along the line that is set. If `any` is set, returns some hit with only its triangle.
-fn hit_extreme(any: bool) -> vec4<u32> {
-    search_extreme(NO_TRIANGLE, any);
+fn closest_extreme_hit(any: bool) -> vec4<u32> {
+    traverse_extreme(NO_TRIANGLE, any);
     if best_triangle == NO_TRIANGLE { return MISS; }
     atomicAdd(&counts[HIT_COUNT], 1u);
     if any { return vec4<u32>(0u, 0u, 0u, best_triangle); }
-    let weights = weights_of(points_of(best_triangle));
+    let weights = rounded_weights(points_of(best_triangle));
     return vec4<u32>(best_t, weights, best_triangle);
 }
 
 // Returns whether the line that is set hits any triangle except `ignore`.
-fn any_extreme(ignore: u32) -> bool {
-    search_extreme(ignore, true);
+fn any_extreme_hit(ignore: u32) -> bool {
+    traverse_extreme(ignore, true);
     return best_triangle != NO_TRIANGLE;
 }

@@ -6,10 +6,10 @@ import package::geometry::ray::MISS;
 import package::geometry::record::NO_TRIANGLE;
 import package::geometry::triangle::points_of;
 import package::geometry::units::{is_extreme, scale_bits};
-import package::intersect::extreme::{any_extreme, hit_extreme};
-import package::intersect::line::{make_line, put_corners, put_side, set_line};
+import package::intersect::extreme::{any_extreme_hit, closest_extreme_hit};
+import package::intersect::line::{prepare_line, set_line, store_corners, store_determinant};
 import package::lib::buffers::{counts, hits, occluded};
-import package::lib::counters::{BLOCKED_COUNT, HIT_COUNT, LEFT_AT};
+import package::lib::counters::{FOUND_EXTREME, HIT_COUNT, OCCLUDED_COUNT};
 import package::lib::exact::{soft_add, soft_multiply};
 import package::lib::integers::{
     INTERSECTIONS_OFFSET, ONE_OFFSET, PRODUCTS_OFFSET, accumulate_product, clear, sign_of_number, to_sign_magnitude,
@@ -21,15 +21,15 @@ import package::lib::params::{element, params};
 
 fn saturated(x: u32) -> u32 { return select(x, (x & 0x80000000u) | 0x7f7fffffu, (x & 0x7fffffffu) >= 0x7f800000u); }
 
-fn sum_of(a: u32, b: u32) -> u32 { return saturated(soft_add(a, b)); }
+fn add_saturated(a: u32, b: u32) -> u32 { return saturated(soft_add(a, b)); }
 
-fn times(a: u32, b: u32) -> u32 { return saturated(soft_multiply(a, b)); }
+fn multiply_saturated(a: u32, b: u32) -> u32 { return saturated(soft_multiply(a, b)); }
 
-fn scaled_bits(x: u32, exponent: i32) -> u32 { return saturated(bitcast<u32>(scale_bits(x, exponent))); }
+fn scale_saturated(x: u32, exponent: i32) -> u32 { return saturated(bitcast<u32>(scale_bits(x, exponent))); }
 
-fn negative_of(x: u32) -> u32 { return x ^ 0x80000000u; }
+fn negate(x: u32) -> u32 { return x ^ 0x80000000u; }
 
-fn largest_of(given: u32, point: vec3<u32>) -> u32 {
+fn max_magnitude(given: u32, point: vec3<u32>) -> u32 {
     let size = point & vec3<u32>(0x7fffffffu);
     return max(given, max(size.x, max(size.y, size.z)));
 }
@@ -38,31 +38,31 @@ struct HitPoint { at: vec3<u32>, error: u32 }
 
 // Computes the hit point along the ray or within the triangle, whichever rounds less. 12 * 2^-24 is 0x35400000.
 fn hit_point(origin: vec3<u32>, direction: vec3<u32>, hit: vec4<u32>, points: array<vec3<u32>, 3>) -> HitPoint {
-    var way: vec3<u32>;
-    for (var i = 0u; i < 3u; i += 1u) { way[i] = times(hit.x, direction[i]); }
-    let along = largest_of(largest_of(0u, origin), way);
-    let within = largest_of(largest_of(largest_of(0u, points[0]), points[1]), points[2]);
+    var displacement: vec3<u32>;
+    for (var i = 0u; i < 3u; i += 1u) { displacement[i] = multiply_saturated(hit.x, direction[i]); }
+    let largest_along = max_magnitude(max_magnitude(0u, origin), displacement);
+    let largest_within = max_magnitude(max_magnitude(max_magnitude(0u, points[0]), points[1]), points[2]);
     var p: vec3<u32>;
-    if scaled_bits(within, 2) > along {
-        for (var i = 0u; i < 3u; i += 1u) { p[i] = sum_of(origin[i], way[i]); }
-        return HitPoint(p, scaled_bits(largest_of(along, p), -22));
+    if scale_saturated(largest_within, 2) > largest_along {
+        for (var i = 0u; i < 3u; i += 1u) { p[i] = add_saturated(origin[i], displacement[i]); }
+        return HitPoint(p, scale_saturated(max_magnitude(largest_along, p), -22));
     }
     for (var i = 0u; i < 3u; i += 1u) {
         let a = points[0][i];
-        let by_u = times(hit.y, sum_of(points[1][i], negative_of(a)));
-        let by_v = times(hit.z, sum_of(points[2][i], negative_of(a)));
-        p[i] = sum_of(a, sum_of(by_u, by_v));
+        let by_u = multiply_saturated(hit.y, add_saturated(points[1][i], negate(a)));
+        let by_v = multiply_saturated(hit.z, add_saturated(points[2][i], negate(a)));
+        p[i] = add_saturated(a, add_saturated(by_u, by_v));
     }
-    return HitPoint(p, times(0x35400000u, within));
+    return HitPoint(p, multiply_saturated(0x35400000u, largest_within));
 }
 
 // Returns on which side of a triangle's plane a point is.
 fn side_of(points: array<vec3<u32>, 3>, point: vec3<u32>) -> i32 {
     set_line(point, vec3<u32>(0x3f800000u, 0u, 0u), 0u, 0x7f800000u, 0);
-    make_line();
-    let placed = put_corners(points);
-    put_side(PRODUCTS_OFFSET, 3u, placed.len);
-    return sign_of_number(PRODUCTS_OFFSET, placed.len.triple);
+    prepare_line();
+    let stored = store_corners(points);
+    store_determinant(PRODUCTS_OFFSET, 3u, stored.len);
+    return sign_of_number(PRODUCTS_OFFSET, stored.len.triple);
 }
 
 // Returns the sign of a component of a triangle's normal.
@@ -70,15 +70,15 @@ fn normal_sign(points: array<vec3<u32>, 3>, axis: u32) -> i32 {
     var direction = vec3<u32>(0u);
     direction[axis] = 0x3f800000u;
     set_line(points[0], direction, 0u, 0x7f800000u, 0);
-    make_line();
-    let placed = put_corners(points);
-    clear(INTERSECTIONS_OFFSET, placed.len.triple);
+    prepare_line();
+    let stored = store_corners(points);
+    clear(INTERSECTIONS_OFFSET, stored.len.triple);
     for (var side = 0u; side < 3u; side += 1u) {
-        put_side(PRODUCTS_OFFSET, side, placed.len);
-        accumulate_product(INTERSECTIONS_OFFSET, placed.len.triple, PRODUCTS_OFFSET, placed.len.triple, ONE_OFFSET, 1u, 1u);
+        store_determinant(PRODUCTS_OFFSET, side, stored.len);
+        accumulate_product(INTERSECTIONS_OFFSET, stored.len.triple, PRODUCTS_OFFSET, stored.len.triple, ONE_OFFSET, 1u, 1u);
     }
-    to_sign_magnitude(INTERSECTIONS_OFFSET, placed.len.triple);
-    return sign_of_number(INTERSECTIONS_OFFSET, placed.len.triple);
+    to_sign_magnitude(INTERSECTIONS_OFFSET, stored.len.triple);
+    return sign_of_number(INTERSECTIONS_OFFSET, stored.len.triple);
 }
 
 // Returns whether the hit of a ray is in shadow. The light is in scene units.
@@ -90,46 +90,46 @@ fn is_in_extreme_shadow(origin: vec3<u32>, direction: vec3<u32>, hit: vec4<u32>)
     if side == 0 { side = side_of(points, origin); }
     let delta = max(point.error, 4u);
     var start: vec3<u32>;
-    var way: vec3<u32>;
+    var shadow_direction: vec3<u32>;
     for (var i = 0u; i < 3u; i += 1u) {
-        let towards = side * normal_sign(points, i);
-        var by = 0u;
-        if towards > 0 { by = delta; }
-        if towards < 0 { by = negative_of(delta); }
-        start[i] = sum_of(point.at[i], by);
-        way[i] = soft_add(bitcast<u32>(scale_bits(light[i], -1)), negative_of(bitcast<u32>(scale_bits(start[i], -1))));
+        let direction_sign = side * normal_sign(points, i);
+        var offset = 0u;
+        if direction_sign > 0 { offset = delta; }
+        if direction_sign < 0 { offset = negate(delta); }
+        start[i] = add_saturated(point.at[i], offset);
+        shadow_direction[i] = soft_add(bitcast<u32>(scale_bits(light[i], -1)), negate(bitcast<u32>(scale_bits(start[i], -1))));
     }
-    if all((way & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u)) { return false; }
+    if all((shadow_direction & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u)) { return false; }
     // t is in (0, 2), because the direction is half the vector to the light.
-    set_line(start, way, 0u, 0x40000000u, 0);
-    return any_extreme(hit.w);
+    set_line(start, shadow_direction, 0u, 0x40000000u, 0);
+    return any_extreme_hit(hit.w);
 }
 
 // Returns whether any ray may be left to these kernels. For explicit rays, the search recorded that. For a camera's rays, the host
 // decided it, unless only the buffer `range` holds the answer.
-fn may_be_left() -> bool {
-    if params.extreme == 1u || is_range_unusual() { return true; }
+fn may_have_extreme_rays() -> bool {
+    if params.extreme == 1u || range_makes_rays_extreme() { return true; }
     if params.width > 0u { return params.extreme != 2u; }
-    return atomicLoad(&counts[LEFT_AT]) > 0u;
+    return atomicLoad(&counts[FOUND_EXTREME]) > 0u;
 }
 
 // Returns whether a ray is left to these kernels. All rays of a camera are.
-fn is_known_to_be_left(i: u32) -> bool { return params.width > 0u || is_extreme(query_ray(i).origin); }
+fn is_extreme_by_params(i: u32) -> bool { return params.width > 0u || is_extreme(query_ray(i).origin); }
 
 // Returns whether the measured range makes rays extreme. The search ran without that range.
 @if(extreme_rays)
-fn is_range_unusual() -> bool { return params.extreme == 2u && makes_rays_extreme(); }
+fn range_makes_rays_extreme() -> bool { return params.extreme == 2u && makes_rays_extreme(); }
 @else
-fn is_range_unusual() -> bool { return false; }
+fn range_makes_rays_extreme() -> bool { return false; }
 
 @if(extreme_rays)
-fn is_left(i: u32) -> bool {
+fn is_extreme_ray(i: u32) -> bool {
     if params.extreme == 2u { return is_measured_extreme(query_ray(i).origin); }
-    return is_known_to_be_left(i);
+    return is_extreme_by_params(i);
 }
 // For shadow rays, the host knows the range.
 @else
-fn is_left(i: u32) -> bool { return is_known_to_be_left(i); }
+fn is_extreme_ray(i: u32) -> bool { return is_extreme_by_params(i); }
 
 // The closest hits of extreme rays, or whether there is any hit if `answer_words` is 1. An answer has `answer_words` words.
 
@@ -138,11 +138,11 @@ fn is_left(i: u32) -> bool { return is_known_to_be_left(i); }
 // If the host did not know which rays are extreme, other kernels have already answered and counted all rays.
 fn discount_hit(i: u32) {
     let last = answers[params.extremes.answer_words * (i + 1u) - 1u];
-    let found = select(last != NO_TRIANGLE, last == 1u, params.extremes.answer_words == 1u);
-    if params.extreme == 2u && found { atomicSub(&counts[HIT_COUNT], 1u); }
+    let was_hit = select(last != NO_TRIANGLE, last == 1u, params.extremes.answer_words == 1u);
+    if params.extreme == 2u && was_hit { atomicSub(&counts[HIT_COUNT], 1u); }
 }
 
-fn answer(i: u32, hit: vec4<u32>) {
+fn write_answer(i: u32, hit: vec4<u32>) {
     if params.extremes.answer_words == 1u {
         answers[i] = u32(hit.w != NO_TRIANGLE);
         return;
@@ -150,43 +150,43 @@ fn answer(i: u32, hit: vec4<u32>) {
     for (var word = 0u; word < 4u; word += 1u) { answers[4u * i + word] = hit[word]; }
 }
 
-fn answer_ray(i: u32) {
+fn trace_extreme_ray(i: u32) {
     discount_hit(i);
     var hit = MISS;
     let ray = query_ray(i);
     if !is_invalid_ray(ray.first, ray.second) {
         set_line_of_query(i);
-        hit = hit_extreme(params.extremes.answer_words == 1u);
+        hit = closest_extreme_hit(params.extremes.answer_words == 1u);
     }
-    answer(i, hit);
+    write_answer(i, hit);
 }
 
 // Parameters: extremes.
 @compute @workgroup_size(64)
 fn extreme_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    if !may_be_left() { return; }
+    if !may_have_extreme_rays() { return; }
     for (var i = element(id, groups, 64u); i < params.count; i += 64u * groups.x * groups.y) {
-        if is_left(i) { answer_ray(i); }
+        if is_extreme_ray(i) { trace_extreme_ray(i); }
     }
 }
 
 // The shadow rays of the hits of extreme rays.
 
-fn answer_shadow(i: u32) {
+fn trace_extreme_shadow(i: u32) {
     occluded[i] = 0u;
     if hits[i].w == NO_TRIANGLE { return; }
     let ray = query_ray(i);
     if is_in_extreme_shadow(ray.first.xyz, ray.second.xyz, hits[i]) {
         occluded[i] = 1u;
-        atomicAdd(&counts[BLOCKED_COUNT], 1u);
+        atomicAdd(&counts[OCCLUDED_COUNT], 1u);
     }
 }
 
 // Parameters: extremes.
 @compute @workgroup_size(64)
 fn extreme_shadow_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    if !may_be_left() { return; }
+    if !may_have_extreme_rays() { return; }
     for (var i = element(id, groups, 64u); i < params.count; i += 64u * groups.x * groups.y) {
-        if is_left(i) { answer_shadow(i); }
+        if is_extreme_ray(i) { trace_extreme_shadow(i); }
     }
 }

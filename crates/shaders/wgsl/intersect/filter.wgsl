@@ -14,120 +14,120 @@ const SMALL: f32 = 8.673617379884035e-19;
 
 // The two directions that span the sheared plane, the error of a sheared coordinate per unit of depth, and the largest such error
 // in this scene.
-struct View { across: vec3<f32>, up: vec3<f32>, doubts: vec2<f32>, most: vec2<f32> }
+struct ShearView { across: vec3<f32>, up: vec3<f32>, errors_per_depth: vec2<f32>, max_errors: vec2<f32> }
 
-var<private> view: View;
+var<private> shear_view: ShearView;
 
-fn set_view(ray: PreparedRay) {
-    view.across = unpermute(vec3<f32>(1.0, 0.0, -ray.shear_x), ray.axis);
-    view.up = unpermute(vec3<f32>(0.0, 1.0, -ray.shear_y), ray.axis);
+fn set_shear_view(ray: PreparedRay) {
+    shear_view.across = unpermute(vec3<f32>(1.0, 0.0, -ray.shear_x), ray.axis);
+    shear_view.up = unpermute(vec3<f32>(0.0, 1.0, -ray.shear_y), ray.axis);
     // 4.01 * 2^-24 of the sheared part, and 2^-37, below which a component of the direction became zero.
-    view.doubts = 2.3901462554931640625e-7 * abs(vec2<f32>(ray.shear_x, ray.shear_y)) + 7.3e-12;
+    shear_view.errors_per_depth = 2.3901462554931640625e-7 * abs(vec2<f32>(ray.shear_x, ray.shear_y)) + 7.3e-12;
     // The slack is 17 * 2^-24 * D of the root.
-    view.most = view.doubts * (986896.0 * ray.max_padding) + SMALL;
+    shear_view.max_errors = shear_view.errors_per_depth * (986896.0 * ray.max_padding) + SMALL;
 }
 
 // A triangle relative to the ray's start, its largest sheared coordinates, and its edge functions.
-struct Seen { a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, wide: vec2<f32>, u: f32, v: f32, w: f32 }
+struct ShearedTriangle { a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, extent: vec2<f32>, u: f32, v: f32, w: f32 }
 
-fn look(ray: PreparedRay, k: Corners) -> Seen {
-    let a = relative_to_origin(ray, k.a);
-    let b = relative_to_origin(ray, k.b);
-    let c = relative_to_origin(ray, k.c);
-    let x = vec3<f32>(loose_along(view.across, a), loose_along(view.across, b), loose_along(view.across, c));
-    let y = vec3<f32>(loose_along(view.up, a), loose_along(view.up, b), loose_along(view.up, c));
-    let wide = vec2<f32>(max(abs(x.x), max(abs(x.y), abs(x.z))), max(abs(y.x), max(abs(y.y), abs(y.z))));
-    return Seen(a, b, c, wide, loose_edge(x.z, y.z, x.y, y.y), loose_edge(x.x, y.x, x.z, y.z), loose_edge(x.y, y.y, x.x, y.x));
+fn shear_triangle(ray: PreparedRay, corners: Corners) -> ShearedTriangle {
+    let a = relative_to_origin(ray, corners.a);
+    let b = relative_to_origin(ray, corners.b);
+    let c = relative_to_origin(ray, corners.c);
+    let x = vec3<f32>(loose_dot(shear_view.across, a), loose_dot(shear_view.across, b), loose_dot(shear_view.across, c));
+    let y = vec3<f32>(loose_dot(shear_view.up, a), loose_dot(shear_view.up, b), loose_dot(shear_view.up, c));
+    let extent = vec2<f32>(max(abs(x.x), max(abs(x.y), abs(x.z))), max(abs(y.x), max(abs(y.y), abs(y.z))));
+    return ShearedTriangle(a, b, c, extent, loose_edge(x.z, y.z, x.y, y.y), loose_edge(x.x, y.x, x.z, y.z), loose_edge(x.y, y.y, x.x, y.x));
 }
 
 // One component of `direction` is 1 and another is 0, so there are at most two roundings, fused or not.
-fn loose_along(direction: vec3<f32>, p: vec3<f32>) -> f32 {
+fn loose_dot(direction: vec3<f32>, p: vec3<f32>) -> f32 {
     return direction.x * p.x + direction.y * p.y + direction.z * p.z;
 }
 
 fn loose_edge(px: f32, py: f32, qx: f32, qy: f32) -> f32 { return px * qy - py * qx; }
 
-// Returns the error bound of an edge function for a shear error of at most `most`.
-fn loose_doubt(wide: vec2<f32>, most: vec2<f32>) -> f32 {
+// Returns the error bound of an edge function for a shear error of at most `max_errors`.
+fn loose_error_bound(extent: vec2<f32>, max_errors: vec2<f32>) -> f32 {
     // 3.01 * 2^-24
-    let r = 1.7940998077392578e-7 * wide + most;
-    return 2.0 * (r.x * (wide.y + r.y) + r.y * wide.x);
+    let r = 1.7940998077392578e-7 * extent + max_errors;
+    return 2.0 * (r.x * (extent.y + r.y) + r.y * extent.x);
 }
 
-fn least_edge(s: Seen) -> f32 { return min(s.u, min(s.v, s.w)); }
-fn most_edge(s: Seen) -> f32 { return max(s.u, max(s.v, s.w)); }
+fn min_edge(sheared: ShearedTriangle) -> f32 { return min(sheared.u, min(sheared.v, sheared.w)); }
+fn max_edge(sheared: ShearedTriangle) -> f32 { return max(sheared.u, max(sheared.v, sheared.w)); }
 
-fn surely_out(s: Seen, doubt: f32) -> bool { return least_edge(s) < -doubt && most_edge(s) > doubt; }
-fn surely_in(s: Seen, doubt: f32) -> bool { return least_edge(s) > doubt || most_edge(s) < -doubt; }
+fn surely_outside(sheared: ShearedTriangle, error_bound: f32) -> bool { return min_edge(sheared) < -error_bound && max_edge(sheared) > error_bound; }
+fn surely_inside(sheared: ShearedTriangle, error_bound: f32) -> bool { return min_edge(sheared) > error_bound || max_edge(sheared) < -error_bound; }
 
 // Decisions of the filter: "The filter" in docs/design/exact-arithmetic.md.
 
 // Whether a triangle may be hit, and whether it surely is. If it is hit, its exact t is in low ..= high.
-struct Judged { possible: bool, sure: bool, low: f32, high: f32 }
+struct Classified { possible: bool, certain: bool, low: f32, high: f32 }
 
-const OUT: Judged = Judged(false, false, 0.0, 0.0);
+const MISSED: Classified = Classified(false, false, 0.0, 0.0);
 
 // 2^100: rounded arithmetic does not decide larger determinants and distances.
-const DEEP: f32 = 1.2676506002282294e30;
+const DECIDABLE_LIMIT: f32 = 1.2676506002282294e30;
 
-fn judge(ray: PreparedRay, corners: Corners) -> Judged {
-    let s = look(ray, corners);
-    if surely_out(s, loose_doubt(s.wide, view.most)) { return OUT; }
-    return judge_near(ray, corners, s);
+fn classify(ray: PreparedRay, corners: Corners) -> Classified {
+    let sheared = shear_triangle(ray, corners);
+    if surely_outside(sheared, loose_error_bound(sheared.extent, shear_view.max_errors)) { return MISSED; }
+    return classify_closely(ray, corners, sheared);
 }
 
 // Returns the distances along the main axis.
-fn depths_of(s: Seen, axis: u32) -> vec3<f32> {
-    return select(select(vec3<f32>(s.a.x, s.b.x, s.c.x), vec3<f32>(s.a.y, s.b.y, s.c.y), axis == 1u), vec3<f32>(s.a.z, s.b.z, s.c.z), axis == 2u);
+fn depths_of(sheared: ShearedTriangle, axis: u32) -> vec3<f32> {
+    return select(select(vec3<f32>(sheared.a.x, sheared.b.x, sheared.c.x), vec3<f32>(sheared.a.y, sheared.b.y, sheared.c.y), axis == 1u), vec3<f32>(sheared.a.z, sheared.b.z, sheared.c.z), axis == 2u);
 }
 
 // Returns the error bound for the triangle's own depth.
-fn closer_doubt(s: Seen, depths: vec3<f32>) -> f32 {
+fn tighter_error_bound(sheared: ShearedTriangle, depths: vec3<f32>) -> f32 {
     let deepest = max(abs(depths.x), max(abs(depths.y), abs(depths.z)));
-    return loose_doubt(s.wide, view.doubts * deepest + SMALL);
+    return loose_error_bound(sheared.extent, shear_view.errors_per_depth * deepest + SMALL);
 }
 
-fn judge_near(ray: PreparedRay, corners: Corners, s: Seen) -> Judged {
-    let depths = depths_of(s, ray.axis);
-    var doubt = loose_doubt(s.wide, view.most);
-    var certain = surely_in(s, doubt);
+fn classify_closely(ray: PreparedRay, corners: Corners, sheared: ShearedTriangle) -> Classified {
+    let depths = depths_of(sheared, ray.axis);
+    var error_bound = loose_error_bound(sheared.extent, shear_view.max_errors);
+    var certain = surely_inside(sheared, error_bound);
     if !certain {
-        doubt = closer_doubt(s, depths);
-        if surely_out(s, doubt) { return OUT; }
-        certain = surely_in(s, doubt);
+        error_bound = tighter_error_bound(sheared, depths);
+        if surely_outside(sheared, error_bound) { return MISSED; }
+        certain = surely_inside(sheared, error_bound);
     }
     // Minima may hide a NaN; the sum does not.
-    let det = add(add(s.u, s.v), s.w);
-    let size = abs(det);
-    let tells = size > 8.0 * doubt && size < DEEP && size > 7.888609052210118e-31;
-    var span = vec2<f32>(DEEP, -DEEP);
-    if tells { span = loose_span(s, depths * ray.shear_z, det, doubt); }
-    if !(abs(span.x) < DEEP && abs(span.y) < DEEP) {
-        certain = certain && size <= 3.4028234663852886e38;
+    let det = add(add(sheared.u, sheared.v), sheared.w);
+    let magnitude = abs(det);
+    let is_conclusive = magnitude > 8.0 * error_bound && magnitude < DECIDABLE_LIMIT && magnitude > 7.888609052210118e-31;
+    var span = vec2<f32>(DECIDABLE_LIMIT, -DECIDABLE_LIMIT);
+    if is_conclusive { span = loose_span(sheared, depths * ray.shear_z, det, error_bound); }
+    if !(abs(span.x) < DECIDABLE_LIMIT && abs(span.y) < DECIDABLE_LIMIT) {
+        certain = certain && magnitude <= 3.4028234663852886e38;
         span = span_of_depths(ray, mul(depths.x, ray.shear_z), mul(depths.y, ray.shear_z), mul(depths.z, ray.shear_z));
     }
-    if span.y <= ray.t_min || span.x >= ray.t_max { return OUT; }
-    return Judged(true, certain && rounds_within(ray, span), span.x, span.y);
+    if span.y <= ray.t_min || span.x >= ray.t_max { return MISSED; }
+    return Classified(true, certain && rounds_within(ray, span), span.x, span.y);
 }
 
 // Returns whether every t of a span, rounded once in the ray's own units, is within the ray's limits. A float beyond t_min is at
 // least the next float, and rounding is monotone, so the limits themselves serve where t is normal. Subnormal numbers have fewer
 // digits than scaled ones, so distances below 2^-125 or beyond 2^127 stay open.
 fn rounds_within(ray: PreparedRay, span: vec2<f32>) -> bool {
-    let small = power_of_two(max(ray.exponent - 125, -99));
-    let large = power_of_two(ray.exponent + 127);
-    let after = max(select(ray.t_min, small, abs(ray.t_min) < small), -large);
-    let before = min(select(ray.t_max, -small, abs(ray.t_max) < small), large);
+    let smallest = power_of_two(max(ray.exponent - 125, -99));
+    let largest = power_of_two(ray.exponent + 127);
+    let after = max(select(ray.t_min, smallest, abs(ray.t_min) < smallest), -largest);
+    let before = min(select(ray.t_max, -smallest, abs(ray.t_max) < smallest), largest);
     return span.x > after && span.y < before;
 }
 
 // Returns the interval of the exact t, from the rounded one.
-fn loose_span(s: Seen, z: vec3<f32>, det: f32, doubt: f32) -> vec2<f32> {
+fn loose_span(sheared: ShearedTriangle, z: vec3<f32>, det: f32, error_bound: f32) -> vec2<f32> {
     let inverse = 1.0 / det;
-    let t = (s.u * z.x + s.v * z.y + s.w * z.z) * inverse;
+    let t = (sheared.u * z.x + sheared.v * z.y + sheared.w * z.z) * inverse;
     let spread = max(z.x, max(z.y, z.z)) - min(z.x, min(z.y, z.z));
-    let size = max(abs(z.x), max(abs(z.y), abs(z.z)));
+    let magnitude = max(abs(z.x), max(abs(z.y), abs(z.z)));
     // 24 * 2^-24
-    let error = 3.02 * doubt * spread * abs(inverse) + (1.430511474609375e-6 * size + SMALL);
+    let error = 3.02 * error_bound * spread * abs(inverse) + (1.430511474609375e-6 * magnitude + SMALL);
     return vec2<f32>(t - error, t + error);
 }

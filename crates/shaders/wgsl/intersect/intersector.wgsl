@@ -6,44 +6,44 @@ import package::traversal::traverse::find_any;
 
 @if(EXACT)
 @publish import package::intersect::exact::{
-    ExactFound as Found,
-    exact_nothing_found as nothing_found,
-    exact_limit as limit,
+    ExactBest as BestHit,
+    exact_initial_best as initial_best,
+    exact_search_limit as search_limit,
     exact_intersect_leaf_closest as intersect_leaf_closest,
     exact_intersect_leaf_any as intersect_leaf_any,
     exact_hit_of as hit_of,
-    exact_is_unresolved as is_unresolved,
-    exact_ask_any as ask_any,
+    exact_is_undecided as is_undecided,
+    exact_trace_any as trace_any,
     exact_store_occluded as store_occluded,
-    exact_begin_of as begin_of,
-    exact_hit_on as hit_on,
-    exact_is_found as is_found,
+    exact_nearest_t as nearest_t,
+    exact_intersect_single as intersect_single,
+    exact_has_hit as has_hit,
 };
 
 @if(WATERTIGHT)
 @publish import package::intersect::watertight::{
-    WatertightFound as Found,
-    watertight_nothing_found as nothing_found,
-    watertight_limit as limit,
+    WatertightBest as BestHit,
+    watertight_initial_best as initial_best,
+    watertight_search_limit as search_limit,
     watertight_intersect_leaf_closest as intersect_leaf_closest,
     watertight_intersect_leaf_any as intersect_leaf_any,
     watertight_hit_of as hit_of,
-    watertight_is_unresolved as is_unresolved,
+    watertight_is_undecided as is_undecided,
 };
 
 @if(MOLLER_TRUMBORE || WOOP)
 @publish import package::intersect::textbook::{
-    TextbookFound as Found,
-    textbook_nothing_found as nothing_found,
-    textbook_limit as limit,
+    TextbookBest as BestHit,
+    textbook_initial_best as initial_best,
+    textbook_search_limit as search_limit,
     textbook_intersect_leaf_closest as intersect_leaf_closest,
     textbook_intersect_leaf_any as intersect_leaf_any,
     textbook_hit_of as hit_of,
-    textbook_is_unresolved as is_unresolved,
+    textbook_is_undecided as is_undecided,
     textbook_inverse_for as inverse_for,
-    textbook_begin_of as begin_of,
-    textbook_hit_on as hit_on,
-    textbook_is_found as is_found,
+    textbook_nearest_t as nearest_t,
+    textbook_intersect_single as intersect_single,
+    textbook_has_hit as has_hit,
 };
 
 @if(WATERTIGHT || EXACT)
@@ -58,10 +58,10 @@ const DEFERS_EXTREME_RAYS: bool = false;
 
 // Writes whether a ray hit anything. If it did, increments word `count` of `counts`.
 @if(!EXACT)
-fn store_occluded(i: u32, met: bool, count: u32) {
-    occluded[i] = select(0u, 1u, met);
-    if met { atomicAdd(&counts[count], 1u); }
+fn store_occluded(i: u32, is_hit: bool, count: u32) {
+    occluded[i] = select(0u, 1u, is_hit);
+    if is_hit { atomicAdd(&counts[count], 1u); }
 }
 
 @if(!EXACT)
-fn ask_any(ray: PreparedRay, ignore: u32) -> bool { return find_any(ray, ignore); }
+fn trace_any(ray: PreparedRay, ignore: u32) -> bool { return find_any(ray, ignore); }

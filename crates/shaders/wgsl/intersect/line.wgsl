@@ -11,16 +11,16 @@ import package::lib::integers::{
 struct Line { origin: vec3<u32>, direction: vec3<u32>, t_min: u32, t_max: u32, shift: i32, unit: i32, bits: i32, len: u32 }
 
 // t = numerator / denominator * 2^exponent. The denominator is positive.
-struct Crossing { met: bool, numerator: u32, denominator: u32, len: u32, exponent: i32 }
+struct ExactIntersection { is_hit: bool, numerator: u32, denominator: u32, len: u32, exponent: i32 }
 
-const NOT_MET: Crossing = Crossing(false, 0u, 0u, 0u, 0);
+const NO_INTERSECTION: ExactIntersection = ExactIntersection(false, 0u, 0u, 0u, 0);
 // An empty range of units: above and below every exponent.
-const ALL_BITS: vec2<i32> = vec2<i32>(10000, -10000);
+const EMPTY_RANGE: vec2<i32> = vec2<i32>(10000, -10000);
 
 var<private> line: Line;
 
 // Extends a range of units by those of a point scaled by 2^shift.
-fn with_units(range: vec2<i32>, point: vec3<u32>, shift: i32) -> vec2<i32> {
+fn extend_range(range: vec2<i32>, point: vec3<u32>, shift: i32) -> vec2<i32> {
     var wider = range;
     for (var i = 0u; i < 3u; i += 1u) {
         if (point[i] & 0x7fffffffu) != 0u {
@@ -36,13 +36,13 @@ fn limbs(bits: i32) -> u32 { return u32(bits + 31) >> 5u; }
 
 // Sets the current line. The direction must not be zero.
 fn set_line(origin: vec3<u32>, direction: vec3<u32>, t_min: u32, t_max: u32, shift: i32) {
-    let units = with_units(ALL_BITS, direction, 0);
+    let units = extend_range(EMPTY_RANGE, direction, 0);
     let bits = units.y - units.x + 24;
     line = Line(origin, direction, t_min, t_max, shift, units.x, bits, limbs(bits));
 }
 
 // Converts the direction to integers of any length. Required by all functions below.
-fn make_line() {
+fn prepare_line() {
     words[ONE_OFFSET] = 0u;
     words[ONE_OFFSET + 1u] = 1u;
     for (var i = 0u; i < 3u; i += 1u) {
@@ -55,14 +55,14 @@ fn make_line() {
 }
 
 // Returns the least and the greatest unit of a triangle's coordinates and the ray's start.
-fn units_of(points: array<vec3<u32>, 3>) -> vec2<i32> {
-    var units = with_units(ALL_BITS, line.origin, line.shift);
-    units = with_units(with_units(with_units(units, points[0], 0), points[1], 0), points[2], 0);
+fn unit_range(points: array<vec3<u32>, 3>) -> vec2<i32> {
+    var units = extend_range(EMPTY_RANGE, line.origin, line.shift);
+    units = extend_range(extend_range(extend_range(units, points[0], 0), points[1], 0), points[2], 0);
     return select(units, vec2<i32>(0), units.x > units.y);
 }
 
 // Stores a coordinate relative to the ray's start, in units of 2^unit.
-fn put(at: u32, len: u32, x: u32, origin: u32, unit: i32) {
+fn store_difference(at: u32, len: u32, x: u32, origin: u32, unit: i32) {
     clear(at, len);
     if (x & 0x7fffffffu) != 0u { add_shifted(at, len, mantissa_of(x), u32(unit_of(x) - unit), (x >> 31u) == 1u); }
     if (origin & 0x7fffffffu) != 0u {
@@ -76,42 +76,42 @@ struct Lengths { coordinate: u32, cross: u32, triple: u32 }
 // Stores x . (p x q) of three vectors. Each axis takes three steps.
 fn triple(at: u32, x: u32, x_len: u32, p: u32, q: u32, len: Lengths) {
     clear(at, len.triple);
-    for (var step = 0u; step < 9u; step += 1u) {
-        let i = step / 3u;
-        let turn = step % 3u;
+    for (var index = 0u; index < 9u; index += 1u) {
+        let i = index / 3u;
+        let step = index % 3u;
         let j = COORDINATE_STRIDE * ((i + 1u) % 3u);
         let k = COORDINATE_STRIDE * ((i + 2u) % 3u);
-        if turn == 0u { clear(CROSS_OFFSET, len.cross); }
-        let sums = turn < 2u;
-        let a = select(x + COORDINATE_STRIDE * i, p + select(j, k, turn == 1u), sums);
-        let b = select(CROSS_OFFSET, q + select(k, j, turn == 1u), sums);
+        if step == 0u { clear(CROSS_OFFSET, len.cross); }
+        let is_cross_product = step < 2u;
+        let a = select(x + COORDINATE_STRIDE * i, p + select(j, k, step == 1u), is_cross_product);
+        let b = select(CROSS_OFFSET, q + select(k, j, step == 1u), is_cross_product);
         accumulate_product(
-            select(at, CROSS_OFFSET, sums), select(len.triple, len.cross, sums),
-            a, select(x_len, len.coordinate, sums), b, select(len.cross, len.coordinate, sums), select(0u, 1u, turn == 1u),
+            select(at, CROSS_OFFSET, is_cross_product), select(len.triple, len.cross, is_cross_product),
+            a, select(x_len, len.coordinate, is_cross_product), b, select(len.cross, len.coordinate, is_cross_product), select(0u, 1u, step == 1u),
         );
-        if turn == 1u { to_sign_magnitude(CROSS_OFFSET, len.cross); }
+        if step == 1u { to_sign_magnitude(CROSS_OFFSET, len.cross); }
     }
     to_sign_magnitude(at, len.triple);
 }
 
 // The lengths of numbers computed from a triangle's corners, and their unit.
-struct Placed { len: Lengths, unit: i32 }
+struct StoredCorners { len: Lengths, unit: i32 }
 
-fn put_corners(corners: array<vec3<u32>, 3>) -> Placed {
+fn store_corners(corners: array<vec3<u32>, 3>) -> StoredCorners {
     var points = corners;
-    let units = units_of(points);
+    let units = unit_range(points);
     let bits = units.y - units.x + 25;
     let len = Lengths(limbs(bits + 1), limbs(2 * bits + 2), limbs(2 * bits + max(bits, line.bits) + 6));
     for (var v = 0u; v < 9u; v += 1u) {
-        put(CORNERS_OFFSET + COORDINATE_STRIDE * v, len.coordinate, points[v / 3u][v % 3u], line.origin[v % 3u], units.x);
+        store_difference(CORNERS_OFFSET + COORDINATE_STRIDE * v, len.coordinate, points[v / 3u][v % 3u], line.origin[v % 3u], units.x);
     }
-    return Placed(len, units.x);
+    return StoredCorners(len, units.x);
 }
 
 // The two corners that U, V or W is computed from. N is a . (c x b).
 struct EdgeEnds { first: u32, second: u32 }
 
-fn ends_of(side: u32) -> EdgeEnds {
+fn edge_ends(side: u32) -> EdgeEnds {
     let a = CORNERS_OFFSET;
     let b = CORNERS_OFFSET + 3u * COORDINATE_STRIDE;
     let c = CORNERS_OFFSET + 6u * COORDINATE_STRIDE;
@@ -119,51 +119,51 @@ fn ends_of(side: u32) -> EdgeEnds {
 }
 
 // Stores U, V or W of the stored corners, or N if `side` is 3.
-fn put_side(to: u32, side: u32, len: Lengths) {
-    let ends = ends_of(side);
+fn store_determinant(to: u32, side: u32, len: Lengths) {
+    let ends = edge_ends(side);
     let last = side == 3u;
     triple(to, select(DIRECTION_OFFSET, CORNERS_OFFSET, last), select(line.len, len.coordinate, last), ends.first, ends.second, len);
 }
 
-// Computes the crossing of the line with a closed triangle, at any t, in one of two slots. If `moves` is set, the line's start is
+// Computes the crossing of the line with a closed triangle, at any t, in one of two slots. If `perturbs` is set, the line's start is
 // first moved by an infinitely small amount.
-fn cross_exactly(corners: array<vec3<u32>, 3>, slot: u32, moves: bool) -> Crossing {
-    let placed = put_corners(corners);
+fn intersect_exactly(corners: array<vec3<u32>, 3>, slot: u32, perturbs: bool) -> ExactIntersection {
+    let stored = store_corners(corners);
     let numbers = INTERSECTIONS_OFFSET + 56u * slot;
-    let made = Crossing(true, numbers, numbers + 28u, placed.len.triple, placed.unit - line.shift - line.unit);
-    if !cross_planes(made, placed.len, moves) { return NOT_MET; }
-    return made;
+    let result = ExactIntersection(true, numbers, numbers + 28u, stored.len.triple, stored.unit - line.shift - line.unit);
+    if !compute_determinants(result, stored.len, perturbs) { return NO_INTERSECTION; }
+    return result;
 }
 
 // Computes U, V and W, whose signs decide and whose sum is the denominator; then N, the numerator.
-fn cross_planes(made: Crossing, len: Lengths, moves: bool) -> bool {
+fn compute_determinants(result: ExactIntersection, len: Lengths, perturbs: bool) -> bool {
     var positive = false;
     var negative = false;
-    clear(made.denominator, len.triple);
+    clear(result.denominator, len.triple);
     for (var side = 0u; side < 4u; side += 1u) {
         let last = side == 3u;
-        put_side(select(PRODUCTS_OFFSET, made.numerator, last), side, len);
+        store_determinant(select(PRODUCTS_OFFSET, result.numerator, last), side, len);
         if last { break; }
         var s = sign_of_number(PRODUCTS_OFFSET, len.triple);
-        accumulate_product(made.denominator, len.triple, PRODUCTS_OFFSET, len.triple, ONE_OFFSET, 1u, 0u);
-        if s == 0 && moves {
-            s = moved_sign(side, len);
+        accumulate_product(result.denominator, len.triple, PRODUCTS_OFFSET, len.triple, ONE_OFFSET, 1u, 0u);
+        if s == 0 && perturbs {
+            s = perturbed_edge_sign(side, len);
             if s == 0 { return false; }
         }
         positive = positive || s > 0;
         negative = negative || s < 0;
         if positive && negative { return false; }
     }
-    to_sign_magnitude(made.denominator, len.triple);
-    words[made.numerator] ^= words[made.denominator];
-    words[made.denominator] = 0u;
-    return sign_of_number(made.denominator, len.triple) != 0;
+    to_sign_magnitude(result.denominator, len.triple);
+    words[result.numerator] ^= words[result.denominator];
+    words[result.denominator] = 0u;
+    return sign_of_number(result.denominator, len.triple) != 0;
 }
 
 // Returns on which side of an edge a line through it passes if its start is moved by (e, e^2, e^3): the first non-zero sign among
 // the components of the cross product of direction and edge. Returns 0 if the edge is parallel to the line.
-fn moved_sign(side: u32, len: Lengths) -> i32 {
-    let ends = ends_of(side);
+fn perturbed_edge_sign(side: u32, len: Lengths) -> i32 {
+    let ends = edge_ends(side);
     for (var i = 0u; i < 3u; i += 1u) {
         let j = COORDINATE_STRIDE * ((i + 1u) % 3u);
         let k = COORDINATE_STRIDE * ((i + 2u) % 3u);
@@ -182,10 +182,10 @@ fn moved_sign(side: u32, len: Lengths) -> i32 {
 }
 
 // Returns whether a rounded t, as bits, is within the ray's limits.
-fn is_within(t: u32) -> bool { return ordered(t) > ordered(line.t_min) && ordered(t) < ordered(line.t_max); }
+fn is_within_limits(t: u32) -> bool { return ordered(t) > ordered(line.t_min) && ordered(t) < ordered(line.t_max); }
 
 // Returns the order of two crossings along the line: -1, 0 or 1.
-fn order_crossings(a: Crossing, b: Crossing) -> i32 {
+fn compare_intersections(a: ExactIntersection, b: ExactIntersection) -> i32 {
     let sign_a = sign_of_number(a.numerator, a.len);
     let sign_b = sign_of_number(b.numerator, b.len);
     if sign_a != sign_b || sign_a == 0 { return sign(sign_a - sign_b); }

@@ -10,20 +10,20 @@ import package::lib::ieee::{add, mul, sub};
 import package::lib::params::params;
 
 // A hit at t / det with weights v / det and w / det. The division is deferred until it matters.
-struct Candidate { t: f32, v: f32, w: f32, det: f32 }
+struct UndividedHit { t: f32, v: f32, w: f32, det: f32 }
 
 // A triangle's corners in the ray's axis order (kx, ky, kz), grouped by axis.
-struct Turned { x: vec3<f32>, y: vec3<f32>, z: vec3<f32>, triangle: u32 }
+struct PermutedTriangle { x: vec3<f32>, y: vec3<f32>, z: vec3<f32>, triangle: u32 }
 
 // Sheared x and y, the depth, and the distance along the main axis that the depth is computed from.
 struct Sheared { x: f32, y: f32, z: f32, along: f32 }
 
 // Needs no selects, because the rows of the record are read in the ray's order.
-fn turned_corners(ray: PreparedRay, leaf: u32) -> Turned {
+fn permuted_corners(ray: PreparedRay, leaf: u32) -> PermutedTriangle {
     let x = records[3u * leaf + ray.axes.x];
     let y = records[3u * leaf + ray.axes.y];
     let z = records[3u * leaf + ray.axes.z];
-    return Turned(bitcast<vec3<f32>>(x.xyz), bitcast<vec3<f32>>(y.xyz), bitcast<vec3<f32>>(z.xyz), x.w);
+    return PermutedTriangle(bitcast<vec3<f32>>(x.xyz), bitcast<vec3<f32>>(y.xyz), bitcast<vec3<f32>>(z.xyz), x.w);
 }
 
 fn shear(ray: PreparedRay, x: f32, y: f32, z: f32) -> Sheared {
@@ -31,19 +31,19 @@ fn shear(ray: PreparedRay, x: f32, y: f32, z: f32) -> Sheared {
     return Sheared(sub(sub(x, ray.permuted_origin.x), mul(ray.shear_x, along)), sub(sub(y, ray.permuted_origin.y), mul(ray.shear_y, along)), mul(ray.shear_z, along), along);
 }
 
-fn edge(p: Sheared, q: Sheared) -> f32 {
+fn edge_function(p: Sheared, q: Sheared) -> f32 {
     return sub(mul(p.x, q.y), mul(p.y, q.x));
 }
 
 // Computes distance and weights of a hit from its edge functions and depths.
-fn solve(u: f32, v: f32, w: f32, az: f32, bz: f32, cz: f32) -> Candidate {
+fn solve_hit(u: f32, v: f32, w: f32, az: f32, bz: f32, cz: f32) -> UndividedHit {
     let det = add(add(u, v), w);
     let size = bitcast<u32>(det) & 0x7fffffffu;
     if size == 0u || size >= 0x7f800000u {
-        return Candidate(az, 0.0, 0.0, 1.0);
+        return UndividedHit(az, 0.0, 0.0, 1.0);
     }
     let t = add(add(flushed(mul(u, az)), flushed(mul(v, bz))), flushed(mul(w, cz)));
-    return Candidate(t, v, w, det);
+    return UndividedHit(t, v, w, det);
 }
 
 // Returns the interval in which a triangle can be hit: from its nearest to its farthest corner, extended by the padding. If D
@@ -56,9 +56,9 @@ fn padded_span(pad: f32, a: f32, b: f32, c: f32) -> vec2<f32> {
 
 // Returns at least the padding of the triangle's own box along the main axis. A corner is at most as far away as its sheared
 // coordinates plus its depth.
-fn loose_own_pad(ray: PreparedRay, e: Edges) -> f32 {
-    let across = max(max(abs(e.a.x), abs(e.a.y)), max(max(abs(e.b.x), abs(e.b.y)), max(abs(e.c.x), abs(e.c.y))));
-    let along = max(abs(e.a.along), max(abs(e.b.along), abs(e.c.along)));
+fn loose_own_pad(ray: PreparedRay, edges: Edges) -> f32 {
+    let across = max(max(abs(edges.a.x), abs(edges.a.y)), max(max(abs(edges.b.x), abs(edges.b.y)), max(abs(edges.c.x), abs(edges.c.y))));
+    let along = max(abs(edges.a.along), max(abs(edges.b.along), abs(edges.c.along)));
     // 20 * 2^-24
     return 1.1920928955078125e-6 * (across + along) * abs(ray.shear_z);
 }
@@ -66,16 +66,16 @@ fn loose_own_pad(ray: PreparedRay, e: Edges) -> f32 {
 // A triangle's sheared corners and edge functions.
 struct Edges { a: Sheared, b: Sheared, c: Sheared, u: f32, v: f32, w: f32 }
 
-fn edges_of(ray: PreparedRay, k: Turned) -> Edges {
-    let a = shear(ray, k.x.x, k.y.x, k.z.x);
-    let b = shear(ray, k.x.y, k.y.y, k.z.y);
-    let c = shear(ray, k.x.z, k.y.z, k.z.z);
-    return Edges(a, b, c, edge(c, b), edge(a, c), edge(b, a));
+fn edges_of(ray: PreparedRay, corners: PermutedTriangle) -> Edges {
+    let a = shear(ray, corners.x.x, corners.y.x, corners.z.x);
+    let b = shear(ray, corners.x.y, corners.y.y, corners.z.y);
+    let c = shear(ray, corners.x.z, corners.y.z, corners.z.z);
+    return Edges(a, b, c, edge_function(c, b), edge_function(a, c), edge_function(b, a));
 }
 
 // Returns where a triangle is hit. The signs of the edge functions are not tested.
-fn crossing(e: Edges) -> Candidate {
-    return solve(flushed(e.u), flushed(e.v), flushed(e.w), e.a.z, e.b.z, e.c.z);
+fn undivided_hit(edges: Edges) -> UndividedHit {
+    return solve_hit(flushed(edges.u), flushed(edges.v), flushed(edges.w), edges.a.z, edges.b.z, edges.c.z);
 }
 
 // The test of a triangle's own box, without a division where that suffices: see "Own boxes" in docs/design/hits.md.
@@ -85,9 +85,9 @@ fn sheared_inverse_for(ray: PreparedRay) -> vec3<f32> { return 1.0 / each_away_f
 
 struct Box { low: vec3<f32>, high: vec3<f32> }
 
-fn own_box(ray: PreparedRay, k: Turned) -> Box {
-    let low = vec3<f32>(min_component(k.x), min_component(k.y), min_component(k.z));
-    let high = vec3<f32>(max_component(k.x), max_component(k.y), max_component(k.z));
+fn own_box(ray: PreparedRay, corners: PermutedTriangle) -> Box {
+    let low = vec3<f32>(min_component(corners.x), min_component(corners.y), min_component(corners.z));
+    let high = vec3<f32>(max_component(corners.x), max_component(corners.y), max_component(corners.z));
     return Box(unpermute(low, ray.axis), unpermute(high, ray.axis));
 }
 
@@ -107,8 +107,8 @@ fn loose_within(ray: PreparedRay, own: Box, t: f32) -> bool {
 fn own_span(ray: PreparedRay, own: Box) -> vec2<f32> { return padded_slab(ray, rounded_inverse(ray), own.low, own.high); }
 
 // Clamps t to the triangle's own box, so that the hit does not depend on the tree. Returns infinity if the ray misses the box.
-fn within_own(ray: PreparedRay, k: Turned, t: f32) -> f32 {
-    let own = own_box(ray, k);
+fn clamp_to_own_box(ray: PreparedRay, corners: PermutedTriangle, t: f32) -> f32 {
+    let own = own_box(ray, corners);
     if loose_within(ray, own, t) { return flushed(t); }
     let span = own_span(ray, own);
     if !(span.x <= span.y) { return bitcast<f32>(0x7f800000u | params.zero); }

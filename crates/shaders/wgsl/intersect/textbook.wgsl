@@ -12,13 +12,13 @@ import package::lib::params::params;
 // The exact reciprocal: boxes decide hits at each candidate triangle.
 fn textbook_inverse_for(ray: PreparedRay) -> vec3<f32> { return rounded_inverse(ray); }
 
-struct Meeting { hit: bool, t: f32, u: f32, v: f32, triangle: u32 }
+struct TriangleHit { is_hit: bool, t: f32, u: f32, v: f32, triangle: u32 }
 
-const NO_MEETING: Meeting = Meeting(false, 0.0, 0.0, 0.0, 0xffffffffu);
+const NO_TRIANGLE_HIT: TriangleHit = TriangleHit(false, 0.0, 0.0, 0.0, 0xffffffffu);
 
-fn within_box(ray: PreparedRay, k: Corners, t: f32, u: f32, v: f32) -> Meeting {
-    let own = padded_slab(ray, ray.inverse, min(min(k.a, k.b), k.c), max(max(k.a, k.b), k.c));
-    return Meeting(own.x <= own.y, clamp_to_span(t, own), u, v, k.triangle);
+fn hit_within_own_box(ray: PreparedRay, corners: Corners, t: f32, u: f32, v: f32) -> TriangleHit {
+    let span = padded_slab(ray, ray.inverse, min(min(corners.a, corners.b), corners.c), max(max(corners.a, corners.b), corners.c));
+    return TriangleHit(span.x <= span.y, clamp_to_span(t, span), u, v, corners.triangle);
 }
 
 // Möller, Trumbore 1997, without culling and without its epsilon. It leaks near edges.
@@ -26,19 +26,19 @@ fn within_box(ray: PreparedRay, k: Corners, t: f32, u: f32, v: f32) -> Meeting {
 
 // Returns where the ray hits the leaf's triangle within its own box.
 @if(!WOOP)
-fn meet_leaf(ray: PreparedRay, leaf: u32) -> Meeting {
-    let k = corners_of(leaf);
-    let e1 = k.b - k.a;
-    let e2 = k.c - k.a;
+fn intersect_leaf(ray: PreparedRay, leaf: u32) -> TriangleHit {
+    let corners = corners_of(leaf);
+    let e1 = corners.b - corners.a;
+    let e2 = corners.c - corners.a;
     let p = cross(ray.direction, e2);
     let inverse = 1.0 / dot(e1, p);
-    let s = ray.origin - k.a;
+    let s = ray.origin - corners.a;
     let u = dot(s, p) * inverse;
     let q = cross(s, e1);
     let v = dot(ray.direction, q) * inverse;
     // A determinant of zero makes u or v infinite or NaN: no hit.
-    if !(u >= 0.0 && v >= 0.0 && u + v <= 1.0) { return NO_MEETING; }
-    return within_box(ray, k, dot(e2, q) * inverse, u, v);
+    if !(u >= 0.0 && v >= 0.0 && u + v <= 1.0) { return NO_TRIANGLE_HIT; }
+    return hit_within_own_box(ray, corners, dot(e2, q) * inverse, u, v);
 }
 
 // Woop 2004: an affine transform maps each triangle to the unit triangle. It leaks near edges.
@@ -46,7 +46,7 @@ fn meet_leaf(ray: PreparedRay, leaf: u32) -> Meeting {
 
 // Returns where the ray hits the leaf's triangle within its own box.
 @if(WOOP)
-fn meet_leaf(ray: PreparedRay, leaf: u32) -> Meeting {
+fn intersect_leaf(ray: PreparedRay, leaf: u32) -> TriangleHit {
     let to_u = bitcast<vec4<f32>>(records[3u * leaf]);
     let to_v = bitcast<vec4<f32>>(records[3u * leaf + 1u]);
     let to_height = bitcast<vec4<f32>>(records[3u * leaf + 2u]);
@@ -55,30 +55,30 @@ fn meet_leaf(ray: PreparedRay, leaf: u32) -> Meeting {
     let u = fma(t, dot(to_u.xyz, ray.direction), dot(to_u, origin));
     let v = fma(t, dot(to_v.xyz, ray.direction), dot(to_v, origin));
     // If the ray is parallel to the plane, t, u and v are infinite or NaN: no hit.
-    if !(u >= 0.0 && v >= 0.0 && u + v <= 1.0) { return NO_MEETING; }
-    return within_box(ray, corners_of(leaf), t, u, v);
+    if !(u >= 0.0 && v >= 0.0 && u + v <= 1.0) { return NO_TRIANGLE_HIT; }
+    return hit_within_own_box(ray, corners_of(leaf), t, u, v);
 }
 
 // Closest-hit search: the best hit so far.
 
-struct TextbookFound { t: f32, u: f32, v: f32, triangle: u32 }
+struct TextbookBest { t: f32, u: f32, v: f32, triangle: u32 }
 
-fn textbook_nothing_found(ray: PreparedRay) -> TextbookFound { return TextbookFound(ray.t_max, 0.0, 0.0, 0xffffffffu); }
+fn textbook_initial_best(ray: PreparedRay) -> TextbookBest { return TextbookBest(ray.t_max, 0.0, 0.0, 0xffffffffu); }
 
 // Nodes with an entry beyond this are skipped.
-fn textbook_limit(found: TextbookFound) -> f32 { return found.t; }
+fn textbook_search_limit(best: TextbookBest) -> f32 { return best.t; }
 
 // Tests the leaf's triangle. Keeps it if it precedes the best hit by t, then by index.
-fn textbook_intersect_leaf_closest(ray: PreparedRay, leaf: u32, best: TextbookFound) -> TextbookFound {
-    let m = meet_leaf(ray, leaf);
-    let inside = m.hit && m.t > ray.t_min && m.t < ray.t_max;
-    let before = m.t < best.t || (m.t == best.t && m.triangle < best.triangle);
-    if inside && before { return TextbookFound(m.t, m.u, m.v, m.triangle); }
+fn textbook_intersect_leaf_closest(ray: PreparedRay, leaf: u32, best: TextbookBest) -> TextbookBest {
+    let hit = intersect_leaf(ray, leaf);
+    let inside = hit.is_hit && hit.t > ray.t_min && hit.t < ray.t_max;
+    let before = hit.t < best.t || (hit.t == best.t && hit.triangle < best.triangle);
+    if inside && before { return TextbookBest(hit.t, hit.u, hit.v, hit.triangle); }
     return best;
 }
 
 // Returns the hit to write for a ray, with t in the ray's own units.
-fn textbook_hit_of(i: u32, ray: PreparedRay, best: TextbookFound) -> vec4<u32> {
+fn textbook_hit_of(i: u32, ray: PreparedRay, best: TextbookBest) -> vec4<u32> {
     if best.triangle == 0xffffffffu { return MISS; }
     atomicAdd(&counts[HIT_COUNT], 1u);
     let t = in_ray_units(best.t, ray.exponent);
@@ -86,22 +86,22 @@ fn textbook_hit_of(i: u32, ray: PreparedRay, best: TextbookFound) -> vec4<u32> {
 }
 
 // No hit is left open.
-fn textbook_is_unresolved(hit: vec4<u32>) -> bool { return false; }
+fn textbook_is_undecided(hit: vec4<u32>) -> bool { return false; }
 
 // Rasterization: the hit of one triangle.
 
 // Returns the distance at which a ray hits a leaf's triangle, or infinity.
-fn textbook_begin_of(ray: PreparedRay, leaf: u32) -> f32 { return textbook_hit_on(ray, leaf).t; }
+fn textbook_nearest_t(ray: PreparedRay, leaf: u32) -> f32 { return textbook_intersect_single(ray, leaf).t; }
 
-fn textbook_hit_on(ray: PreparedRay, leaf: u32) -> TextbookFound {
-    return textbook_intersect_leaf_closest(ray, leaf, textbook_nothing_found(ray));
+fn textbook_intersect_single(ray: PreparedRay, leaf: u32) -> TextbookBest {
+    return textbook_intersect_leaf_closest(ray, leaf, textbook_initial_best(ray));
 }
 
-fn textbook_is_found(best: TextbookFound) -> bool { return best.triangle != 0xffffffffu; }
+fn textbook_has_hit(best: TextbookBest) -> bool { return best.triangle != 0xffffffffu; }
 
 // Any-hit search: returns whether the ray hits a leaf's triangle.
 
 fn textbook_intersect_leaf_any(ray: PreparedRay, leaf: u32, ignore: u32) -> bool {
-    let m = meet_leaf(ray, leaf);
-    return m.hit && m.triangle != ignore && m.t > ray.t_min && m.t < ray.t_max;
+    let hit = intersect_leaf(ray, leaf);
+    return hit.is_hit && hit.triangle != ignore && hit.t > ray.t_min && hit.t < ray.t_max;
 }

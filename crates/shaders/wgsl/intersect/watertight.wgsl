@@ -4,7 +4,8 @@ import package::geometry::node::NO_LEAF;
 import package::geometry::ray::{MISS, PreparedRay};
 import package::geometry::units::in_ray_units;
 import package::intersect::sheared::{
-    Edges, Sheared, Turned, crossing, edges_of, loose_own_pad, padded_span, turned_corners, within_own,
+    Edges, PermutedTriangle, Sheared, clamp_to_own_box, edges_of, loose_own_pad, padded_span, permuted_corners,
+    undivided_hit,
 };
 import package::lib::buffers::{counts, records};
 import package::lib::counters::HIT_COUNT;
@@ -26,12 +27,12 @@ fn edge_sign(value: f32, p: Sheared, q: Sheared) -> i32 {
     return select(0, 1, q.x > p.x) - select(0, 1, q.x < p.x);
 }
 
-fn surely_passes(e: Edges) -> bool {
+fn surely_misses_triangle(e: Edges) -> bool {
     return min(e.u, min(e.v, e.w)) < 0.0 && max(e.u, max(e.v, e.w)) > 0.0;
 }
 
 // Returns whether the edge functions' signs are those of the exact ones.
-fn signs_stand(e: Edges) -> bool {
+fn signs_are_exact(e: Edges) -> bool {
     let least = min(abs(e.u), min(abs(e.v), abs(e.w)));
     let sum = bitcast<u32>(add(add(e.u, e.v), e.w)) & 0x7fffffffu;
     // 2^-100: smaller values may have lost their sign to flushing. Minima may hide a NaN; a sum does not.
@@ -39,87 +40,87 @@ fn signs_stand(e: Edges) -> bool {
 }
 
 // Returns at least the padding of the triangle's own box along the main axis: that of the root box, except at spread moments.
-fn pad_of(ray: PreparedRay, e: Edges) -> f32 {
+fn own_padding(ray: PreparedRay, e: Edges) -> f32 {
     @if(!(trace_packets || trace_packets_by_subgroups || resolve))
     if params.spread == 1u { return loose_own_pad(ray, e); }
     return ray.depth_padding;
 }
 
-fn span_of(pad: f32, e: Edges) -> vec2<f32> { return padded_span(pad, e.a.z, e.b.z, e.c.z); }
+fn depth_span(pad: f32, e: Edges) -> vec2<f32> { return padded_span(pad, e.a.z, e.b.z, e.c.z); }
 
 // Returns whether a span that begins at `low` is surely beyond t_min. A t below 2^-100 is zero.
-fn begins_within(ray: PreparedRay, low: f32) -> bool { return low > max(ray.t_min, 7.888609052210118e-31); }
+fn begins_after_t_min(ray: PreparedRay, low: f32) -> bool { return low > max(ray.t_min, 7.888609052210118e-31); }
 
 // Returns where the ray hits a triangle within its own box, or infinity. The caller must have excluded triangles that the ray
 // surely misses.
-fn distance_to(ray: PreparedRay, corners: Turned, e: Edges) -> f32 {
-    if !signs_stand(e) {
+fn distance_to(ray: PreparedRay, corners: PermutedTriangle, e: Edges) -> f32 {
+    if !signs_are_exact(e) {
         let side = edge_sign(e.u, e.c, e.b);
         if side == 0 || side != edge_sign(e.v, e.a, e.c) || side != edge_sign(e.w, e.b, e.a) { return bitcast<f32>(0x7f800000u | params.zero); }
     }
-    let c = crossing(e);
-    return within_own(ray, corners, divide(c.t, c.det));
+    let c = undivided_hit(e);
+    return clamp_to_own_box(ray, corners, divide(c.t, c.det));
 }
 
 // Closest-hit search. The nearest and farthest depths of two triangles usually decide which hit comes first. Distances are
 // computed only where they do not.
 
 // The t of the best hit so far is in low ..= high.
-struct WatertightFound { low: f32, high: f32, leaf: u32 }
+struct WatertightBest { low: f32, high: f32, leaf: u32 }
 
-fn watertight_nothing_found(ray: PreparedRay) -> WatertightFound { return WatertightFound(ray.t_max, ray.t_max, NO_LEAF); }
+fn watertight_initial_best(ray: PreparedRay) -> WatertightBest { return WatertightBest(ray.t_max, ray.t_max, NO_LEAF); }
 
 // Nodes with an entry beyond this are skipped.
-fn watertight_limit(found: WatertightFound) -> f32 { return found.high; }
+fn watertight_search_limit(best: WatertightBest) -> f32 { return best.high; }
 
 // Tests the leaf's triangle. Keeps it if it precedes the best hit by t, then by index.
-fn watertight_intersect_leaf_closest(ray: PreparedRay, leaf: u32, found: WatertightFound) -> WatertightFound {
-    let corners = turned_corners(ray, leaf);
+fn watertight_intersect_leaf_closest(ray: PreparedRay, leaf: u32, best: WatertightBest) -> WatertightBest {
+    let corners = permuted_corners(ray, leaf);
     let e = edges_of(ray, corners);
-    if surely_passes(e) { return found; }
-    let pad = pad_of(ray, e);
-    let span = span_of(pad, e);
-    if span.x > found.high || span.y <= ray.t_min { return found; }
+    if surely_misses_triangle(e) { return best; }
+    let pad = own_padding(ray, e);
+    let span = depth_span(pad, e);
+    if span.x > best.high || span.y <= ray.t_min { return best; }
     // A long interval would let the search continue far beyond the hit. 8192 pads are 0.008 D.
     let is_thin = span.y - span.x < max(0.125 * span.y, 8192.0 * pad);
-    if signs_stand(e) && begins_within(ray, span.x) && is_thin && span.y < found.low { return WatertightFound(span.x, span.y, leaf); }
+    if signs_are_exact(e) && begins_after_t_min(ray, span.x) && is_thin && span.y < best.low { return WatertightBest(span.x, span.y, leaf); }
     let t = distance_to(ray, corners, e);
-    if !(t > ray.t_min && t < ray.t_max) || t > found.high { return found; }
-    if found.leaf == NO_LEAF || t < found.low { return WatertightFound(t, t, leaf); }
-    let others = turned_corners(ray, found.leaf);
-    return watertight_earlier(t, leaf, distance_to(ray, others, edges_of(ray, others)), found.leaf);
+    if !(t > ray.t_min && t < ray.t_max) || t > best.high { return best; }
+    if best.leaf == NO_LEAF || t < best.low { return WatertightBest(t, t, leaf); }
+    let previous = permuted_corners(ray, best.leaf);
+    return watertight_earlier(t, leaf, distance_to(ray, previous, edges_of(ray, previous)), best.leaf);
 }
 
 // Returns the hit that comes first, by t, then by index.
-fn watertight_earlier(t: f32, leaf: u32, other_t: f32, other: u32) -> WatertightFound {
-    if t < other_t || (t == other_t && records[3u * leaf].w < records[3u * other].w) { return WatertightFound(t, t, leaf); }
-    return WatertightFound(other_t, other_t, other);
+fn watertight_earlier(t: f32, leaf: u32, other_t: f32, other: u32) -> WatertightBest {
+    if t < other_t || (t == other_t && records[3u * leaf].w < records[3u * other].w) { return WatertightBest(t, t, leaf); }
+    return WatertightBest(other_t, other_t, other);
 }
 
 // Returns the hit to write for a ray, with t in the ray's own units.
-fn watertight_hit_of(i: u32, ray: PreparedRay, found: WatertightFound) -> vec4<u32> {
-    if found.leaf == NO_LEAF { return MISS; }
+fn watertight_hit_of(i: u32, ray: PreparedRay, best: WatertightBest) -> vec4<u32> {
+    if best.leaf == NO_LEAF { return MISS; }
     @if(!MODULE) atomicAdd(&counts[HIT_COUNT], 1u);
-    let corners = turned_corners(ray, found.leaf);
-    let c = crossing(edges_of(ray, corners));
+    let corners = permuted_corners(ray, best.leaf);
+    let c = undivided_hit(edges_of(ray, corners));
     let by = divisor(c.det);
-    let t = within_own(ray, corners, divide_by(c.t, by));
+    let t = clamp_to_own_box(ray, corners, divide_by(c.t, by));
     let weights = vec2<f32>(divide_by(c.v, by), divide_by(c.w, by));
     return vec4<u32>(in_ray_units(t, ray.exponent), bitcast<vec2<u32>>(weights), corners.triangle);
 }
 
 // No hit is left open.
-fn watertight_is_unresolved(hit: vec4<u32>) -> bool { return false; }
+fn watertight_is_undecided(hit: vec4<u32>) -> bool { return false; }
 
 // Any-hit search: returns whether the ray hits a leaf's triangle.
 
 fn watertight_intersect_leaf_any(ray: PreparedRay, leaf: u32, ignore: u32) -> bool {
-    let corners = turned_corners(ray, leaf);
+    let corners = permuted_corners(ray, leaf);
     let e = edges_of(ray, corners);
-    if surely_passes(e) || corners.triangle == ignore { return false; }
-    let span = span_of(pad_of(ray, e), e);
+    if surely_misses_triangle(e) || corners.triangle == ignore { return false; }
+    let span = depth_span(own_padding(ray, e), e);
     if span.x >= ray.t_max || span.y <= ray.t_min { return false; }
-    if signs_stand(e) && begins_within(ray, span.x) && span.y < ray.t_max { return true; }
+    if signs_are_exact(e) && begins_after_t_min(ray, span.x) && span.y < ray.t_max { return true; }
     let t = distance_to(ray, corners, e);
     return t > ray.t_min && t < ray.t_max;
 }

@@ -3,21 +3,21 @@
 const INACTIVE_COUNT: u32 = 0u;
 const DEGENERATE_COUNT: u32 = 1u;
 const HIT_COUNT: u32 = 2u;
-const BLOCKED_COUNT: u32 = 3u;
-const ROOT_AREA_AT: u32 = 5u;
-const OPEN_RAYS: u32 = 7u;
-const OPEN_SHADOWS: u32 = 8u;
+const OCCLUDED_COUNT: u32 = 3u;
+const ROOT_AREA: u32 = 5u;
+const UNDECIDED_RAYS: u32 = 7u;
+const UNDECIDED_SHADOWS: u32 = 8u;
 // From the word that counts hits or blocked hits to the number of open queries that may add to it.
-const OPEN_OF: u32 = 5u;
-const NOTES: u32 = 9u;
+const UNDECIDED_OFFSET: u32 = 5u;
+const CANDIDATE_COUNT: u32 = 9u;
 // From a number of open queries to the number of those that notes do not decide.
-const HARD: u32 = 3u;
+const FALLBACK_OFFSET: u32 = 3u;
 const TILE_COUNT: u32 = 12u;
-const LARGE_COUNT: u32 = 13u;
+const LARGE_TRIANGLE_COUNT: u32 = 13u;
 const TEST_COUNT: u32 = 14u;
 // 1 if rasterization was incomplete.
-const UNTOLD_AT: u32 = 15u;
+const RASTER_INCOMPLETE: u32 = 15u;
 // 1 if a ray was left to `extreme_*`.
-const LEFT_AT: u32 = 16u;
+const FOUND_EXTREME: u32 = 16u;
 // 2 if sizes differ so much that boxes are padded by their own distance, else 1. A hint for later submissions.
-const SPREAD_AT: u32 = 17u;
+const SIZE_SPREAD: u32 = 17u;

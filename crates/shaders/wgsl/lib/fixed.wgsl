@@ -106,7 +106,7 @@ fn triple_product_192(given_x: Int64x3, given_p: Int64x3, given_q: Int64x3) -> I
 }
 
 // Converts a finite number to a multiple of 2^unit. `unit` is at most the number's own unit and at least that minus 38.
-fn in_units(bits: u32, unit: i32) -> vec2<u32> {
+fn to_fixed_point(bits: u32, unit: i32) -> vec2<u32> {
     let mantissa = mantissa_of(bits);
     if mantissa == 0u { return vec2<u32>(0u); }
     let shift = u32(unit_of(bits) - unit);

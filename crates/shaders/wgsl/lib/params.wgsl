@@ -3,14 +3,14 @@
 // Kernels that search along rays, and those that resolve the rays that `exact` left open.
 struct SearchParams {
     // Where the lists of open rays and of open shadow rays begin in `occluded`. Both have the number of rays as their capacity.
-    open_rays_at: u32,
-    open_shadows_at: u32,
+    undecided_rays_at: u32,
+    undecided_shadows_at: u32,
     // Number of invocations that resolve rays one by one: see fallback.wgsl.
-    places: u32,
+    fallback_workers: u32,
     // Capacity for candidate notes: see candidates.wgsl.
-    notes: u32,
+    candidate_capacity: u32,
     // `resolve_exact_together`: number of workgroups that share each of its two lists.
-    sharers: u32,
+    workgroups_per_list: u32,
 }
 
 // Kernels that rasterize.

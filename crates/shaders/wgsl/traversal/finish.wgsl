@@ -2,26 +2,26 @@
 
 import package::geometry::ray::{MISS, PreparedRay};
 import package::geometry::shadow_ray::{is_occluded, shadow_segment_of_best};
-import package::intersect::intersector::{Found, hit_of, is_unresolved, store_occluded};
+import package::intersect::intersector::{BestHit, hit_of, is_undecided, store_occluded};
 import package::lib::buffers::{hits, occluded};
-import package::lib::counters::BLOCKED_COUNT;
+import package::lib::counters::OCCLUDED_COUNT;
 
 // Writes the hit of ray `i` from `eye`, and whether the hit point is in shadow.
-fn finish_ray(i: u32, ray: PreparedRay, found: Found, eye: vec3<f32>) {
-    let hit = hit_of(i, ray, found);
+fn finish_ray(i: u32, ray: PreparedRay, best: BestHit, eye: vec3<f32>) {
+    let hit = hit_of(i, ray, best);
     hits[i] = hit;
-    if is_unresolved(hit) {
+    if is_undecided(hit) {
         // `resolve_exact_together` reads the ray's notes here.
         occluded[i] = hit.y;
         return;
     }
-    var is_dark = false;
-    if hit.w != 0xffffffffu { is_dark = is_occluded(shadow_segment_of_best(found, hit, eye), hit.w); }
-    store_occluded(i, is_dark, BLOCKED_COUNT);
+    var is_shadowed = false;
+    if hit.w != 0xffffffffu { is_shadowed = is_occluded(shadow_segment_of_best(best, hit, eye), hit.w); }
+    store_occluded(i, is_shadowed, OCCLUDED_COUNT);
 }
 
 // Writes that ray `i` hits nothing.
 fn finish_miss(i: u32) {
     hits[i] = MISS;
-    store_occluded(i, false, BLOCKED_COUNT);
+    store_occluded(i, false, OCCLUDED_COUNT);
 }

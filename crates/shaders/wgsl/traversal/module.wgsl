@@ -4,7 +4,7 @@ import package::geometry::queries::is_invalid_ray;
 import package::geometry::range::is_measured_extreme;
 import package::geometry::ray::{MISS, prepare_ray, root_relative_to};
 import package::geometry::units::{is_extreme, scaled_point};
-import package::intersect::intersector::{ask_any, hit_of};
+import package::intersect::intersector::{hit_of, trace_any};
 import package::lib::params::params;
 import package::traversal::traverse::find_closest;
 
@@ -45,5 +45,5 @@ fn abvh_any(origin: vec3<f32>, t_min: f32, direction: vec3<f32>, t_max: f32) -> 
     if params.node_count == 0u || is_invalid_ray(first, second) { return 0u; }
     if abvh_is_extreme(start) { return ABVH_EXTREME; }
     let ray = prepare_ray(start, second.xyz, first.w, second.w, root_relative_to(start));
-    return u32(ask_any(ray, 0xffffffffu));
+    return u32(trace_any(ray, 0xffffffffu));
 }

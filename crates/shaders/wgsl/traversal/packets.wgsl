@@ -2,7 +2,7 @@
 
 import package::geometry::queries::{camera_ray, eye, is_untraceable, pixel_direction};
 import package::geometry::ray::{PreparedRay, root_relative_to};
-import package::intersect::intersector::{Found, intersect_leaf_closest, limit, nothing_found};
+import package::intersect::intersector::{BestHit, initial_best, intersect_leaf_closest, search_limit};
 import package::lib::buffers::covers;
 import package::lib::lanes::{group_any, group_max, group_min, group_shuffle, transpose_bits};
 import package::lib::params::params;
@@ -85,9 +85,9 @@ fn lanes_of(node: u32, corner: vec2<u32>, depth: u32, lane: u32) -> Lanes {
 }
 
 // Searches closest hits from the root's lanes on. Rays that are not `sought` find nothing.
-fn find_together(root: Lanes, corner: vec2<u32>, lane: u32, sought: bool, ray: PreparedRay) -> Found {
+fn find_together(root: Lanes, corner: vec2<u32>, lane: u32, sought: bool, ray: PreparedRay) -> BestHit {
     let depth_of_t = depth_a_unit(ray);
-    var best = nothing_found(ray);
+    var best = initial_best(ray);
     // Stack of the nodes above, with the keys of their remaining lanes.
     var places: array<u32, 16>;
     var nodes_above: array<u32, 16>;
@@ -123,7 +123,7 @@ fn find_together(root: Lanes, corner: vec2<u32>, lane: u32, sought: bool, ray: P
             best = intersect_leaf_closest(ray, first + firstTrailingBit(left), best);
             left &= left - 1u;
         }
-        depth = group_max(select(0u, bitcast<u32>(limit(best) * depth_of_t), sought), lane);
+        depth = group_max(select(0u, bitcast<u32>(search_limit(best) * depth_of_t), sought), lane);
     }
     return best;
 }
@@ -147,8 +147,8 @@ fn trace_tile(packet: vec2<u32>, lane: u32) {
     let origin = eye();
     let sought = is_there && !is_untraceable(direction, origin);
     let ray = camera_ray(direction, origin, root_relative_to(origin));
-    let found = find_together(root, corner, lane, sought, ray);
-    if is_there { finish_ray(i, ray, found, origin); }
+    let best = find_together(root, corner, lane, sought, ray);
+    if is_there { finish_ray(i, ray, best, origin); }
 }
 
 // Closest hits of a camera's rays and their shadow rays, packet by packet. Each workgroup is a packet.

@@ -128,7 +128,7 @@ fn given_any(@ray_invocation_id id: vec3<u32>, @num_ray_invocations size: vec3<u
     let i = given_number(id, size);
     if i >= params.count { return; }
     let ray = given(i);
-    var met = 0u;
-    if ray.is_traced { met = select(0u, 1u, finds_any(ray.origin, ray.direction, ray.t_min, ray.t_max)); }
-    occluded[i] = met;
+    var is_hit = 0u;
+    if ray.is_traced { is_hit = select(0u, 1u, finds_any(ray.origin, ray.direction, ray.t_min, ray.t_max)); }
+    occluded[i] = is_hit;
 }

@@ -4,9 +4,9 @@ import package::geometry::queries::{camera_ray, explicit_ray, eye, is_skipped, m
 import package::geometry::ray::{MISS, root_relative_to};
 import package::geometry::shadow_ray::{is_occluded, shadow_segment_of_hit};
 import package::geometry::units::scaled_point;
-import package::intersect::intersector::{ask_any, hit_of, store_occluded};
+import package::intersect::intersector::{hit_of, store_occluded, trace_any};
 import package::lib::buffers::{hits, rays};
-import package::lib::counters::{BLOCKED_COUNT, HIT_COUNT};
+import package::lib::counters::{HIT_COUNT, OCCLUDED_COUNT};
 import package::lib::params::{element, params};
 import package::traversal::finish::{finish_miss, finish_ray};
 import package::traversal::traverse::find_closest;
@@ -55,9 +55,9 @@ fn trace_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgro
 fn any_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let i = element(id, groups, 128u);
     if i >= params.count { return; }
-    var met = false;
-    if !is_skipped(i) { met = ask_any(explicit_ray(i), 0xffffffffu); }
-    store_occluded(i, met, HIT_COUNT);
+    var is_hit = false;
+    if !is_skipped(i) { is_hit = trace_any(explicit_ray(i), 0xffffffffu); }
+    store_occluded(i, is_hit, HIT_COUNT);
 }
 
 // Closest hits of camera rays, which the kernel generates, and their shadow rays. In some scenes this takes three quarters of the
@@ -90,7 +90,7 @@ fn shadow_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgr
     let i = element(id, groups, 128u);
     if i >= params.count { return; }
     let hit = hits[i];
-    var dark = false;
-    if hit.w != 0xffffffffu { dark = is_occluded(shadow_segment_of_hit(hit, scaled_point(rays[2u * i].xyz)), hit.w); }
-    store_occluded(i, dark, BLOCKED_COUNT);
+    var is_shadowed = false;
+    if hit.w != 0xffffffffu { is_shadowed = is_occluded(shadow_segment_of_hit(hit, scaled_point(rays[2u * i].xyz)), hit.w); }
+    store_occluded(i, is_shadowed, OCCLUDED_COUNT);
 }

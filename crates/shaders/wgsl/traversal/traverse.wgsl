@@ -2,7 +2,7 @@
 
 import package::geometry::node::{LEAF, NO_NODE, child_row, first_triangle_of, second_triangle_of};
 import package::geometry::ray::{PreparedRay, loose_planes, loose_slab};
-import package::intersect::intersector::{Found, intersect_leaf_any, intersect_leaf_closest, limit, nothing_found};
+import package::intersect::intersector::{BestHit, initial_best, intersect_leaf_any, intersect_leaf_closest, search_limit};
 import package::lib::buffers::nodes;
 
 // Returns where a ray enters and leaves a node's box before `bound`. The box is met if x <= y. Requires that t_min is not negative.
@@ -49,17 +49,17 @@ fn traverse_node(ray: PreparedRay, at: u32, best: f32, stack: ptr<function, arra
 
 // Each iteration of this one loop visits at most two nodes and one triangle. Iterations of one kind of work each (Aila, Laine
 // 2009: "if-if") were a tenth slower. Descending to a leaf before any triangle test was slower still.
-fn find_closest(ray: PreparedRay) -> Found {
-    var best = nothing_found(ray);
+fn find_closest(ray: PreparedRay) -> BestHit {
+    var best = initial_best(ray);
     var stack: array<u32, 64>;
     var depth = 0u;
     var at = nodes[0].w;
-    let root = slab_interval(ray, nodes[0], nodes[1], limit(best));
+    let root = slab_interval(ray, nodes[0], nodes[1], search_limit(best));
     if !(root.x <= root.y) { return best; }
     loop {
         if (at & LEAF) == 0u {
-            at = traverse_node(ray, at, limit(best), &stack, &depth);
-            if (at & LEAF) == 0u { at = traverse_node(ray, at, limit(best), &stack, &depth); }
+            at = traverse_node(ray, at, search_limit(best), &stack, &depth);
+            if (at & LEAF) == 0u { at = traverse_node(ray, at, search_limit(best), &stack, &depth); }
         }
         if (at & LEAF) != 0u {
             if at != NO_NODE {

@@ -2,7 +2,7 @@
 
 import package::geometry::queries::eye;
 import package::lib::buffers::{counts, covers};
-import package::lib::counters::{LARGE_COUNT, TEST_COUNT, TILE_COUNT};
+import package::lib::counters::{LARGE_TRIANGLE_COUNT, TEST_COUNT, TILE_COUNT};
 import package::lib::params::{element, params};
 import package::visibility::outline::{Outline, cover_reach, loose_stamp, outline_of, without_edges};
 
@@ -73,7 +73,7 @@ fn own_of(o: Outline, leaf: u32) -> Own {
         return Own(min(pixels, 1u), countOneBits(pixels), pixels);
     }
     if blocks.x * blocks.y <= MOST { return Own(u32(blocks.x * blocks.y), u32(o.covered), 0u); }
-    let place = atomicAdd(&counts[LARGE_COUNT], 1u);
+    let place = atomicAdd(&counts[LARGE_TRIANGLE_COUNT], 1u);
     if place < LISTED { covers[place].x = leaf; }
     return NO_TILES;
 }
@@ -127,7 +127,7 @@ fn stamp_share(leaf: u32, local: u32, first: i32, sharers: i32) {
 // Parameters: raster.
 @compute @workgroup_size(128)
 fn cover_large(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let count = atomicLoad(&counts[LARGE_COUNT]);
+    let count = atomicLoad(&counts[LARGE_TRIANGLE_COUNT]);
     if count == 0u || count > LISTED { return; }
     let sharers = max(groups.x / count, 1u);
     let abreast = groups.x / sharers;

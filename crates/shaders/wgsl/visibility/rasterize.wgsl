@@ -3,11 +3,11 @@
 import package::geometry::queries::{camera_ray, eye, pixel_direction};
 import package::geometry::ray::{RelativeRoot, root_relative_to};
 @if(!WATERTIGHT)
-import package::intersect::intersector::begin_of;
-import package::intersect::sheared::{edges_of, turned_corners};
-import package::intersect::watertight::{distance_to, surely_passes};
+import package::intersect::intersector::nearest_t;
+import package::intersect::sheared::{edges_of, permuted_corners};
+import package::intersect::watertight::{distance_to, surely_misses_triangle};
 import package::lib::buffers::{counts, covers};
-import package::lib::counters::{LARGE_COUNT, TEST_COUNT, TILE_COUNT, UNTOLD_AT};
+import package::lib::counters::{LARGE_TRIANGLE_COUNT, RASTER_INCOMPLETE, TEST_COUNT, TILE_COUNT};
 import package::lib::lanes::{count_at_most, group_inclusive_sum, group_shuffle};
 import package::lib::params::{element, params};
 import package::visibility::cover::{KEPT, LISTED};
@@ -50,9 +50,9 @@ fn nth_bit(bits: u32, n: u32) -> u32 {
 @if(WATERTIGHT)
 fn try_pixel(leaf: u32, pixel: vec2<u32>, root: RelativeRoot) {
     let ray = camera_ray(pixel_direction(pixel), eye(), root);
-    let corners = turned_corners(ray, leaf);
+    let corners = permuted_corners(ray, leaf);
     let e = edges_of(ray, corners);
-    if surely_passes(e) { return; }
+    if surely_misses_triangle(e) { return; }
     let t = distance_to(ray, corners, e);
     if !(t > ray.t_min && t < ray.t_max) { return; }
     let key = (u64(bitcast<u32>(t)) << 32u) | u64(corners.triangle);
@@ -64,7 +64,7 @@ fn try_pixel(leaf: u32, pixel: vec2<u32>, root: RelativeRoot) {
 @else
 fn try_pixel(leaf: u32, pixel: vec2<u32>, root: RelativeRoot) {
     let ray = camera_ray(pixel_direction(pixel), eye(), root);
-    let begin = begin_of(ray, leaf);
+    let begin = nearest_t(ray, leaf);
     if !(begin < ray.t_max) { return; }
     let key = (u64(bitcast<u32>(begin)) << 32u) | u64(leaf);
     let at = 2u * (pixel.y * params.width + pixel.x);
@@ -99,7 +99,7 @@ fn test_share(team: u32, teams: u32, count: u32, lane: u32) {
 
 // Returns whether all tiles were stored and the tests take less time than traversal would.
 fn tell_all(tiles: u32, pixels: u32) -> bool {
-    return tiles <= params.raster.tiles && atomicLoad(&counts[LARGE_COUNT]) <= LISTED && atomicLoad(&counts[TEST_COUNT]) <= 2u * pixels;
+    return tiles <= params.raster.tiles && atomicLoad(&counts[LARGE_TRIANGLE_COUNT]) <= LISTED && atomicLoad(&counts[TEST_COUNT]) <= 2u * pixels;
 }
 
 // Returns the number of tiles to test, the same for all invocations of a workgroup.
@@ -110,7 +110,7 @@ fn count_stamps(local: u32, group: u32) -> u32 {
         let tells = tell_all(tiles, pixels);
         stamp_count = select(0u, tiles, tells);
         if !tells && group == 0u {
-            atomicStore(&counts[UNTOLD_AT], 1u);
+            atomicStore(&counts[RASTER_INCOMPLETE], 1u);
             atomicMin(&visibility[KEPT * pixels], u64(0u));
         }
     }

@@ -8,11 +8,11 @@ import package::geometry::units::in_ray_units;
 @if(WATERTIGHT)
 import package::intersect::intersector::store_occluded;
 @if(!WATERTIGHT)
-import package::intersect::intersector::{hit_on, is_found, limit, nothing_found};
-import package::intersect::sheared::{Turned, crossing, edges_of, turned_corners};
+import package::intersect::intersector::{has_hit, initial_best, intersect_single, search_limit};
+import package::intersect::sheared::{PermutedTriangle, edges_of, permuted_corners, undivided_hit};
 import package::intersect::watertight::distance_to;
 import package::lib::buffers::{counts, hits, triangles};
-import package::lib::counters::{BLOCKED_COUNT, HIT_COUNT};
+import package::lib::counters::{HIT_COUNT, OCCLUDED_COUNT};
 import package::lib::ieee::{divide_by, divisor};
 import package::lib::params::params;
 import package::traversal::finish::{finish_miss, finish_ray};
@@ -25,16 +25,16 @@ import package::visibility::cover::KEPT;
 // buffer is incomplete, each ray traverses the tree, as in `trace_and_shadow_camera`.
 const NOT_SEEN: vec2<u32> = vec2<u32>(0xffffffffu);
 
-fn turn(ray: PreparedRay, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, triangle: u32) -> Turned {
+fn turn(ray: PreparedRay, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, triangle: u32) -> PermutedTriangle {
     let p = permute(a, ray.axis);
     let q = permute(b, ray.axis);
     let r = permute(c, ray.axis);
-    return Turned(vec3<f32>(p.x, q.x, r.x), vec3<f32>(p.y, q.y, r.y), vec3<f32>(p.z, q.z, r.z), triangle);
+    return PermutedTriangle(vec3<f32>(p.x, q.x, r.x), vec3<f32>(p.y, q.y, r.y), vec3<f32>(p.z, q.z, r.z), triangle);
 }
 
 // Returns the same as `hit_of`, for a triangle that is hit at a known t.
-fn hit_at(ray: PreparedRay, corners: Turned, t: u32) -> vec4<u32> {
-    let c = crossing(edges_of(ray, corners));
+fn hit_at(ray: PreparedRay, corners: PermutedTriangle, t: u32) -> vec4<u32> {
+    let c = undivided_hit(edges_of(ray, corners));
     let by = divisor(c.det);
     let weights = vec2<f32>(divide_by(c.v, by), divide_by(c.w, by));
     return vec4<u32>(in_ray_units(bitcast<f32>(t), ray.exponent), bitcast<vec2<u32>>(weights), corners.triangle);
@@ -43,9 +43,9 @@ fn hit_at(ray: PreparedRay, corners: Turned, t: u32) -> vec4<u32> {
 // Traverses the tree. Returns the result in the format of the visibility buffer.
 @if(WATERTIGHT)
 fn search(i: u32, ray: PreparedRay) -> vec2<u32> {
-    let found = find_closest(ray);
-    if found.leaf == NO_LEAF { return NOT_SEEN; }
-    let corners = turned_corners(ray, found.leaf);
+    let best = find_closest(ray);
+    if best.leaf == NO_LEAF { return NOT_SEEN; }
+    let corners = permuted_corners(ray, best.leaf);
     return vec2<u32>(corners.triangle, bitcast<u32>(distance_to(ray, corners, edges_of(ray, corners))));
 }
 
@@ -65,20 +65,20 @@ fn resolve_pixel(i: u32, ray: PreparedRay, tells: bool, origin: vec3<f32>) {
     let c = scaled_vertex(triangles[3u * triangle + 2u]);
     let hit = hit_at(ray, turn(ray, a, b, c, triangle), seen.y);
     hits[i] = hit;
-    store_occluded(i, is_occluded(shadow_segment(a, b, c, hit, origin), triangle), BLOCKED_COUNT);
+    store_occluded(i, is_occluded(shadow_segment(a, b, c, hit, origin), triangle), OCCLUDED_COUNT);
 }
 
 // Writes the hit and the shadow of ray `i`. The first leaf has the hit if that is sure and ends before all others begin.
 @else
 fn resolve_pixel(i: u32, ray: PreparedRay, tells: bool, origin: vec3<f32>) {
-    var found = nothing_found(ray);
+    var best = initial_best(ray);
     var is_first = false;
     if tells {
-        found = hit_on(ray, visibility[2u * i].x);
-        is_first = is_found(found) && bitcast<u32>(limit(found)) < visibility[2u * i + 1u].y;
+        best = intersect_single(ray, visibility[2u * i].x);
+        is_first = has_hit(best) && bitcast<u32>(search_limit(best)) < visibility[2u * i + 1u].y;
     }
-    if !is_first { found = find_closest(ray); }
-    finish_ray(i, ray, found, origin);
+    if !is_first { best = find_closest(ray); }
+    finish_ray(i, ray, best, origin);
 }
 
 // Variants: intersector, arithmetic.

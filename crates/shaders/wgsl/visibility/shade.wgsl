@@ -91,7 +91,7 @@ fn exponent_of(v: vec3<u32>) -> i32 {
 }
 
 // Returns a point in units of 2^exponent. Coordinates below 2^-64 become zero.
-fn in_units(v: vec3<u32>, exponent: i32) -> vec3<f32> {
+fn to_fixed_point(v: vec3<u32>, exponent: i32) -> vec3<f32> {
     return vec3<f32>(
         snapped(scale_bits(v.x, -exponent)),
         snapped(scale_bits(v.y, -exponent)),
@@ -112,9 +112,9 @@ fn cross_of(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
 fn surface(hit: vec4<u32>, in_shadow: bool, direction: vec3<f32>) -> vec3<f32> {
     let corners = points_of(hit.w);
     let own = max(exponent_of(corners[0]), max(exponent_of(corners[1]), exponent_of(corners[2])));
-    let a = in_units(corners[0], own);
-    let e1 = sub_each(in_units(corners[1], own), a);
-    let e2 = sub_each(in_units(corners[2], own), a);
+    let a = to_fixed_point(corners[0], own);
+    let e1 = sub_each(to_fixed_point(corners[1], own), a);
+    let e2 = sub_each(to_fixed_point(corners[2], own), a);
     var normal = unit(cross_of(normalized_exponent(e1), normalized_exponent(e2)));
     if dot_of(normal, direction) > 0.0 { normal = -normal; }
     var light = ambient(normal);
@@ -125,7 +125,7 @@ fn surface(hit: vec4<u32>, in_shadow: bool, direction: vec3<f32>) -> vec3<f32> {
         // The lamp is in scene units. Both points are converted to the larger unit.
         let lamp = bitcast<vec3<u32>>(params.light);
         let larger = max(own, exponent_of(lamp));
-        let to_lamp = unit(sub_each(in_units(lamp, larger), in_units(bitcast<vec3<u32>>(point), larger - own)));
+        let to_lamp = unit(sub_each(to_fixed_point(lamp, larger), to_fixed_point(bitcast<vec3<u32>>(point), larger - own)));
         let facing = max(dot_of(normal, to_lamp), 0.0);
         light = vec3<f32>(
             add(light.x, mul(LAMP.x, facing)),

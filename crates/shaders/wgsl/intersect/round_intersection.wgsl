@@ -1,0 +1,81 @@
+// Rounds exact intersections to floats: the device version of the method `rounded_t` of the crate `exact`.
+
+import package::intersect::line::{
+    NO_INTERSECTION, ExactIntersection, intersect_exactly, is_within_limits, store_corners, store_determinant,
+};
+import package::lib::ieee::round_quotient;
+import package::lib::integers::{
+    INTERSECTIONS_OFFSET, ONE_OFFSET, PRODUCTS_OFFSET, PRODUCT_STRIDE, accumulate_product, bit_length, bits_from, clear,
+    compare_magnitudes, to_sign_magnitude, words,
+};
+
+// Computes the crossing of the line with a closed triangle in one of two slots. Its rounded t must be within the ray's limits.
+fn intersect_within_limits(corners: array<vec3<u32>, 3>, slot: u32) -> ExactIntersection {
+    let result = intersect_exactly(corners, slot, false);
+    if !result.is_hit || !is_within_limits(rounded_t(result)) { return NO_INTERSECTION; }
+    return result;
+}
+
+// Returns a crossing's t, rounded once to a float, as bits. A zero is positive.
+fn rounded_t(intersection: ExactIntersection) -> u32 {
+    let bits_n = bit_length(intersection.numerator, intersection.len);
+    if bits_n == 0 { return 0u; }
+    let length_difference = bits_n - bit_length(intersection.denominator, intersection.len);
+    // Aligns both to the same length. Long division yields 26 bits of the quotient.
+    let len = intersection.len + 1u;
+    let dividend = PRODUCTS_OFFSET;
+    let divisor = PRODUCTS_OFFSET + PRODUCT_STRIDE;
+    for (var i = 0u; i < 2u; i += 1u) {
+        let source = select(intersection.numerator, intersection.denominator, i == 1u);
+        let shift = max(select(-length_difference, length_difference, i == 1u), 0);
+        let destination = select(dividend, divisor, i == 1u);
+        words[destination] = 0u;
+        for (var k = 0u; k < len; k += 1u) { words[destination + 1u + k] = bits_from(source, intersection.len, 32 * i32(k) - shift); }
+    }
+    var quotient = 0u;
+    for (var i = 0u; i < 26u; i += 1u) {
+        let fits = compare_magnitudes(dividend, len, 0, divisor, len, 0) >= 0;
+        quotient = 2u * quotient + select(0u, 1u, fits);
+        if fits { accumulate_product(dividend, len, divisor, len, ONE_OFFSET, 1u, 1u); }
+        double_magnitude(dividend, len);
+    }
+    let sticky = bit_length(dividend, len) != 0;
+    var magnitude = 0u;
+    if quotient < 0x2000000u {
+        magnitude = round_quotient(quotient, sticky, length_difference + intersection.exponent + 126);
+    } else {
+        magnitude = round_quotient(quotient >> 1u, sticky || (quotient & 1u) == 1u, length_difference + intersection.exponent + 127);
+    }
+    return select(magnitude | (words[intersection.numerator] << 31u), 0u, magnitude == 0u);
+}
+
+// Doubles a magnitude.
+fn double_magnitude(at: u32, len: u32) {
+    var carry = 0u;
+    for (var i = at + 1u; i <= at + len; i += 1u) {
+        let x = words[i];
+        words[i] = (x << 1u) | carry;
+        carry = x >> 31u;
+    }
+}
+
+// Returns the weights of the second and third corner, each rounded once. The line must pass through the triangle.
+fn rounded_weights(points: array<vec3<u32>, 3>) -> vec2<u32> {
+    let stored = store_corners(points);
+    let len = stored.len;
+    let sum = INTERSECTIONS_OFFSET;
+    let weights_at = vec2<u32>(INTERSECTIONS_OFFSET + 28u, INTERSECTIONS_OFFSET + 56u);
+    clear(sum, len.triple);
+    for (var side = 0u; side < 3u; side += 1u) {
+        let destination = select(PRODUCTS_OFFSET, select(weights_at.x, weights_at.y, side == 2u), side > 0u);
+        store_determinant(destination, side, len);
+        accumulate_product(sum, len.triple, destination, len.triple, ONE_OFFSET, 1u, 0u);
+    }
+    to_sign_magnitude(sum, len.triple);
+    var weights: vec2<u32>;
+    for (var i = 0u; i < 2u; i += 1u) {
+        words[weights_at[i]] = 0u;
+        weights[i] = rounded_t(ExactIntersection(true, weights_at[i], sum, len.triple, 0));
+    }
+    return weights;
+}
