@@ -54,11 +54,11 @@ const LOOSE: [(&str, usize); 13] = [
     ("fn loose_lines(", 19),
     // visibility/outline.wgsl.
     ("fn loose_pixel_span(", 2),
-    ("fn loose_places(", 7),
-    ("fn loose_first(", 2),
-    ("fn loose_last(", 3),
+    ("fn loose_project(", 7),
+    ("fn loose_first_pixel(", 2),
+    ("fn loose_last_pixel(", 3),
     ("fn loose_edges(", 23),
-    ("fn loose_stamp(", 1),
+    ("fn loose_tile_mask(", 1),
 ];
 
 /// Returns the instructions of a module, each with the words after its first.

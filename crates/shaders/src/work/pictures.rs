@@ -9,7 +9,7 @@ use geom::{Camera, Point};
 use glam::DVec3;
 
 /// Number of rows of the buffer `covers` before the tiles: see visibility/cover.wgsl.
-const LISTED: u32 = 4096;
+const LARGE_CAPACITY: u32 = 4096;
 /// Number of workgroups that share the large triangles: eight per multiprocessor of an H200, so that some compute while
 /// others wait.
 const SHARERS: u32 = 1056;
@@ -78,7 +78,7 @@ pub(super) fn by_rasterization(
             each(rasterize, rasterizers),
             over_blocks("resolve", intersector, seen, [16, 8]),
         ],
-        cover_bytes: 16 * u64::from(LISTED + tiles),
+        cover_bytes: 16 * u64::from(LARGE_CAPACITY + tiles),
         visibility_bytes: 16 * u64::from(pairs),
         ..Trace::default()
     })
@@ -149,7 +149,7 @@ mod tests {
     #[test]
     fn list_length_matches_kernel_source() {
         let wgsl = include_str!("../../wgsl/visibility/cover.wgsl");
-        assert!(wgsl.contains(&format!("const LISTED: u32 = {LISTED}u;")));
+        assert!(wgsl.contains(&format!("const LARGE_CAPACITY: u32 = {LARGE_CAPACITY}u;")));
     }
 
     fn camera(eye: Point, target: Point, fov: f32) -> Camera {

@@ -21,42 +21,42 @@ import package::lib::params::params;
 // Number of clusters of a tile. They take 16 KiB of workgroup memory.
 const CLUSTER_TILE: u32 = 512u;
 // Largest distance of a neighbour along the curve.
-const REACH: u32 = 8u;
+const SEARCH_RADIUS: u32 = 8u;
 
 // Lower x, y, z, then upper x, y, z of all clusters.
 var<workgroup> planes: array<f32, 3072>;
 // Traversal reference of each cluster: a leaf, or the first of two children.
-var<workgroup> links: array<u32, 512>;
+var<workgroup> references: array<u32, 512>;
 // The nearest neighbour of each cluster: those of i and i + 256 in one word.
 var<workgroup> nearest: array<u32, 256>;
 // One bit per cluster, set if it merges into its nearest neighbour and that neighbour comes first.
-var<workgroup> taken: array<atomic<u32>, 16>;
-var<workgroup> left: u32;
+var<workgroup> merged: array<atomic<u32>, 16>;
+var<workgroup> cluster_count: u32;
 
-struct Cluster { low: vec3<f32>, high: vec3<f32>, link: u32 }
+struct Cluster { low: vec3<f32>, high: vec3<f32>, reference: u32 }
 
 // Returns the traversal reference of an inner node made of two clusters. Two consecutive triangles that a ray can both hit share a
 // leaf, and the node's own rows stay unused.
-fn link_of(a: Cluster, b: Cluster, inner: u32) -> u32 {
-    let are_triangles = (a.link & (LEAF | TWO_TRIANGLES)) == LEAF && b.link == a.link + 1u;
-    if are_triangles && a.low.x <= a.high.x && b.low.x <= b.high.x { return a.link | TWO_TRIANGLES; }
+fn reference_of(a: Cluster, b: Cluster, inner: u32) -> u32 {
+    let are_triangles = (a.reference & (LEAF | TWO_TRIANGLES)) == LEAF && b.reference == a.reference + 1u;
+    if are_triangles && a.low.x <= a.high.x && b.low.x <= b.high.x { return a.reference | TWO_TRIANGLES; }
     return inner + 1u;
 }
 
-fn load(i: u32) -> Cluster {
+fn load_cluster(i: u32) -> Cluster {
     let low = vec3<f32>(planes[i], planes[CLUSTER_TILE + i], planes[2u * CLUSTER_TILE + i]);
     let high = vec3<f32>(planes[3u * CLUSTER_TILE + i], planes[4u * CLUSTER_TILE + i], planes[5u * CLUSTER_TILE + i]);
-    return Cluster(low, high, links[i]);
+    return Cluster(low, high, references[i]);
 }
 
-fn store(i: u32, c: Cluster) {
+fn store_cluster(i: u32, c: Cluster) {
     planes[i] = c.low.x;
     planes[CLUSTER_TILE + i] = c.low.y;
     planes[2u * CLUSTER_TILE + i] = c.low.z;
     planes[3u * CLUSTER_TILE + i] = c.high.x;
     planes[4u * CLUSTER_TILE + i] = c.high.y;
     planes[5u * CLUSTER_TILE + i] = c.high.z;
-    links[i] = c.link;
+    references[i] = c.reference;
 }
 
 // Returns half the surface area; 0 if the box is empty.
@@ -69,13 +69,13 @@ fn half_area_of(low: vec3<f32>, high: vec3<f32>) -> f32 {
 // differs in the lowest bits. Both sides of a pair then rank it equally, the best pair is always mutual, and equal boxes merge in
 // pairs.
 fn nearest_to(i: u32, count: u32) -> u32 {
-    let own = load(i);
+    let own = load_cluster(i);
     var best = i;
     var least = 0xffffffffu;
-    let end = min(i + REACH + 1u, count);
-    for (var j = max(i, REACH) - REACH; j < end; j += 1u) {
+    let end = min(i + SEARCH_RADIUS + 1u, count);
+    for (var j = max(i, SEARCH_RADIUS) - SEARCH_RADIUS; j < end; j += 1u) {
         if j == i { continue; }
-        let other = load(j);
+        let other = load_cluster(j);
         let area = bitcast<u32>(half_area_of(min(own.low, other.low), max(own.high, other.high)));
         if area < least || (area == least && (i ^ j) < (i ^ best)) {
             best = j;
@@ -94,83 +94,83 @@ fn partner_of(i: u32, count: u32, round: u32) -> u32 {
 
 fn nearest_of(i: u32) -> u32 { return (nearest[i & 255u] >> ((i >> 8u) * 16u)) & 0xffffu; }
 
-fn mark_taken(i: u32) {
+fn mark_merged(i: u32) {
     let j = nearest_of(i);
-    if j < i && nearest_of(j) == i { atomicOr(&taken[i >> 5u], 1u << (i & 31u)); }
+    if j < i && nearest_of(j) == i { atomicOr(&merged[i >> 5u], 1u << (i & 31u)); }
 }
 
 // Returns the number of marks before `i`.
-fn taken_before(i: u32) -> u32 {
-    var count = countOneBits(atomicLoad(&taken[(i >> 5u) & 15u]) & ((1u << (i & 31u)) - 1u));
-    for (var w = 0u; w < (i >> 5u); w += 1u) { count += countOneBits(atomicLoad(&taken[w])); }
+fn merged_before(i: u32) -> u32 {
+    var count = countOneBits(atomicLoad(&merged[(i >> 5u) & 15u]) & ((1u << (i & 31u)) - 1u));
+    for (var w = 0u; w < (i >> 5u); w += 1u) { count += countOneBits(atomicLoad(&merged[w])); }
     return count;
 }
 
-fn pack_low(c: Cluster) -> vec4<u32> { return vec4<u32>(bitcast<vec3<u32>>(c.low), c.link); }
+fn pack_low(c: Cluster) -> vec4<u32> { return vec4<u32>(bitcast<vec3<u32>>(c.low), c.reference); }
 
 fn pack_high(c: Cluster) -> vec4<u32> { return vec4<u32>(bitcast<vec3<u32>>(c.high), 0u); }
 
 fn merge(a: Cluster, b: Cluster, inner: u32) -> Cluster {
-    let link = link_of(a, b, inner);
-    if (link & LEAF) == 0u {
-        let row = child_row(link);
+    let reference = reference_of(a, b, inner);
+    if (reference & LEAF) == 0u {
+        let row = child_row(reference);
         nodes[row] = pack_low(a);
         nodes[row + 1u] = pack_high(a);
         nodes[row + 2u] = pack_low(b);
         nodes[row + 3u] = pack_high(b);
     }
-    return Cluster(min(a.low, b.low), max(a.high, b.high), link);
+    return Cluster(min(a.low, b.low), max(a.high, b.high), reference);
 }
 
 // A cluster after a round, its new place (outside the tile if it was merged into another), and the half areas of its new
 // children.
-struct OutcomeOfRound { cluster: Cluster, place: u32, area: f32 }
+struct RoundResult { cluster: Cluster, place: u32, area: f32 }
 
 // `merges` is the number of the round's merges. The first one makes inner node `inner`.
-fn outcome_of_round(i: u32, count: u32, merges: u32, inner: u32) -> OutcomeOfRound {
-    if i >= count { return OutcomeOfRound(Cluster(), CLUSTER_TILE, 0.0); }
-    let rank = taken_before(i);
-    let own = load(i);
+fn result_of_round(i: u32, count: u32, merges: u32, inner: u32) -> RoundResult {
+    if i >= count { return RoundResult(Cluster(), CLUSTER_TILE, 0.0); }
+    let rank = merged_before(i);
+    let own = load_cluster(i);
     let j = nearest_of(i);
     let place = i - min(rank, merges);
-    if j == i || nearest_of(j) != i { return OutcomeOfRound(own, place, 0.0); }
-    if j < i { return OutcomeOfRound(own, select(place, CLUSTER_TILE, rank < merges), 0.0); }
-    let number = taken_before(j);
-    if number >= merges { return OutcomeOfRound(own, place, 0.0); }
-    let other = load(j);
+    if j == i || nearest_of(j) != i { return RoundResult(own, place, 0.0); }
+    if j < i { return RoundResult(own, select(place, CLUSTER_TILE, rank < merges), 0.0); }
+    let merge_index = merged_before(j);
+    if merge_index >= merges { return RoundResult(own, place, 0.0); }
+    let other = load_cluster(j);
     let area = half_area_of(own.low, own.high) + half_area_of(other.low, other.high);
-    return OutcomeOfRound(merge(own, other, inner - number), place, area);
+    return RoundResult(merge(own, other, inner - merge_index), place, area);
 }
 
 // Runs one round. Returns the half areas of the clusters that this invocation merged.
-fn play_round(local: u32, count: u32, round: u32, inner: u32) -> f32 {
+fn run_round(local: u32, count: u32, round: u32, inner: u32) -> f32 {
     let a = partner_of(local, count, round);
     let b = partner_of(local + 256u, count, round);
     nearest[local] = a | (b << 16u);
-    if local < 16u { atomicStore(&taken[local], 0u); }
+    if local < 16u { atomicStore(&merged[local], 0u); }
     workgroupBarrier();
-    if local < count { mark_taken(local); }
-    if local + 256u < count { mark_taken(local + 256u); }
+    if local < count { mark_merged(local); }
+    if local + 256u < count { mark_merged(local + 256u); }
     workgroupBarrier();
-    let merges = min(taken_before(CLUSTER_TILE), count - params.phase.goal);
-    let first = outcome_of_round(local, count, merges, inner);
-    let second = outcome_of_round(local + 256u, count, merges, inner);
+    let merges = min(merged_before(CLUSTER_TILE), count - params.phase.goal);
+    let first = result_of_round(local, count, merges, inner);
+    let second = result_of_round(local + 256u, count, merges, inner);
     workgroupBarrier();
-    if first.place < CLUSTER_TILE { store(first.place, first.cluster); }
-    if second.place < CLUSTER_TILE { store(second.place, second.cluster); }
-    if local == 0u { left = count - merges; }
+    if first.place < CLUSTER_TILE { store_cluster(first.place, first.cluster); }
+    if second.place < CLUSTER_TILE { store_cluster(second.place, second.cluster); }
+    if local == 0u { cluster_count = count - merges; }
     return first.area + second.area;
 }
 
-fn fetch(i: u32) -> Cluster {
+fn fetch_cluster(i: u32) -> Cluster {
     let low = clusters[2u * i];
     let high = clusters[2u * i + 1u];
     return Cluster(bitcast<vec3<f32>>(low.xyz), bitcast<vec3<f32>>(high.xyz), low.w);
 }
 
 // Writes a remaining cluster of a tile for the next phase. The last remaining cluster is the root.
-fn hand_on(tile: u32, i: u32) {
-    let c = load(i);
+fn write_remaining(tile: u32, i: u32) {
+    let c = load_cluster(i);
     if params.phase.goal == 1u {
         nodes[0] = pack_low(c);
         nodes[1] = pack_high(c);
@@ -209,22 +209,22 @@ fn cluster(
     // In every other phase, tiles begin half a tile earlier, so that their borders differ.
     let begin = max(tile * CLUSTER_TILE, params.phase.early) - params.phase.early;
     let end = max(min(tile * CLUSTER_TILE + CLUSTER_TILE - params.phase.early, params.count), begin);
-    if begin + local < end { store(local, fetch(params.phase.source_at + begin + local)); }
-    if begin + local + 256u < end { store(local + 256u, fetch(params.phase.source_at + begin + local + 256u)); }
-    if local == 0u { left = end - begin; }
+    if begin + local < end { store_cluster(local, fetch_cluster(params.phase.source_at + begin + local)); }
+    if begin + local + 256u < end { store_cluster(local + 256u, fetch_cluster(params.phase.source_at + begin + local + 256u)); }
+    if local == 0u { cluster_count = end - begin; }
     // Every merge in earlier phases and earlier tiles removed one cluster.
     let leaves = (params.node_count + 1u) / 2u;
     var inner = leaves - 2u - (leaves - params.count) - (begin - tile * params.phase.goal);
     var area = 0.0;
-    var count = workgroupUniformLoad(&left);
+    var count = workgroupUniformLoad(&cluster_count);
     for (var round = 0u; count > params.phase.goal; round += 1u) {
-        area += play_round(local, count, round, inner);
-        let rest = workgroupUniformLoad(&left);
-        inner -= count - rest;
-        count = rest;
+        area += run_round(local, count, round, inner);
+        let remaining = workgroupUniformLoad(&cluster_count);
+        inner -= count - remaining;
+        count = remaining;
     }
-    if local < count { hand_on(tile, local); }
-    if local + 256u < count { hand_on(tile, local + 256u); }
+    if local < count { write_remaining(tile, local); }
+    if local + 256u < count { write_remaining(tile, local + 256u); }
     let sum = sum_areas(local, area);
     if local == 0u && begin < end { costs[params.phase.first_tile + tile] = sum; }
 }

@@ -14,14 +14,14 @@ import package::lib::params::{element, params};
 
 // Triangle states. Rays can only hit sound triangles.
 
-const SOUND: u32 = 0u;
+const HITTABLE: u32 = 0u;
 const INACTIVE: u32 = 1u;
 const DEGENERATE: u32 = 2u;
 
 // Returns the state of a triangle, given its corners in scene units and in scaled units.
-fn standing(given_a: vec3<u32>, given_b: vec3<u32>, given_c: vec3<u32>, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> u32 {
+fn triangle_state(given_a: vec3<u32>, given_b: vec3<u32>, given_c: vec3<u32>, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> u32 {
     if !(is_finite(given_a) && is_finite(given_b) && is_finite(given_c)) { return INACTIVE; }
-    return select(SOUND, DEGENERATE, is_flat(given_a, given_b, given_c, a, b, c));
+    return select(HITTABLE, DEGENERATE, is_flat(given_a, given_b, given_c, a, b, c));
 }
 
 // Writes triangle records and the clusters that `cluster` merges, in leaf order.
@@ -44,16 +44,16 @@ fn cluster_leaves(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_wor
     records[3u * leaf + 1u] = record.second;
     records[3u * leaf + 2u] = record.third;
 
-    let stands = standing(given_a, given_b, given_c, a, b, c);
+    let state = triangle_state(given_a, given_b, given_c, a, b, c);
     var low = vec3<u32>(0x7f800000u);
     var high = vec3<u32>(0xff800000u);
-    if stands == SOUND {
+    if state == HITTABLE {
         low = bitcast<vec3<u32>>(min(min(a, b), c));
         high = bitcast<vec3<u32>>(max(max(a, b), c));
     } else {
         // Rasterization reaches triangles without testing their boxes.
         records[3u * leaf].w = NO_TRIANGLE;
-        atomicAdd(&counts[select(INACTIVE_COUNT, DEGENERATE_COUNT, stands == DEGENERATE)], 1u);
+        atomicAdd(&counts[select(INACTIVE_COUNT, DEGENERATE_COUNT, state == DEGENERATE)], 1u);
     }
     clusters[2u * leaf] = vec4<u32>(low, LEAF | leaf);
     clusters[2u * leaf + 1u] = vec4<u32>(high, 0u);

@@ -13,7 +13,7 @@ import package::lib::params::{element, params};
 
 fn blend(a: u32, b: u32) -> u32 {
     let native = blend_native(a, b);
-    if is_rare(a, b, native) { return blend_rare(a, b); }
+    if needs_exact_blend(a, b, native) { return blend_exact(a, b); }
     return native;
 }
 
@@ -23,20 +23,20 @@ fn blend_native(a: u32, b: u32) -> u32 {
 }
 
 // For results from 2^-100 up, operands that a device may flush are below the rounding error, unless the weight itself is flushed.
-fn is_rare(a: u32, b: u32, native: u32) -> bool {
+fn needs_exact_blend(a: u32, b: u32, native: u32) -> bool {
     let small = (native & 0x7fffffffu) < 0x0d800000u || params.alpha < 1.1754943508222875e-38;
     return small && ((a | b) & 0x7fffffffu) != 0u;
 }
 
-fn blend_rare(a: u32, b: u32) -> u32 {
+fn blend_exact(a: u32, b: u32) -> u32 {
     if !is_finite_bits(a) || !is_finite_bits(b) {
         let x = bitcast<f32>(a);
         return bitcast<u32>(add(x, sub(bitcast<f32>(b), x)));
     }
-    let way = soft_add(b, a ^ 0x80000000u);
+    let difference = soft_add(b, a ^ 0x80000000u);
     // The difference overflowed, so the weight changes nothing.
-    if !is_finite_bits(way) { return way; }
-    return soft_add(a, soft_multiply(way, bitcast<u32>(params.alpha)));
+    if !is_finite_bits(difference) { return difference; }
+    return soft_add(a, soft_multiply(difference, bitcast<u32>(params.alpha)));
 }
 
 fn is_finite_bits(x: u32) -> bool { return (x & 0x7f800000u) != 0x7f800000u; }

@@ -23,14 +23,14 @@ var<workgroup> highs: array<vec3<f32>, 256>;
 
 // Computes the box in lows[0] and highs[0], readable by every invocation. Must be called by all invocations, in uniform control
 // flow.
-fn gather_box(local: u32, low: vec3<f32>, high: vec3<f32>) {
+fn reduce_box(local: u32, low: vec3<f32>, high: vec3<f32>) {
     lows[local] = low;
     highs[local] = high;
     workgroupBarrier();
-    for (var half = 128u; half > 0u; half >>= 1u) {
-        if local < half {
-            lows[local] = min(lows[local], lows[local + half]);
-            highs[local] = max(highs[local], highs[local + half]);
+    for (var stride = 128u; stride > 0u; stride >>= 1u) {
+        if local < stride {
+            lows[local] = min(lows[local], lows[local + stride]);
+            highs[local] = max(highs[local], highs[local + stride]);
         }
         workgroupBarrier();
     }
@@ -54,7 +54,7 @@ fn bounds(
             high = max(high, point);
         }
     }
-    gather_box(local, low, high);
+    reduce_box(local, low, high);
     if local == 0u {
         boxes[2u * group.x] = vec4<f32>(lows[0], 0.0);
         boxes[2u * group.x + 1u] = vec4<f32>(highs[0], 0.0);
@@ -68,7 +68,7 @@ fn bounds(
 
 // `point` is within the cell from 0 to `cell`.
 fn key_of(point: vec3<f32>, cell: vec3<f32>) -> u32 {
-    var rest = point;
+    var remaining = point;
     var size = cell;
     var key = 0u;
     for (var i = 0u; i < 32u; i += 1u) {
@@ -76,8 +76,8 @@ fn key_of(point: vec3<f32>, cell: vec3<f32>) -> u32 {
         let y = !x && size.y >= size.z;
         let axis = vec3<bool>(x, y, !x && !y);
         size = select(size, 0.5 * size, axis);
-        let upper = axis & (rest >= size);
-        rest = select(rest, rest - size, upper);
+        let upper = axis & (remaining >= size);
+        remaining = select(remaining, remaining - size, upper);
         key = (key << 1u) | select(0u, 1u, any(upper));
     }
     return key;
@@ -102,7 +102,7 @@ fn morton(
 ) {
     // Reads each part twice: there are 128 parts and 256 invocations.
     let part = local & 127u;
-    gather_box(local, boxes[2u * part].xyz, boxes[2u * part + 1u].xyz);
+    reduce_box(local, boxes[2u * part].xyz, boxes[2u * part + 1u].xyz);
     let i = element(id, groups, 256u);
     if i >= params.count { return; }
     let triangle = live[i];

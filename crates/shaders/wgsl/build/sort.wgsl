@@ -57,8 +57,8 @@ fn sort_count(
     let tiles = tiles_of(params.count);
     atomicStore(&tally[local], 0u);
     workgroupBarrier();
-    for (var turn = 0u; turn < 8u; turn += 1u) {
-        let i = tile * TILE + turn * 256u + local;
+    for (var batch = 0u; batch < 8u; batch += 1u) {
+        let i = tile * TILE + batch * 256u + local;
         if i < params.count { atomicAdd(&tally[digit_of(keys[params.sort.source_at + i])], 1u); }
     }
     workgroupBarrier();
@@ -89,7 +89,7 @@ fn sort_scan(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id)
 // the sort by earlier digits is not lost.
 
 // Place of the next element of each value.
-var<workgroup> places: array<u32, 256>;
+var<workgroup> next_places: array<u32, 256>;
 // The invocations that hold each value: word 256 w + v has one bit for each of the 32 invocations from 32 w on.
 var<workgroup> holders: array<atomic<u32>, 2048>;
 
@@ -103,7 +103,7 @@ fn holders_before(local: u32, digit: u32) -> u32 {
 }
 
 // Counts the holders of one value and clears them.
-fn take_holders(digit: u32) -> u32 {
+fn count_and_clear_holders(digit: u32) -> u32 {
     var count = 0u;
     for (var w = 0u; w < 8u; w += 1u) {
         count += countOneBits(atomicLoad(&holders[256u * w + digit]));
@@ -123,11 +123,11 @@ fn sort_scatter(
     let tiles = tiles_of(params.count);
     let total = digits[256u * tiles + local];
     let smaller = scan_group(local, total) - total;
-    places[local] = smaller + digits[local * tiles + min(tile, tiles - 1u)];
+    next_places[local] = smaller + digits[local * tiles + min(tile, tiles - 1u)];
     for (var w = 0u; w < 8u; w += 1u) { atomicStore(&holders[256u * w + local], 0u); }
     workgroupBarrier();
-    for (var turn = 0u; turn < 8u; turn += 1u) {
-        let i = tile * TILE + turn * 256u + local;
+    for (var batch = 0u; batch < 8u; batch += 1u) {
+        let i = tile * TILE + batch * 256u + local;
         var key = 0u;
         if i < params.count {
             key = keys[params.sort.source_at + i];
@@ -135,12 +135,12 @@ fn sort_scatter(
         }
         workgroupBarrier();
         if i < params.count {
-            let place = params.sort.target_at + places[digit_of(key)] + holders_before(local, digit_of(key));
+            let place = params.sort.target_at + next_places[digit_of(key)] + holders_before(local, digit_of(key));
             keys[place] = key;
             sorted[place] = sorted[params.sort.source_at + i];
         }
         workgroupBarrier();
-        places[local] += take_holders(local);
+        next_places[local] += count_and_clear_holders(local);
         workgroupBarrier();
     }
 }

@@ -5,7 +5,7 @@ import package::lib::buffers::{nodes, topology};
 import package::lib::params::params;
 
 // Number of words of a treelet's entry.
-const ENTRY: u32 = 12u;
+const ENTRY_WORDS: u32 = 12u;
 // Words of an entry: see treelet().
 const LEAF_COUNT_IN_ENTRY: u32 = 1u;
 const INNER_AT_IN_ENTRY: u32 = 2u;
@@ -15,7 +15,7 @@ const ROOT_ROW_IN_ENTRY: u32 = 7u;
 const PARENT_IN_ENTRY: u32 = 9u;
 const SIBLINGS_IN_ENTRY: u32 = 10u;
 // A reference within a treelet, which is below 512, is also the index of a node here.
-const PLACES: u32 = 512u;
+const NODE_CAPACITY: u32 = 512u;
 const LEAVES: u32 = 256u;
 
 struct Treelet {
@@ -30,15 +30,15 @@ struct Treelet {
     height: u32,
 }
 
-// Returns the treelet at `place` of a dispatch.
-fn treelet_at(place: u32) -> u32 {
-    let at = params.treelets.first + place;
+// Returns the treelet at `index` of a dispatch.
+fn treelet_at(index: u32) -> u32 {
+    let at = params.treelets.first + index;
     if params.treelets.listed == 1u { return topology[at]; }
     return at;
 }
 
-fn treelet(number: u32) -> Treelet {
-    let at = ENTRY * number;
+fn treelet(treelet_index: u32) -> Treelet {
+    let at = ENTRY_WORDS * treelet_index;
     return Treelet(
         topology[at], topology[at + 1u], topology[at + 2u], topology[at + 3u], topology[at + 4u],
         topology[at + 5u], topology[at + 6u], topology[at + 7u], topology[at + 8u],
@@ -47,80 +47,80 @@ fn treelet(number: u32) -> Treelet {
 
 // Boxes of all nodes, coordinate by coordinate, then the traversal reference of each leaf. Upper corners are offset by half a row
 // of memory banks against lower ones, because both are read at once.
-var<workgroup> kept: array<u32, 3328>;
+var<workgroup> treelet_nodes: array<u32, 3328>;
 
-fn low_of(place: u32) -> vec4<u32> {
-    return vec4<u32>(kept[place], kept[place + PLACES], kept[place + 2u * PLACES], 0u);
+fn low_of(index: u32) -> vec4<u32> {
+    return vec4<u32>(treelet_nodes[index], treelet_nodes[index + NODE_CAPACITY], treelet_nodes[index + 2u * NODE_CAPACITY], 0u);
 }
 
-fn high_of(place: u32) -> vec4<u32> {
-    return vec4<u32>(kept[(place ^ 16u) + 3u * PLACES], kept[(place ^ 16u) + 4u * PLACES], kept[(place ^ 16u) + 5u * PLACES], 0u);
+fn high_of(index: u32) -> vec4<u32> {
+    return vec4<u32>(treelet_nodes[(index ^ 16u) + 3u * NODE_CAPACITY], treelet_nodes[(index ^ 16u) + 4u * NODE_CAPACITY], treelet_nodes[(index ^ 16u) + 5u * NODE_CAPACITY], 0u);
 }
 
-fn keep_box(place: u32, low: vec3<u32>, high: vec3<u32>) {
-    kept[place] = low.x;
-    kept[place + PLACES] = low.y;
-    kept[place + 2u * PLACES] = low.z;
-    kept[(place ^ 16u) + 3u * PLACES] = high.x;
-    kept[(place ^ 16u) + 4u * PLACES] = high.y;
-    kept[(place ^ 16u) + 5u * PLACES] = high.z;
+fn store_box(index: u32, low: vec3<u32>, high: vec3<u32>) {
+    treelet_nodes[index] = low.x;
+    treelet_nodes[index + NODE_CAPACITY] = low.y;
+    treelet_nodes[index + 2u * NODE_CAPACITY] = low.z;
+    treelet_nodes[(index ^ 16u) + 3u * NODE_CAPACITY] = high.x;
+    treelet_nodes[(index ^ 16u) + 4u * NODE_CAPACITY] = high.y;
+    treelet_nodes[(index ^ 16u) + 5u * NODE_CAPACITY] = high.z;
 }
 
-fn keep_leaf(leaf: u32, name: u32) {
-    kept[6u * PLACES + leaf] = name;
+fn store_leaf_reference(leaf: u32, reference: u32) {
+    treelet_nodes[6u * NODE_CAPACITY + leaf] = reference;
 }
 
-fn name_of_leaf(leaf: u32) -> u32 {
-    return kept[6u * PLACES + leaf];
+fn leaf_reference(leaf: u32) -> u32 {
+    return treelet_nodes[6u * NODE_CAPACITY + leaf];
 }
 
-// Computes the box at `place` as the union of two others. Returns their half areas.
-fn join(place: u32, left: u32, right: u32) -> f32 {
+// Computes the box at `index` as the union of two others. Returns their half areas.
+fn merge_boxes(index: u32, left: u32, right: u32) -> f32 {
     let left_low = low_of(left);
     let left_high = high_of(left);
     let right_low = low_of(right);
     let right_high = high_of(right);
     let low = min(bitcast<vec3<f32>>(left_low.xyz), bitcast<vec3<f32>>(right_low.xyz));
     let high = max(bitcast<vec3<f32>>(left_high.xyz), bitcast<vec3<f32>>(right_high.xyz));
-    keep_box(place, bitcast<vec3<u32>>(low), bitcast<vec3<u32>>(high));
+    store_box(index, bitcast<vec3<u32>>(low), bitcast<vec3<u32>>(high));
     return half_area(left_low, left_high) + half_area(right_low, right_high);
 }
 
 // Both child references, the index and the height of each inner node, as packed in `topology`.
-var<workgroup> kept_words: array<u32, GROUP>;
+var<workgroup> inner_words: array<u32, GROUP>;
 
 // Returns the word of this invocation's inner node, or 0 if it has no inner node. Call it early to hide the latency of the reads.
-fn inner_word(number: u32, local: u32) -> u32 {
-    if local < topology[ENTRY * number + INNER_COUNT_IN_ENTRY] { return topology[topology[ENTRY * number + INNER_AT_IN_ENTRY] + local]; }
+fn inner_word(treelet_index: u32, local: u32) -> u32 {
+    if local < topology[ENTRY_WORDS * treelet_index + INNER_COUNT_IN_ENTRY] { return topology[topology[ENTRY_WORDS * treelet_index + INNER_AT_IN_ENTRY] + local]; }
     return 0u;
 }
 
 // Computes the boxes of inner nodes from those of leaves, which must be stored. Returns the half areas of the children that this
 // invocation read. Must be called by all invocations with their words, in uniform control flow.
 fn refit_treelet(t: Treelet, word: u32) -> f32 {
-    let own = (word >> 18u) & 255u;
-    let own_height = select((word >> 26u) + 1u, 0u, word == 0u);
-    if word != 0u { kept_words[own] = word; }
+    let index = (word >> 18u) & 255u;
+    let node_height = select((word >> 26u) + 1u, 0u, word == 0u);
+    if word != 0u { inner_words[index] = word; }
     var area = 0.0;
     for (var height = 1u; height <= t.height; height += 1u) {
-        if own_height == height { area = join(own, word & 511u, (word >> 9u) & 511u); }
+        if node_height == height { area = merge_boxes(index, word & 511u, (word >> 9u) & 511u); }
         workgroupBarrier();
     }
     return area;
 }
 
 // Returns one of the two rows of a node's box. The first one ends with the node's traversal reference.
-fn row_of(t: Treelet, place: u32, high: bool) -> vec4<u32> {
-    if high { return high_of(place); }
-    var name = (t.inner_row >> 2u) + place;
-    if place >= LEAVES { name = name_of_leaf(place - LEAVES); }
-    return vec4<u32>(low_of(place).xyz, name);
+fn row_of(t: Treelet, index: u32, high: bool) -> vec4<u32> {
+    if high { return high_of(index); }
+    var reference = (t.inner_row >> 2u) + index;
+    if index >= LEAVES { reference = leaf_reference(index - LEAVES); }
+    return vec4<u32>(low_of(index).xyz, reference);
 }
 
 // Writes inner nodes and roots. Neighbouring invocations write neighbouring rows.
 fn write_treelet(t: Treelet, local: u32) {
     for (var row = local; row < 4u * t.inner_count; row += GROUP) {
-        let word = kept_words[row >> 2u];
+        let word = inner_words[row >> 2u];
         let child = select(word, word >> 9u, (row & 2u) != 0u) & 511u;
         nodes[t.inner_row + row] = row_of(t, child, (row & 1u) != 0u);
     }

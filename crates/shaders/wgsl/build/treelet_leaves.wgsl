@@ -1,12 +1,12 @@
 // Treelets of triangles: writes records, and the boxes of all their nodes.
 
 import package::build::costs::sum_of_group;
-import package::build::interpolate::{blend, blend_native, is_rare};
+import package::build::interpolate::{blend, blend_native, needs_exact_blend};
 import package::build::treelet::{
-    ENTRY, LEAF_COUNT_IN_ENTRY, LEAVES, inner_word, join, keep_box, keep_leaf, kept, refit_treelet, treelet, treelet_at,
-    write_treelet,
+    ENTRY_WORDS, LEAF_COUNT_IN_ENTRY, LEAVES, inner_word, merge_boxes, refit_treelet, store_box, store_leaf_reference,
+    treelet, treelet_at, treelet_nodes, write_treelet,
 };
-import package::build::treelet_refit::{leave_and_climb, look_ahead_to_parent};
+import package::build::treelet_refit::{finish_and_climb, prefetch_parent};
 import package::geometry::node::{LEAF, TWO_TRIANGLES};
 import package::geometry::record::{record_of, store_triangle_index};
 import package::geometry::triangle::{is_degenerate, is_finite, point_of, surely_has_area};
@@ -43,21 +43,21 @@ fn gather_corners(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_wor
 // A triangle's corners, from positions.
 
 @if(!preprocess_treelets_of_keys)
-struct GivenCorners { a: vec3<u32>, b: vec3<u32>, c: vec3<u32> }
+struct SceneCorners { a: vec3<u32>, b: vec3<u32>, c: vec3<u32> }
 
 @if(!preprocess_treelets_of_keys)
-fn given_corners(vertices: vec3<u32>) -> GivenCorners {
-    return GivenCorners(point_of(vertices.x), point_of(vertices.y), point_of(vertices.z));
+fn load_corners(vertices: vec3<u32>) -> SceneCorners {
+    return SceneCorners(point_of(vertices.x), point_of(vertices.y), point_of(vertices.z));
 }
 
 // Returns the same corners where they are rarely needed.
 @if(!preprocess_treelets_of_keys)
-fn corners_again(vertices: vec3<u32>) -> GivenCorners { return given_corners(vertices); }
+fn reload_corners(vertices: vec3<u32>) -> SceneCorners { return load_corners(vertices); }
 
 // A triangle's corners, blended from two key frames to the same bits that `interpolate` writes.
 
 @if(preprocess_treelets_of_keys)
-struct GivenCorners { a: vec3<u32>, b: vec3<u32>, c: vec3<u32> }
+struct SceneCorners { a: vec3<u32>, b: vec3<u32>, c: vec3<u32> }
 
 @if(preprocess_treelets_of_keys)
 fn earlier_point(vertex: u32) -> vec3<u32> {
@@ -72,55 +72,55 @@ fn later_point(vertex: u32) -> vec3<u32> {
 }
 
 @if(preprocess_treelets_of_keys)
-fn given_corners(vertices: vec3<u32>) -> GivenCorners {
+fn load_corners(vertices: vec3<u32>) -> SceneCorners {
     let from_a = earlier_point(vertices.x);
     let from_b = earlier_point(vertices.y);
     let from_c = earlier_point(vertices.z);
     // At a key frame the bits are copied and the later frame is not read.
-    if bitcast<u32>(params.alpha) == 0u { return GivenCorners(from_a, from_b, from_c); }
+    if bitcast<u32>(params.alpha) == 0u { return SceneCorners(from_a, from_b, from_c); }
     let to_a = later_point(vertices.x);
     let to_b = later_point(vertices.y);
     let to_c = later_point(vertices.z);
-    let native = GivenCorners(native_point(from_a, to_a), native_point(from_b, to_b), native_point(from_c, to_c));
-    let rare = any_rare(from_a, to_a, native.a) || any_rare(from_b, to_b, native.b) || any_rare(from_c, to_c, native.c);
-    if rare { return corners_again(vertices); }
+    let native = SceneCorners(blend_point_native(from_a, to_a), blend_point_native(from_b, to_b), blend_point_native(from_c, to_c));
+    let rare = any_needs_exact_blend(from_a, to_a, native.a) || any_needs_exact_blend(from_b, to_b, native.b) || any_needs_exact_blend(from_c, to_c, native.c);
+    if rare { return reload_corners(vertices); }
     return native;
 }
 
 @if(preprocess_treelets_of_keys)
-fn native_point(a: vec3<u32>, b: vec3<u32>) -> vec3<u32> {
+fn blend_point_native(a: vec3<u32>, b: vec3<u32>) -> vec3<u32> {
     return vec3<u32>(blend_native(a.x, b.x), blend_native(a.y, b.y), blend_native(a.z, b.z));
 }
 
 @if(preprocess_treelets_of_keys)
-fn any_rare(a: vec3<u32>, b: vec3<u32>, native: vec3<u32>) -> bool {
-    return is_rare(a.x, b.x, native.x) || is_rare(a.y, b.y, native.y) || is_rare(a.z, b.z, native.z);
+fn any_needs_exact_blend(a: vec3<u32>, b: vec3<u32>, native: vec3<u32>) -> bool {
+    return needs_exact_blend(a.x, b.x, native.x) || needs_exact_blend(a.y, b.y, native.y) || needs_exact_blend(a.z, b.z, native.z);
 }
 
 // Returns the same corners where they are rarely needed. A loop reads one corner at a time again, which saves registers.
 @if(preprocess_treelets_of_keys)
-fn corners_again(vertices: vec3<u32>) -> GivenCorners {
-    var made = GivenCorners();
-    var left = vertices;
+fn reload_corners(vertices: vec3<u32>) -> SceneCorners {
+    var result = SceneCorners();
+    var remaining = vertices;
     for (var i = 0u; i < 3u; i += 1u) {
-        var point = earlier_point(left.x);
+        var point = earlier_point(remaining.x);
         if bitcast<u32>(params.alpha) != 0u {
-            let to = later_point(left.x);
+            let to = later_point(remaining.x);
             point = vec3<u32>(blend(point.x, to.x), blend(point.y, to.y), blend(point.z, to.z));
         }
-        made = GivenCorners(made.b, made.c, point);
-        left = left.yzx;
+        result = SceneCorners(result.b, result.c, point);
+        remaining = remaining.yzx;
     }
-    return made;
+    return result;
 }
 
 // The end of a treelet whose parents are refitted by other dispatches.
 
 // Writes a treelet whose boxes are complete. All invocations of the workgroup must call it.
-fn leave_treelet(number: u32, local: u32, area: f32) {
-    write_treelet(treelet(number), local);
+fn finish_treelet(treelet_index: u32, local: u32, area: f32) {
+    write_treelet(treelet(treelet_index), local);
     let sum = sum_of_group(local, area);
-    if local == 0u { costs[number] = sum; }
+    if local == 0u { costs[treelet_index] = sum; }
 }
 
 // A workgroup of 256 makes a whole treelet of triangles, one triangle per invocation. It sums areas to one partial sum
@@ -136,73 +136,73 @@ fn vertices_of(leaf: u32) -> vec3<u32> {
 
 // Returns whether a triangle without a visible area has exactly zero area. `params.zero` keeps the compiler from reusing the
 // corners, which would take registers.
-fn has_none(leaf: u32) -> bool {
-    let given = corners_again(vertices_of(leaf + params.zero));
-    return is_degenerate(given.a, given.b, given.c);
+fn has_zero_area(leaf: u32) -> bool {
+    let corners = reload_corners(vertices_of(leaf + params.zero));
+    return is_degenerate(corners.a, corners.b, corners.c);
 }
 
 // Stores an empty box for a triangle that no ray can hit, and counts it. Its record holds no triangle index, for kernels that
 // reach it without a test of its box.
-fn keep_empty(local: u32, leaf: u32, count: u32) {
-    atomicAdd(&counts[count], 1u);
+fn store_empty(local: u32, leaf: u32, counter: u32) {
+    atomicAdd(&counts[counter], 1u);
     records[3u * leaf].w = 0xffffffffu;
-    keep_box(LEAVES + local, vec3<u32>(EMPTY_LOW), vec3<u32>(EMPTY_HIGH));
+    store_box(LEAVES + local, vec3<u32>(EMPTY_LOW), vec3<u32>(EMPTY_HIGH));
 }
 
 // Writes a triangle's record and stores its box. Returns whether it may still have zero area.
-fn stand(local: u32, leaf: u32, triangle: u32) -> bool {
-    let given = given_corners(vertices_of(leaf));
-    let a = scaled_point(given.a);
-    let b = scaled_point(given.b);
-    let c = scaled_point(given.c);
+fn write_leaf(local: u32, leaf: u32, triangle: u32) -> bool {
+    let corners = load_corners(vertices_of(leaf));
+    let a = scaled_point(corners.a);
+    let b = scaled_point(corners.b);
+    let c = scaled_point(corners.c);
     let record = record_of(triangle, a, b, c);
     records[3u * leaf] = record.first;
     records[3u * leaf + 1u] = record.second;
     records[3u * leaf + 2u] = record.third;
-    keep_leaf(local, LEAF | leaf);
-    if !(is_finite(given.a) && is_finite(given.b) && is_finite(given.c)) {
-        keep_empty(local, leaf, INACTIVE_COUNT);
+    store_leaf_reference(local, LEAF | leaf);
+    if !(is_finite(corners.a) && is_finite(corners.b) && is_finite(corners.c)) {
+        store_empty(local, leaf, INACTIVE_COUNT);
         return false;
     }
-    keep_box(LEAVES + local, bitcast<vec3<u32>>(min(min(a, b), c)), bitcast<vec3<u32>>(max(max(a, b), c)));
-    return !surely_has_area(given.a, given.b, given.c, a, b, c);
+    store_box(LEAVES + local, bitcast<vec3<u32>>(min(min(a, b), c)), bitcast<vec3<u32>>(max(max(a, b), c)));
+    return !surely_has_area(corners.a, corners.b, corners.c, a, b, c);
 }
 
 // Merges a triangle's leaf with the next one's. Its traversal reference only includes triangles that a ray can hit.
-fn share(local: u32, leaf: u32) -> f32 {
+fn merge_leaf_pair(local: u32, leaf: u32) -> f32 {
     let first = LEAVES + local;
-    if kept[first] == EMPTY_LOW {
-        keep_leaf(local, select(LEAF | (leaf + 1u), LEAF | leaf, kept[first + 1u] == EMPTY_LOW));
-    } else if kept[first + 1u] != EMPTY_LOW {
-        keep_leaf(local, LEAF | TWO_TRIANGLES | leaf);
+    if treelet_nodes[first] == EMPTY_LOW {
+        store_leaf_reference(local, select(LEAF | (leaf + 1u), LEAF | leaf, treelet_nodes[first + 1u] == EMPTY_LOW));
+    } else if treelet_nodes[first + 1u] != EMPTY_LOW {
+        store_leaf_reference(local, LEAF | TWO_TRIANGLES | leaf);
     }
-    return join(first, first, first + 1u);
+    return merge_boxes(first, first, first + 1u);
 }
 
 // Must be called by all invocations, in uniform control flow.
-fn make_treelet(local: u32, place: u32) {
-    let number = treelet_at(place);
-    let leaf = topology[ENTRY * number] + local;
-    let is_there = local < topology[ENTRY * number + LEAF_COUNT_IN_ENTRY];
-    let inner = inner_word(number, local);
+fn build_treelet(local: u32, index: u32) {
+    let treelet_index = treelet_at(index);
+    let leaf = topology[ENTRY_WORDS * treelet_index] + local;
+    let is_leaf = local < topology[ENTRY_WORDS * treelet_index + LEAF_COUNT_IN_ENTRY];
+    let packed_inner = inner_word(treelet_index, local);
     @if(preprocess_treelets_of_keys)
-    look_ahead_to_parent(number);
+    prefetch_parent(treelet_index);
     var word = 0u;
-    if is_there {
+    if is_leaf {
         word = topology[params.leaf_triangles_at + leaf];
         store_triangle_index(leaf, word & ~SHARED);
-        if stand(local, leaf, word & ~SHARED) && has_none(leaf) { keep_empty(local, leaf, DEGENERATE_COUNT); }
+        if write_leaf(local, leaf, word & ~SHARED) && has_zero_area(leaf) { store_empty(local, leaf, DEGENERATE_COUNT); }
     }
-    let t = treelet(number);
+    let t = treelet(treelet_index);
     workgroupBarrier();
     var area = 0.0;
-    if (word & SHARED) != 0u { area = share(local, leaf); }
+    if (word & SHARED) != 0u { area = merge_leaf_pair(local, leaf); }
     workgroupBarrier();
-    area += refit_treelet(t, inner);
+    area += refit_treelet(t, packed_inner);
     @if(preprocess_treelets_of_keys)
-    leave_and_climb(number, local, area);
+    finish_and_climb(treelet_index, local, area);
     @else
-    leave_treelet(number, local, area);
+    finish_treelet(treelet_index, local, area);
 }
 
 // Writes triangle records, leaf boxes, and the boxes of all nodes within treelets of triangles: of all those treelets, or of
@@ -217,9 +217,9 @@ fn preprocess_treelets(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
 ) {
-    let place = group.x + group.y * groups.x;
-    if place >= params.count { return; }
-    make_treelet(local, place);
+    let index = group.x + group.y * groups.x;
+    if index >= params.count { return; }
+    build_treelet(local, index);
 }
 
 // Does the same as `preprocess_treelets`, but from the two key frames around a moment, so it need not wait for `interpolate`.
@@ -233,7 +233,7 @@ fn preprocess_treelets_of_keys(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
 ) {
-    let place = group.x + group.y * groups.x;
-    if place >= params.count { return; }
-    make_treelet(local, place);
+    let index = group.x + group.y * groups.x;
+    if index >= params.count { return; }
+    build_treelet(local, index);
 }

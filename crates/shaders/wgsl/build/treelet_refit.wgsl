@@ -2,33 +2,33 @@
 
 import package::build::costs::{GROUP, half_area, partial_sums, sum_of_group};
 import package::build::treelet::{
-    ENTRY, LEAVES, PARENT_IN_ENTRY, ROOT_ROW_IN_ENTRY, SIBLINGS_IN_ENTRY, Treelet, high_of, inner_word, keep_box, keep_leaf,
-    low_of, refit_treelet, row_of, treelet, treelet_at, write_treelet,
+    ENTRY_WORDS, LEAVES, PARENT_IN_ENTRY, ROOT_ROW_IN_ENTRY, SIBLINGS_IN_ENTRY, Treelet, high_of, inner_word, low_of,
+    refit_treelet, row_of, store_box, store_leaf_reference, treelet, treelet_at, write_treelet,
 };
 import package::lib::buffers::{costs, counts, nodes, topology};
 import package::lib::params::params;
 
-// Refits a treelet whose leaves are roots of the level below. Each kind of kernel defines below where these roots are (`low_below`
-// and `high_below`), where areas are (`cost_at` and `keep_cost`), and how counts are written (`put_count`).
+// Refits a treelet whose leaves are roots of the level below. Each kind of kernel defines below where these roots are (`root_low`
+// and `root_high`), where areas are (`cost_at` and `store_cost`), and how counts are written (`store_count`).
 
 // Sums the areas of the other treelets. Reads eight at a time to hide memory latency.
-fn others(local: u32, number: u32, all: u32) -> f32 {
+fn sum_other_costs(local: u32, treelet_index: u32, all: u32) -> f32 {
     var sums = vec4<f32>(0.0);
     for (var i = local; i < all; i += 8u * GROUP) {
-        sums += costs_of_others(i, number, all) + costs_of_others(i + 4u * GROUP, number, all);
+        sums += other_costs(i, treelet_index, all) + other_costs(i + 4u * GROUP, treelet_index, all);
     }
     return (sums.x + sums.y) + (sums.z + sums.w);
 }
 
-fn costs_of_others(first: u32, number: u32, all: u32) -> vec4<f32> {
+fn other_costs(first: u32, treelet_index: u32, all: u32) -> vec4<f32> {
     let i = first + vec4<u32>(0u, GROUP, 2u * GROUP, 3u * GROUP);
     let at = min(i, vec4<u32>(all - 1u));
     let costs = vec4<f32>(cost_at(at.x), cost_at(at.y), cost_at(at.z), cost_at(at.w));
-    return select(vec4<f32>(0.0), costs, (i == at) & (i != vec4<u32>(number)));
+    return select(vec4<f32>(0.0), costs, (i == at) & (i != vec4<u32>(treelet_index)));
 }
 
 // Returns sixteen sums over the values that all invocations stored, one for each of the first sixteen invocations.
-fn sixteenth(local: u32) -> f32 {
+fn sixteenth_sum(local: u32) -> f32 {
     var sum = 0.0;
     if local < 16u {
         for (var k = 0u; k < GROUP / 16u; k += 1u) { sum += partial_sums[local + 16u * k]; }
@@ -37,72 +37,72 @@ fn sixteenth(local: u32) -> f32 {
 }
 
 // Returns for invocation 0 the sum of `x` over the workgroup, and the sum of `part` over the first sixteen, like `sum_of_group`.
-fn both_sums(local: u32, x: f32, part: f32) -> vec2<f32> {
+fn group_sums(local: u32, x: f32, part: f32) -> vec2<f32> {
     partial_sums[local] = x;
     workgroupBarrier();
-    let sum = sixteenth(local);
+    let sum = sixteenth_sum(local);
     // No other invocation reads these two.
     if local < 16u {
         partial_sums[local] = sum;
         partial_sums[local + 16u] = part;
     }
     workgroupBarrier();
-    var both = vec2<f32>(0.0);
+    var totals = vec2<f32>(0.0);
     if local == 0u {
-        for (var k = 0u; k < 16u; k += 1u) { both += vec2<f32>(partial_sums[k], partial_sums[k + 16u]); }
+        for (var k = 0u; k < 16u; k += 1u) { totals += vec2<f32>(partial_sums[k], partial_sums[k + 16u]); }
     }
-    return both;
+    return totals;
 }
 
 // Returns the half areas of the children that this invocation read, and its part of the areas of all other treelets. The latter
 // is only computed for the last treelet, for which `all` is the number of treelets; else `all` is 0. It replaces `sum_costs`. All
 // invocations of the workgroup must call it.
-fn refit_above(t: Treelet, number: u32, local: u32, all: u32) -> vec2<f32> {
-    let inner = inner_word(number, local);
+fn refit_from_roots_below(t: Treelet, treelet_index: u32, local: u32, all: u32) -> vec2<f32> {
+    let inner = inner_word(treelet_index, local);
     // Issues all reads before it waits for the first one.
     let leaf = t.first_leaf + 2u * min(local, t.leaf_count - 1u);
-    let low = low_below(leaf);
-    let high = high_below(leaf);
-    partial_sums[local] = others(local, number, all);
+    let low = root_low(leaf);
+    let high = root_high(leaf);
+    partial_sums[local] = sum_other_costs(local, treelet_index, all);
     if local < t.leaf_count {
-        keep_box(LEAVES + local, low.xyz, high);
-        keep_leaf(local, low.w);
+        store_box(LEAVES + local, low.xyz, high);
+        store_leaf_reference(local, low.w);
     }
     workgroupBarrier();
     // The last treelet has an inner node, so a barrier follows before these values are overwritten.
     var part = 0.0;
-    if all > 0u { part = sixteenth(local); }
+    if all > 0u { part = sixteenth_sum(local); }
     return vec2<f32>(refit_treelet(t, inner), part);
 }
 
 // Sums the results of a workgroup and stores them.
-fn add_up(t: Treelet, number: u32, local: u32, all: u32, found: vec2<f32>) {
+fn store_sums(t: Treelet, treelet_index: u32, local: u32, all: u32, partials: vec2<f32>) {
     let root = topology[t.roots_at];
-    let sums = both_sums(local, found.x, found.y);
+    let sums = group_sums(local, partials.x, partials.y);
     if local != 0u { return; }
-    keep_cost(number, sums.x);
+    store_cost(treelet_index, sums.x);
     if all > 0u {
-        put_count(params.treelets.sum_counter, sums.x + sums.y);
-        put_count(5u, half_area(low_of(root), high_of(root)));
+        store_count(params.treelets.sum_counter, sums.x + sums.y);
+        store_count(5u, half_area(low_of(root), high_of(root)));
     }
 }
 
 // One level per dispatch: boxes of treelets from the roots of the level below, for all treelets or for those that move.
 
 @if(refit_treelets)
-fn low_below(row: u32) -> vec4<u32> { return nodes[row]; }
+fn root_low(row: u32) -> vec4<u32> { return nodes[row]; }
 
 @if(refit_treelets)
-fn high_below(row: u32) -> vec3<u32> { return nodes[row + 1u].xyz; }
+fn root_high(row: u32) -> vec3<u32> { return nodes[row + 1u].xyz; }
 
 @if(refit_treelets)
 fn cost_at(i: u32) -> f32 { return costs[i]; }
 
 @if(refit_treelets)
-fn keep_cost(i: u32, cost: f32) { costs[i] = cost; }
+fn store_cost(i: u32, cost: f32) { costs[i] = cost; }
 
 @if(refit_treelets)
-fn put_count(i: u32, x: f32) { counts[i] = bitcast<u32>(x); }
+fn store_count(i: u32, x: f32) { counts[i] = bitcast<u32>(x); }
 
 // Parameters: treelets.
 // Loaded with every scene.
@@ -112,13 +112,13 @@ fn refit_treelets(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
 ) {
-    let place = group.x + group.y * groups.x;
-    if place >= params.count { return; }
-    let number = treelet_at(place);
-    let t = treelet(number);
-    let found = refit_above(t, number, local, params.treelets.all);
+    let index = group.x + group.y * groups.x;
+    if index >= params.count { return; }
+    let treelet_index = treelet_at(index);
+    let t = treelet(treelet_index);
+    let partials = refit_from_roots_below(t, treelet_index, local, params.treelets.all);
     write_treelet(t, local);
-    add_up(t, number, local, params.treelets.all, found);
+    store_sums(t, treelet_index, local, params.treelets.all, partials);
 }
 
 // All treelets above those of triangles, in the same dispatch. The workgroup that arrives last at a parent continues with it, as
@@ -134,22 +134,22 @@ var<workgroup> next_treelet: u32;
 fn cost_at(i: u32) -> f32 { return bitcast<f32>(atomicLoad(&costs[i])); }
 
 @if(!refit_treelets)
-fn keep_cost(i: u32, cost: f32) { atomicStore(&costs[i], bitcast<u32>(cost)); }
+fn store_cost(i: u32, cost: f32) { atomicStore(&costs[i], bitcast<u32>(cost)); }
 
 @if(!refit_treelets)
-fn put_count(i: u32, x: f32) { atomicStore(&counts[i], bitcast<u32>(x)); }
+fn store_count(i: u32, x: f32) { atomicStore(&counts[i], bitcast<u32>(x)); }
 
 // Returns where a root's words begin. The rows of all roots are contiguous, from the first treelet's on.
 fn words_of_root(row: u32) -> u32 { return 2u * params.treelets.all + 4u * (row - topology[ROOT_ROW_IN_ENTRY]); }
 
 @if(!refit_treelets)
-fn low_below(row: u32) -> vec4<u32> {
+fn root_low(row: u32) -> vec4<u32> {
     let at = words_of_root(row);
     return vec4<u32>(atomicLoad(&costs[at]), atomicLoad(&costs[at + 1u]), atomicLoad(&costs[at + 2u]), atomicLoad(&costs[at + 3u]));
 }
 
 @if(!refit_treelets)
-fn high_below(row: u32) -> vec3<u32> {
+fn root_high(row: u32) -> vec3<u32> {
     let at = words_of_root(row) + 4u;
     return vec3<u32>(atomicLoad(&costs[at]), atomicLoad(&costs[at + 1u]), atomicLoad(&costs[at + 2u]));
 }
@@ -158,14 +158,14 @@ fn high_below(row: u32) -> vec3<u32> {
 var<private> parent: u32;
 var<private> siblings: u32;
 
-fn look_ahead_to_parent(number: u32) {
-    parent = topology[ENTRY * number + PARENT_IN_ENTRY];
+fn prefetch_parent(treelet_index: u32) {
+    parent = topology[ENTRY_WORDS * treelet_index + PARENT_IN_ENTRY];
     siblings = 0u;
-    if parent != NO_PARENT { siblings = topology[ENTRY * parent + SIBLINGS_IN_ENTRY + params.treelets.listed]; }
+    if parent != NO_PARENT { siblings = topology[ENTRY_WORDS * parent + SIBLINGS_IN_ENTRY + params.treelets.listed]; }
 }
 
 // Passes a treelet's roots to its parent.
-fn hand_over(t: Treelet, local: u32) {
+fn publish_roots(t: Treelet, local: u32) {
     for (var k = local; k < t.root_count; k += GROUP) {
         let place = topology[t.roots_at + k];
         let at = words_of_root(t.root_row + 2u * k);
@@ -179,33 +179,33 @@ fn hand_over(t: Treelet, local: u32) {
 }
 
 // Returns the parent if all its other children have arrived, and resets its count for the next dispatch.
-fn parent_to_go_on_with() -> u32 {
-    let came = 1u + atomicAdd(&costs[params.treelets.all + parent], 1u);
-    if came != siblings { return NO_PARENT; }
+fn arrive_at_parent() -> u32 {
+    let arrived = 1u + atomicAdd(&costs[params.treelets.all + parent], 1u);
+    if arrived != siblings { return NO_PARENT; }
     atomicStore(&costs[params.treelets.all + parent], 0u);
     return parent;
 }
 
 // Ends a treelet whose boxes are complete, and continues upwards. All invocations of the workgroup must call it.
-fn leave_and_climb(first: u32, local: u32, area: f32) {
+fn finish_and_climb(first: u32, local: u32, area: f32) {
     let sum = sum_of_group(local, area);
-    if local == 0u { keep_cost(first, sum); }
+    if local == 0u { store_cost(first, sum); }
     let last = params.treelets.all - 1u;
     var t = treelet(first);
-    var number = first;
-    while params.treelets.all > 1u && number != last {
-        hand_over(t, local);
+    var treelet_index = first;
+    while params.treelets.all > 1u && treelet_index != last {
+        publish_roots(t, local);
         storageBarrier();
         // The boxes are written while the count is in flight.
-        if local == 0u { next_treelet = parent_to_go_on_with(); }
+        if local == 0u { next_treelet = arrive_at_parent(); }
         write_treelet(t, local);
-        number = workgroupUniformLoad(&next_treelet);
-        if number == NO_PARENT { return; }
+        treelet_index = workgroupUniformLoad(&next_treelet);
+        if treelet_index == NO_PARENT { return; }
         storageBarrier();
-        look_ahead_to_parent(number);
-        t = treelet(number);
-        let all = select(0u, params.treelets.all, number == last);
-        add_up(t, number, local, all, refit_above(t, number, local, all));
+        prefetch_parent(treelet_index);
+        t = treelet(treelet_index);
+        let all = select(0u, params.treelets.all, treelet_index == last);
+        store_sums(t, treelet_index, local, all, refit_from_roots_below(t, treelet_index, local, all));
     }
     write_treelet(t, local);
 }

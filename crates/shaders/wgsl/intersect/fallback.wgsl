@@ -10,7 +10,9 @@ import package::intersect::candidates::{FIRST_CANDIDATE, UNDECIDED_HIT, write_an
 import package::intersect::determinants::decide_in_one_invocation;
 import package::intersect::filter::{classify, set_shear_view};
 import package::intersect::line::prepare_line;
-import package::intersect::resolve_exact::{accept_if_first, first_intersection, first_leaf, first_triangle, free_slot, store_intersection};
+import package::intersect::resolve_exact::{
+    accept_if_first, first_intersection, first_leaf, first_triangle, free_slot, store_intersection,
+};
 import package::intersect::round_intersection::{intersect_within_limits, rounded_t, rounded_weights};
 import package::lib::buffers::{counts, hits, nodes, occluded, records};
 import package::lib::counters::{FALLBACK_OFFSET, HIT_COUNT, UNDECIDED_RAYS, UNDECIDED_SHADOWS};

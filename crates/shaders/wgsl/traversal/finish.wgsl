@@ -7,7 +7,7 @@ import package::lib::buffers::{hits, occluded};
 import package::lib::counters::OCCLUDED_COUNT;
 
 // Writes the hit of ray `i` from `eye`, and whether the hit point is in shadow.
-fn finish_ray(i: u32, ray: PreparedRay, best: BestHit, eye: vec3<f32>) {
+fn write_hit_and_shadow(i: u32, ray: PreparedRay, best: BestHit, eye: vec3<f32>) {
     let hit = hit_of(i, ray, best);
     hits[i] = hit;
     if is_undecided(hit) {
@@ -21,7 +21,7 @@ fn finish_ray(i: u32, ray: PreparedRay, best: BestHit, eye: vec3<f32>) {
 }
 
 // Writes that ray `i` hits nothing.
-fn finish_miss(i: u32) {
+fn write_miss(i: u32) {
     hits[i] = MISS;
     store_occluded(i, false, OCCLUDED_COUNT);
 }

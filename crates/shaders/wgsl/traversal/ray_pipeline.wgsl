@@ -14,10 +14,10 @@ import package::lib::params::params;
 // Result of a ray. Shadow rays and any-hit rays run no closest-hit shader, so `triangle` keeps its value unless the ray misses.
 struct Payload { t: f32, u: f32, v: f32, triangle: u32 }
 
-const NOTHING: u32 = 0xffffffffu;
+const NO_HIT: u32 = 0xffffffffu;
 
 @payload
-var<private> found: Payload;
+var<private> payload: Payload;
 @incoming
 var<private> incoming: Payload;
 // The build turns this into the hit attributes of the driver.
@@ -31,23 +31,23 @@ fn closest_hit(@builtin(primitive_index) triangle: u32, @ray_t_current_max t: f3
 
 @miss @incoming_payload(incoming)
 fn miss() {
-    incoming.triangle = NOTHING;
+    incoming.triangle = NO_HIT;
 }
 
-fn find_driver_closest(origin: vec3<f32>, direction: vec3<f32>, t_min: f32, t_max: f32) {
-    traceRay(scene, RayDesc(RAY_FLAG_FORCE_OPAQUE, 0xffu, t_min, t_max, origin, direction), &found);
+fn driver_trace_closest(origin: vec3<f32>, direction: vec3<f32>, t_min: f32, t_max: f32) {
+    traceRay(scene, RayDesc(RAY_FLAG_FORCE_OPAQUE, 0xffu, t_min, t_max, origin, direction), &payload);
 }
 
-fn finds_any(origin: vec3<f32>, direction: vec3<f32>, t_min: f32, t_max: f32) -> bool {
-    found.triangle = 0u;
+fn driver_trace_any(origin: vec3<f32>, direction: vec3<f32>, t_min: f32, t_max: f32) -> bool {
+    payload.triangle = 0u;
     let flags = RAY_FLAG_FORCE_OPAQUE | RAY_FLAG_TERMINATE_ON_FIRST_HIT | RAY_FLAG_SKIP_CLOSEST_HIT_SHADER;
-    traceRay(scene, RayDesc(flags, 0xffu, t_min, t_max, origin, direction), &found);
-    return found.triangle != NOTHING;
+    traceRay(scene, RayDesc(flags, 0xffu, t_min, t_max, origin, direction), &payload);
+    return payload.triangle != NO_HIT;
 }
 
-fn as_hit() -> vec4<u32> {
-    if found.triangle == NOTHING { return vec4<u32>(0x7f800000u, 0u, 0u, NOTHING); }
-    return vec4<u32>(bitcast<u32>(found.t), bitcast<u32>(found.u), bitcast<u32>(found.v), found.triangle);
+fn hit_of_payload() -> vec4<u32> {
+    if payload.triangle == NO_HIT { return vec4<u32>(0x7f800000u, 0u, 0u, NO_HIT); }
+    return vec4<u32>(bitcast<u32>(payload.t), bitcast<u32>(payload.u), bitcast<u32>(payload.v), payload.triangle);
 }
 
 fn unscaled(v: vec3<f32>) -> vec3<f32> {
@@ -57,78 +57,78 @@ fn unscaled(v: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(scale_bits(bits.x, k), scale_bits(bits.y, k), scale_bits(bits.z, k));
 }
 
-// Returns 1 if the hit is in shadow. `eye` is the start of the ray that hit, in scene units, as bits.
-fn shade(hit: vec4<u32>, eye: vec3<u32>) -> u32 {
-    if hit.w == NOTHING { return 0u; }
-    let ray = shadow_segment_of_hit(hit, scaled_point(eye));
+// Returns 1 if the hit is in shadow. `origin` is the start of the ray that hit, in scene units, as bits.
+fn trace_shadow(hit: vec4<u32>, origin: vec3<u32>) -> u32 {
+    if hit.w == NO_HIT { return 0u; }
+    let ray = shadow_segment_of_hit(hit, scaled_point(origin));
     if !ray.is_traced { return 0u; }
-    return select(0u, 1u, finds_any(unscaled(snapped3(ray.origin)), unscaled(ray.direction), 0.0, 1.0));
+    return select(0u, 1u, driver_trace_any(unscaled(snapped3(ray.origin)), unscaled(ray.direction), 0.0, 1.0));
 }
 
-fn meet_pixel(pixel: vec2<u32>) -> vec4<u32> {
+fn trace_pixel(pixel: vec2<u32>) -> vec4<u32> {
     let direction = pixel_direction(pixel);
-    found.triangle = NOTHING;
+    payload.triangle = NO_HIT;
     if any(direction != vec3<f32>(0.0)) && is_finite_point(direction) && is_finite_point(params.eye) {
-        find_driver_closest(params.eye, direction, 0.0, bitcast<f32>(0x7f7fffffu));
+        driver_trace_closest(params.eye, direction, 0.0, bitcast<f32>(0x7f7fffffu));
     }
-    return as_hit();
+    return hit_of_payload();
 }
 
 @ray_generation
 fn camera_closest(@ray_invocation_id id: vec3<u32>) {
-    hits[id.y * params.width + id.x] = meet_pixel(id.xy);
+    hits[id.y * params.width + id.x] = trace_pixel(id.xy);
 }
 
 @ray_generation
 fn camera_shadow(@ray_invocation_id id: vec3<u32>) {
     let i = id.y * params.width + id.x;
-    let hit = meet_pixel(id.xy);
+    let hit = trace_pixel(id.xy);
     hits[i] = hit;
-    occluded[i] = shade(hit, bitcast<vec3<u32>>(params.eye));
+    occluded[i] = trace_shadow(hit, bitcast<vec3<u32>>(params.eye));
 }
 
-struct Given { origin: vec3<f32>, t_min: f32, direction: vec3<f32>, t_max: f32, is_traced: bool }
+struct ExplicitRay { origin: vec3<f32>, t_min: f32, direction: vec3<f32>, t_max: f32, is_traced: bool }
 
 // Invalid rays are not traced. Drivers do not trace behind a ray's origin.
-fn given(i: u32) -> Given {
+fn load_ray(i: u32) -> ExplicitRay {
     let first = rays[2u * i];
     let second = rays[2u * i + 1u];
     let a = bitcast<vec4<f32>>(first);
     let b = bitcast<vec4<f32>>(second);
     let t_min = max(a.w, 0.0);
-    return Given(a.xyz, t_min, b.xyz, b.w, !is_invalid_ray(first, second) && t_min < b.w);
+    return ExplicitRay(a.xyz, t_min, b.xyz, b.w, !is_invalid_ray(first, second) && t_min < b.w);
 }
 
-fn meet_given(i: u32) -> vec4<u32> {
-    let ray = given(i);
-    found.triangle = NOTHING;
-    if ray.is_traced { find_driver_closest(ray.origin, ray.direction, ray.t_min, ray.t_max); }
-    return as_hit();
+fn trace_explicit(i: u32) -> vec4<u32> {
+    let ray = load_ray(i);
+    payload.triangle = NO_HIT;
+    if ray.is_traced { driver_trace_closest(ray.origin, ray.direction, ray.t_min, ray.t_max); }
+    return hit_of_payload();
 }
 
-fn given_number(id: vec3<u32>, size: vec3<u32>) -> u32 { return id.y * size.x + id.x; }
+fn ray_index(id: vec3<u32>, size: vec3<u32>) -> u32 { return id.y * size.x + id.x; }
 
 @ray_generation
 fn given_closest(@ray_invocation_id id: vec3<u32>, @num_ray_invocations size: vec3<u32>) {
-    let i = given_number(id, size);
-    if i < params.count { hits[i] = meet_given(i); }
+    let i = ray_index(id, size);
+    if i < params.count { hits[i] = trace_explicit(i); }
 }
 
 @ray_generation
 fn given_shadow(@ray_invocation_id id: vec3<u32>, @num_ray_invocations size: vec3<u32>) {
-    let i = given_number(id, size);
+    let i = ray_index(id, size);
     if i >= params.count { return; }
-    let hit = meet_given(i);
+    let hit = trace_explicit(i);
     hits[i] = hit;
-    occluded[i] = shade(hit, rays[2u * i].xyz);
+    occluded[i] = trace_shadow(hit, rays[2u * i].xyz);
 }
 
 @ray_generation
 fn given_any(@ray_invocation_id id: vec3<u32>, @num_ray_invocations size: vec3<u32>) {
-    let i = given_number(id, size);
+    let i = ray_index(id, size);
     if i >= params.count { return; }
-    let ray = given(i);
+    let ray = load_ray(i);
     var is_hit = 0u;
-    if ray.is_traced { is_hit = select(0u, 1u, finds_any(ray.origin, ray.direction, ray.t_min, ray.t_max)); }
+    if ray.is_traced { is_hit = select(0u, 1u, driver_trace_any(ray.origin, ray.direction, ray.t_min, ray.t_max)); }
     occluded[i] = is_hit;
 }

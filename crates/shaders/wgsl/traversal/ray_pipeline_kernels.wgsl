@@ -10,7 +10,7 @@ import package::lib::params::{element, params};
 // (`eye`), where no ray hits it. Drivers also support inactive triangles, but a tree cannot be updated when they change, and one
 // driver (Mesa 25.0) then loses other triangles too.
 
-fn put_point(at: u32, v: vec3<u32>) {
+fn store_point(at: u32, v: vec3<u32>) {
     cleansed[at] = v.x;
     cleansed[at + 1u] = v.y;
     cleansed[at + 2u] = v.z;
@@ -23,11 +23,11 @@ fn cleanse(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups
     let a = corner(triangle, 0u);
     let b = corner(triangle, 1u);
     let c = corner(triangle, 2u);
-    let hittable = is_finite(a) && is_finite(b) && is_finite(c);
+    let is_hittable = is_finite(a) && is_finite(b) && is_finite(c);
     let point = bitcast<vec3<u32>>(params.eye);
-    put_point(9u * triangle, select(point, a, hittable));
-    put_point(9u * triangle + 3u, select(point, b, hittable));
-    put_point(9u * triangle + 6u, select(point, c, hittable));
+    store_point(9u * triangle, select(point, a, is_hittable));
+    store_point(9u * triangle + 3u, select(point, b, is_hittable));
+    store_point(9u * triangle + 6u, select(point, c, is_hittable));
 }
 
 // Answers to rays, `words` words each.

@@ -8,7 +8,7 @@ import package::intersect::intersector::{hit_of, store_occluded, trace_any};
 import package::lib::buffers::{hits, rays};
 import package::lib::counters::{HIT_COUNT, OCCLUDED_COUNT};
 import package::lib::params::{element, params};
-import package::traversal::finish::{finish_miss, finish_ray};
+import package::traversal::finish::{write_hit_and_shadow, write_miss};
 import package::traversal::traverse::find_closest;
 
 // Closest hits of camera rays, which the kernel generates.
@@ -74,11 +74,11 @@ fn trace_and_shadow_camera(@builtin(local_invocation_index) local: u32, @builtin
     let origin = eye();
     let root = root_relative_to(origin);
     if misses_scene(direction, origin, root) {
-        finish_miss(i);
+        write_miss(i);
         return;
     }
     let ray = camera_ray(direction, origin, root);
-    finish_ray(i, ray, find_closest(ray), origin);
+    write_hit_and_shadow(i, ray, find_closest(ray), origin);
 }
 
 // Shadow rays of the hits of explicit rays.

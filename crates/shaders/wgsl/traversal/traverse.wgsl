@@ -30,21 +30,21 @@ fn slab_interval(ray: PreparedRay, low: vec4<u32>, high: vec4<u32>, bound: f32) 
 // Closest hit. The intersector defines what is kept of each leaf.
 
 // Descends one node. If both children are met, pushes the farther one.
-fn traverse_node(ray: PreparedRay, at: u32, best: f32, stack: ptr<function, array<u32, 64>>, depth: ptr<function, u32>) -> u32 {
-    let row = child_row(at);
-    let l0 = nodes[row];
-    let r0 = nodes[row + 2u];
-    let l = slab_interval(ray, l0, nodes[row + 1u], best);
-    let r = slab_interval(ray, r0, nodes[row + 3u], best);
-    let meets_l = l.x <= l.y;
-    let meets_r = r.x <= r.y;
-    if meets_l && meets_r {
-        let right_first = r.x < l.x;
-        (*stack)[*depth] = select(r0.w, l0.w, right_first);
+fn traverse_node(ray: PreparedRay, node: u32, best: f32, stack: ptr<function, array<u32, 64>>, depth: ptr<function, u32>) -> u32 {
+    let row = child_row(node);
+    let left_row = nodes[row];
+    let right_row = nodes[row + 2u];
+    let left = slab_interval(ray, left_row, nodes[row + 1u], best);
+    let right = slab_interval(ray, right_row, nodes[row + 3u], best);
+    let hits_left = left.x <= left.y;
+    let hits_right = right.x <= right.y;
+    if hits_left && hits_right {
+        let right_first = right.x < left.x;
+        (*stack)[*depth] = select(right_row.w, left_row.w, right_first);
         *depth += 1u;
-        return select(l0.w, r0.w, right_first);
+        return select(left_row.w, right_row.w, right_first);
     }
-    return select(select(NO_NODE, r0.w, meets_r), l0.w, meets_l);
+    return select(select(NO_NODE, right_row.w, hits_right), left_row.w, hits_left);
 }
 
 // Each iteration of this one loop visits at most two nodes and one triangle. Iterations of one kind of work each (Aila, Laine
@@ -53,23 +53,23 @@ fn find_closest(ray: PreparedRay) -> BestHit {
     var best = initial_best(ray);
     var stack: array<u32, 64>;
     var depth = 0u;
-    var at = nodes[0].w;
+    var node = nodes[0].w;
     let root = slab_interval(ray, nodes[0], nodes[1], search_limit(best));
     if !(root.x <= root.y) { return best; }
     loop {
-        if (at & LEAF) == 0u {
-            at = traverse_node(ray, at, search_limit(best), &stack, &depth);
-            if (at & LEAF) == 0u { at = traverse_node(ray, at, search_limit(best), &stack, &depth); }
+        if (node & LEAF) == 0u {
+            node = traverse_node(ray, node, search_limit(best), &stack, &depth);
+            if (node & LEAF) == 0u { node = traverse_node(ray, node, search_limit(best), &stack, &depth); }
         }
-        if (at & LEAF) != 0u {
-            if at != NO_NODE {
-                best = intersect_leaf_closest(ray, first_triangle_of(at), best);
-                at = second_triangle_of(at);
+        if (node & LEAF) != 0u {
+            if node != NO_NODE {
+                best = intersect_leaf_closest(ray, first_triangle_of(node), best);
+                node = second_triangle_of(node);
             }
-            if at == NO_NODE {
+            if node == NO_NODE {
                 if depth == 0u { break; }
                 depth -= 1u;
-                at = stack[depth];
+                node = stack[depth];
             }
         }
     }
@@ -78,56 +78,56 @@ fn find_closest(ray: PreparedRay) -> BestHit {
 
 // An iteration of the any-hit search visits up to three nodes and both triangles of a leaf: see docs/design/visibility-buffer.md.
 @if(resolve)
-const BY_PAIRS: bool = true;
+const TESTS_LEAF_PAIRS: bool = true;
 
 // An iteration of the any-hit search visits up to two nodes and one triangle.
 @else
-const BY_PAIRS: bool = false;
+const TESTS_LEAF_PAIRS: bool = false;
 
 // Any-hit search, which ends at the first hit of a triangle other than `ignore`.
 
 // Descends one node. If both children are met, pushes the second one.
-fn push_children(ray: PreparedRay, at: u32, stack: ptr<function, array<u32, 64>>, depth: ptr<function, u32>) -> u32 {
-    let row = child_row(at);
-    let l0 = nodes[row];
-    let r0 = nodes[row + 2u];
-    let l = slab_interval(ray, l0, nodes[row + 1u], ray.t_max);
-    let r = slab_interval(ray, r0, nodes[row + 3u], ray.t_max);
-    let meets_l = l.x <= l.y;
-    let meets_r = r.x <= r.y;
-    if meets_l && meets_r {
-        (*stack)[*depth] = r0.w;
+fn push_children(ray: PreparedRay, node: u32, stack: ptr<function, array<u32, 64>>, depth: ptr<function, u32>) -> u32 {
+    let row = child_row(node);
+    let left_row = nodes[row];
+    let right_row = nodes[row + 2u];
+    let left = slab_interval(ray, left_row, nodes[row + 1u], ray.t_max);
+    let right = slab_interval(ray, right_row, nodes[row + 3u], ray.t_max);
+    let hits_left = left.x <= left.y;
+    let hits_right = right.x <= right.y;
+    if hits_left && hits_right {
+        (*stack)[*depth] = right_row.w;
         *depth += 1u;
     }
-    return select(select(NO_NODE, r0.w, meets_r), l0.w, meets_l);
+    return select(select(NO_NODE, right_row.w, hits_right), left_row.w, hits_left);
 }
 
 fn find_any(ray: PreparedRay, ignore: u32) -> bool {
     var stack: array<u32, 64>;
     var depth = 0u;
-    var at = nodes[0].w;
+    var node = nodes[0].w;
     let root = slab_interval(ray, nodes[0], nodes[1], ray.t_max);
     if !(root.x <= root.y) { return false; }
     loop {
-        if (at & LEAF) == 0u {
-            at = push_children(ray, at, &stack, &depth);
-            if (at & LEAF) == 0u {
-                at = push_children(ray, at, &stack, &depth);
-                if BY_PAIRS && (at & LEAF) == 0u { at = push_children(ray, at, &stack, &depth); }
+        if (node & LEAF) == 0u {
+            node = push_children(ray, node, &stack, &depth);
+            if (node & LEAF) == 0u {
+                node = push_children(ray, node, &stack, &depth);
+                if TESTS_LEAF_PAIRS && (node & LEAF) == 0u { node = push_children(ray, node, &stack, &depth); }
             }
         }
-        if (at & LEAF) != 0u {
-            if at != NO_NODE {
-                if intersect_leaf_any(ray, first_triangle_of(at), ignore) { return true; }
-                at = second_triangle_of(at);
-                if BY_PAIRS && at != NO_NODE {
-                    if intersect_leaf_any(ray, first_triangle_of(at), ignore) { return true; }
+        if (node & LEAF) != 0u {
+            if node != NO_NODE {
+                if intersect_leaf_any(ray, first_triangle_of(node), ignore) { return true; }
+                node = second_triangle_of(node);
+                if TESTS_LEAF_PAIRS && node != NO_NODE {
+                    if intersect_leaf_any(ray, first_triangle_of(node), ignore) { return true; }
                 }
             }
-            if BY_PAIRS || at == NO_NODE {
+            if TESTS_LEAF_PAIRS || node == NO_NODE {
                 if depth == 0u { break; }
                 depth -= 1u;
-                at = stack[depth];
+                node = stack[depth];
             }
         }
     }

@@ -12,75 +12,75 @@ import package::lib::params::params;
 // project.wgsl).
 
 // The first pixel is after the last: nothing is covered.
-const NOWHERE: u32 = 0x0000ffffu;
-const EVERYWHERE: u32 = 0xffff0000u;
+const EMPTY_SPAN: u32 = 0x0000ffffu;
+const FULL_SPAN: u32 = 0xffff0000u;
 
 const BLOCK: u32 = 0x80000000u;
 // Offset of an absent line, in 256ths of a pixel.
-const BOUNDLESS: i32 = 0x20000000;
+const UNBOUNDED: i32 = 0x20000000;
 
 // Projection of points to the picture, with error bounds.
 
 // The error of a picture coordinate relative to its terms: see docs/design/packets.md. 16 * 2^-24.
 @if(WATERTIGHT || EXACT)
-const DOUBT: f32 = 9.5367431640625e-7;
+const PROJECTION_ERROR: f32 = 9.5367431640625e-7;
 
 // 36 * 2^-24.
 @else
-const DOUBT: f32 = 2.1457672119140625e-6;
+const PROJECTION_ERROR: f32 = 2.1457672119140625e-6;
 
 // Beyond this many pixels, coverage is not computed.
-const OUTER: f32 = 16384.0;
+const MAX_OFFSCREEN_PIXELS: f32 = 16384.0;
 
 // Returns D of the root, at least 2^-38. Compared with that, coordinates that count as zero are negligible.
-fn cover_reach(origin: vec3<f32>) -> f32 { return max(root_relative_to(origin).max_distance, 3.637978807091713e-12); }
+fn coverage_max_distance(origin: vec3<f32>) -> f32 { return max(root_relative_to(origin).max_distance, 3.637978807091713e-12); }
 
-fn size_of(v: vec3<f32>) -> f32 { return abs(v.x) + abs(v.y) + abs(v.z); }
+fn l1_norm(v: vec3<f32>) -> f32 { return abs(v.x) + abs(v.y) + abs(v.z); }
 
 // Projected coordinates along one axis of the picture, and their error bounds.
-struct Places { at: vec3<f32>, doubt: vec3<f32> }
+struct Projected { at: vec3<f32>, error_bound: vec3<f32> }
 
-fn loose_places(axis: vec3<f32>, x: vec3<f32>, y: vec3<f32>, z: vec3<f32>, inverse: vec3<f32>, max_distance: f32) -> Places {
+fn loose_project(axis: vec3<f32>, x: vec3<f32>, y: vec3<f32>, z: vec3<f32>, inverse: vec3<f32>, max_distance: f32) -> Projected {
     let at = (axis.x * x + axis.y * y + axis.z * z) * inverse;
-    let doubt = DOUBT * max_distance * (size_of(axis) + abs(at) * size_of(params.depth)) * inverse;
-    return Places(at - 0.5, doubt);
+    let error_bound = PROJECTION_ERROR * max_distance * (l1_norm(axis) + abs(at) * l1_norm(params.depth)) * inverse;
+    return Projected(at - 0.5, error_bound);
 }
 
-fn is_near(p: Places) -> bool { return max_component(abs(p.at)) < OUTER && max_component(p.doubt) < 1.0; }
+fn is_precise(p: Projected) -> bool { return max_component(abs(p.at)) < MAX_OFFSCREEN_PIXELS && max_component(p.error_bound) < 1.0; }
 
 // Returns the depth below which the error of a depth may exceed a 64th.
-fn too_near(max_distance: f32) -> f32 { return 64.0 * DOUBT * max_distance * size_of(params.depth); }
+fn near_limit(max_distance: f32) -> f32 { return 64.0 * PROJECTION_ERROR * max_distance * l1_norm(params.depth); }
 
 // Returns whether a triangle is surely beyond one side of the picture. This also holds if it reaches behind the eye: no point
 // there is visible, and in front of the eye the sign of column times depth determines the side.
-fn is_triangle_beside(x: vec3<f32>, y: vec3<f32>, z: vec3<f32>, depths: vec3<f32>, max_distance: f32) -> bool {
+fn is_triangle_outside(x: vec3<f32>, y: vec3<f32>, z: vec3<f32>, depths: vec3<f32>, max_distance: f32) -> bool {
     let across = params.column.x * x + params.column.y * y + params.column.z * z;
     let down = params.row.x * x + params.row.y * y + params.row.z * z;
-    return are_beside(vec2<f32>(min_component(across - f32(params.width) * depths), max_component(across)), params.column, params.width, max_distance)
-        || are_beside(vec2<f32>(min_component(down - f32(params.height) * depths), max_component(down)), params.row, params.height, max_distance);
+    return is_outside(vec2<f32>(min_component(across - f32(params.width) * depths), max_component(across)), params.column, params.width, max_distance)
+        || is_outside(vec2<f32>(min_component(down - f32(params.height) * depths), max_component(down)), params.row, params.height, max_distance);
 }
 
 // The same for a box with these corners.
-fn is_box_beside(low: vec3<f32>, high: vec3<f32>, max_distance: f32) -> bool {
-    return is_box_beside_along(low, high, params.column, params.width, max_distance) || is_box_beside_along(low, high, params.row, params.height, max_distance);
+fn is_box_outside(low: vec3<f32>, high: vec3<f32>, max_distance: f32) -> bool {
+    return is_box_outside_along(low, high, params.column, params.width, max_distance) || is_box_outside_along(low, high, params.row, params.height, max_distance);
 }
 
-fn is_box_beside_along(low: vec3<f32>, high: vec3<f32>, axis: vec3<f32>, size: u32, max_distance: f32) -> bool {
+fn is_box_outside_along(low: vec3<f32>, high: vec3<f32>, axis: vec3<f32>, size: u32, max_distance: f32) -> bool {
     let last = axis - f32(size) * params.depth;
     let least = min(last * low, last * high);
     let most = max(axis * low, axis * high);
-    return are_beside(vec2<f32>(least.x + least.y + least.z, most.x + most.y + most.z), axis, size, max_distance);
+    return is_outside(vec2<f32>(least.x + least.y + least.z, most.x + most.y + most.z), axis, size, max_distance);
 }
 
 // Decides by two bounds, both times depth: the least projected coordinate minus the picture's size, and the greatest one.
-fn are_beside(least_and_most: vec2<f32>, axis: vec3<f32>, size: u32, max_distance: f32) -> bool {
-    let doubt = DOUBT * max_distance * (size_of(axis) + f32(size) * size_of(params.depth));
-    return max_distance < MAX_DISTANCE && (least_and_most.x > doubt || least_and_most.y < -doubt);
+fn is_outside(least_and_most: vec2<f32>, axis: vec3<f32>, size: u32, max_distance: f32) -> bool {
+    let error_bound = PROJECTION_ERROR * max_distance * (l1_norm(axis) + f32(size) * l1_norm(params.depth));
+    return max_distance < MAX_DISTANCE && (least_and_most.x > error_bound || least_and_most.y < -error_bound);
 }
 
 // Returns the nearest depth of something whose computed depth is `depth`; at least 0.
-fn begins_at(depth: f32, max_distance: f32) -> f32 {
-    let least = depth - DOUBT * max_distance * size_of(params.depth);
+fn nearest_depth(depth: f32, max_distance: f32) -> f32 {
+    let least = depth - PROJECTION_ERROR * max_distance * l1_norm(params.depth);
     return select(0.0, least, least > 0.0);
 }
 
@@ -88,49 +88,49 @@ fn begins_at(depth: f32, max_distance: f32) -> f32 {
 fn loose_pixel_span(least: f32, most: f32) -> u32 {
     let first = clamp(ceil(least - params.pixel_margin), 0.0, 65535.0);
     let last = clamp(floor(most + params.pixel_margin), -1.0, 65535.0);
-    return select(NOWHERE, u32(first) | (u32(last) << 16u), first <= last);
+    return select(EMPTY_SPAN, u32(first) | (u32(last) << 16u), first <= last);
 }
 
 // The part of the picture that a box covers: columns, rows, and the bits of its nearest depth.
-struct BoxCover { columns: u32, rows: u32, begin: u32 }
+struct BoxCoverage { columns: u32, rows: u32, begin: u32 }
 
-const COVERS_NOTHING: BoxCover = BoxCover(NOWHERE, NOWHERE, 0u);
+const NO_COVERAGE: BoxCoverage = BoxCoverage(EMPTY_SPAN, EMPTY_SPAN, 0u);
 
 // Projects a box by its corners, one pair along x at a time. `low` and `high` are relative to the eye.
-fn box_cover(low: vec3<f32>, high: vec3<f32>, max_distance: f32) -> BoxCover {
+fn project_box(low: vec3<f32>, high: vec3<f32>, max_distance: f32) -> BoxCoverage {
     var nearest = 3.0e38;
     var farthest = -3.0e38;
     var least = vec2<f32>(3.0e38);
     var most = vec2<f32>(-3.0e38);
-    var tells = max_distance < MAX_DISTANCE;
+    var is_precise_everywhere = max_distance < MAX_DISTANCE;
     for (var k = 0u; k < 4u; k += 1u) {
         let y = vec3<f32>(select(low.y, high.y, (k & 1u) != 0u));
         let z = vec3<f32>(select(low.z, high.z, (k & 2u) != 0u));
         let x = vec3<f32>(low.x, high.x, low.x);
         let depths = params.depth.x * x + params.depth.y * y + params.depth.z * z;
         let inverse = 1.0 / depths;
-        let across = loose_places(params.column, x, y, z, inverse, max_distance);
-        let down = loose_places(params.row, x, y, z, inverse, max_distance);
-        tells = tells && is_near(across) && is_near(down);
+        let across = loose_project(params.column, x, y, z, inverse, max_distance);
+        let down = loose_project(params.row, x, y, z, inverse, max_distance);
+        is_precise_everywhere = is_precise_everywhere && is_precise(across) && is_precise(down);
         nearest = min(nearest, min_component(depths));
         farthest = max(farthest, max_component(depths));
-        least = min(least, vec2<f32>(min_component(across.at - across.doubt), min_component(down.at - down.doubt)));
-        most = max(most, vec2<f32>(max_component(across.at + across.doubt), max_component(down.at + down.doubt)));
+        least = min(least, vec2<f32>(min_component(across.at - across.error_bound), min_component(down.at - down.error_bound)));
+        most = max(most, vec2<f32>(max_component(across.at + across.error_bound), max_component(down.at + down.error_bound)));
     }
-    if farthest < -too_near(max_distance) && max_distance < MAX_DISTANCE { return COVERS_NOTHING; }
-    let begin = bitcast<u32>(select(0.0, begins_at(nearest, max_distance), max_distance < MAX_DISTANCE));
-    if tells && nearest > too_near(max_distance) {
-        return BoxCover(loose_pixel_span(least.x, most.x), loose_pixel_span(least.y, most.y), begin);
+    if farthest < -near_limit(max_distance) && max_distance < MAX_DISTANCE { return NO_COVERAGE; }
+    let begin = bitcast<u32>(select(0.0, nearest_depth(nearest, max_distance), max_distance < MAX_DISTANCE));
+    if is_precise_everywhere && nearest > near_limit(max_distance) {
+        return BoxCoverage(loose_pixel_span(least.x, most.x), loose_pixel_span(least.y, most.y), begin);
     }
-    let all = select(EVERYWHERE, NOWHERE, is_box_beside(low, high, max_distance));
-    return BoxCover(all, all, begin);
+    let all = select(FULL_SPAN, EMPTY_SPAN, is_box_outside(low, high, max_distance));
+    return BoxCoverage(all, all, begin);
 }
 
 // Projects the own box of a leaf's triangle. Textbook tests may accept any ray that meets this box.
-fn own_box_cover(leaf: u32, origin: vec3<f32>, max_distance: f32) -> BoxCover {
-    if is_unhittable(leaf) { return COVERS_NOTHING; }
-    let k = corners_of(leaf);
-    return box_cover(min(min(k.a, k.b), k.c) - origin, max(max(k.a, k.b), k.c) - origin, max_distance);
+fn project_own_box(leaf: u32, origin: vec3<f32>, max_distance: f32) -> BoxCoverage {
+    if is_unhittable(leaf) { return NO_COVERAGE; }
+    let corners = corners_of(leaf);
+    return project_box(min(min(corners.a, corners.b), corners.c) - origin, max(max(corners.a, corners.b), corners.c) - origin, max_distance);
 }
 
 // A triangle's outline in the picture, slightly enlarged: see docs/design/visibility-buffer.md.
@@ -144,16 +144,16 @@ fn without_edges(first: vec2<i32>, last: vec2<i32>) -> Outline {
     return Outline(first, last, vec3<f32>(0.0), vec3<f32>(0.0), vec3<f32>(0.0), size.x * size.y);
 }
 
-fn loose_first(p: Places) -> i32 { return i32(max(ceil(min_component(p.at - p.doubt) - params.pixel_margin), 0.0)); }
+fn loose_first_pixel(p: Projected) -> i32 { return i32(max(ceil(min_component(p.at - p.error_bound) - params.pixel_margin), 0.0)); }
 
-fn loose_last(p: Places, size: u32) -> i32 {
-    return i32(clamp(floor(max_component(p.at + p.doubt) + params.pixel_margin), -1.0, f32(size) - 1.0));
+fn loose_last_pixel(p: Projected, size: u32) -> i32 {
+    return i32(clamp(floor(max_component(p.at + p.error_bound) + params.pixel_margin), -1.0, f32(size) - 1.0));
 }
 
 // Moving the corners by their error bounds and the pixels by the margin moves the interior by at most the sum. Edges that are
 // nearly level do not bound rows. If the area may be zero, the orientation is unknown and no edge is used.
-fn loose_edges(given: Outline, across: Places, down: Places) -> Outline {
-    var o = given;
+fn loose_edges(given: Outline, across: Projected, down: Projected) -> Outline {
+    var outline = given;
     let x = across.at;
     let y = down.at;
     let dx = x.yzx - x;
@@ -161,24 +161,24 @@ fn loose_edges(given: Outline, across: Places, down: Places) -> Outline {
     let size = vec2<f32>(abs(dx.x) + abs(dx.y) + abs(dx.z), abs(dy.x) + abs(dy.y) + abs(dy.z));
     let area = dx.x * dy.y - dy.x * dx.y;
     // 2^-21
-    if !(abs(area) > 4.76837158203125e-7 * size.x * size.y) { return o; }
+    if !(abs(area) > 4.76837158203125e-7 * size.x * size.y) { return outline; }
     let slope = dx / dy;
-    let way = slope * (f32(o.first.y) - y);
-    let margin = max(max_component(across.doubt), max_component(down.doubt)) + params.pixel_margin;
-    let apart = margin * (abs(slope) + 1.0) + 4.0e-6 * (abs(way) + abs(slope) * size.y + abs(x) + 1.0);
+    let displacement = slope * (f32(outline.first.y) - y);
+    let margin = max(max_component(across.error_bound), max_component(down.error_bound)) + params.pixel_margin;
+    let padding = margin * (abs(slope) + 1.0) + 4.0e-6 * (abs(displacement) + abs(slope) * size.y + abs(x) + 1.0);
     let side = sign(area) * sign(dy);
-    o.side = select(vec3<f32>(0.0), side, abs(slope) < vec3<f32>(100.0));
-    o.slope = slope;
-    o.at = x + way + side * apart;
-    o.covered = min(o.covered, 0.5 * abs(area));
-    return o;
+    outline.side = select(vec3<f32>(0.0), side, abs(slope) < vec3<f32>(100.0));
+    outline.slope = slope;
+    outline.at = x + displacement + side * padding;
+    outline.covered = min(outline.covered, 0.5 * abs(area));
+    return outline;
 }
 
 // Returns the rectangle of the triangle's own box.
 @if(MOLLER_TRUMBORE || WOOP)
 fn outline_of(leaf: u32, origin: vec3<f32>, max_distance: f32) -> Outline {
-    let c = own_box_cover(leaf, origin, max_distance);
-    let pixels = vec2<u32>(c.columns, c.rows);
+    let coverage = project_own_box(leaf, origin, max_distance);
+    let pixels = vec2<u32>(coverage.columns, coverage.rows);
     let last = min(vec2<i32>(pixels >> vec2<u32>(16u)), vec2<i32>(i32(params.width), i32(params.height)) - 1);
     return without_edges(vec2<i32>(pixels & vec2<u32>(0xffffu)), last);
 }
@@ -190,33 +190,33 @@ fn outline_of(leaf: u32, origin: vec3<f32>, max_distance: f32) -> Outline {
     let y = bitcast<vec3<f32>>(records[3u * leaf + 1u].xyz) - origin.y;
     let z = bitcast<vec3<f32>>(records[3u * leaf + 2u].xyz) - origin.z;
     let depths = params.depth.x * x + params.depth.y * y + params.depth.z * z;
-    let is_behind = max_component(depths) < -too_near(max_distance) && max_distance < MAX_DISTANCE;
+    let is_behind = max_component(depths) < -near_limit(max_distance) && max_distance < MAX_DISTANCE;
     if is_unhittable(leaf) || is_behind { return without_edges(vec2<i32>(0), vec2<i32>(-1)); }
     let inverse = 1.0 / depths;
-    let across = loose_places(params.column, x, y, z, inverse, max_distance);
-    let down = loose_places(params.row, x, y, z, inverse, max_distance);
-    if !(min_component(depths) > too_near(max_distance) && is_near(across) && is_near(down)) {
+    let across = loose_project(params.column, x, y, z, inverse, max_distance);
+    let down = loose_project(params.row, x, y, z, inverse, max_distance);
+    if !(min_component(depths) > near_limit(max_distance) && is_precise(across) && is_precise(down)) {
         let last = vec2<i32>(i32(params.width), i32(params.height)) - 1;
-        return without_edges(vec2<i32>(0), select(last, vec2<i32>(-1), is_triangle_beside(x, y, z, depths, max_distance)));
+        return without_edges(vec2<i32>(0), select(last, vec2<i32>(-1), is_triangle_outside(x, y, z, depths, max_distance)));
     }
-    let corner = vec2<i32>(loose_first(across), loose_first(down));
-    let o = without_edges(corner, vec2<i32>(loose_last(across, params.width), loose_last(down, params.height)));
-    if any(o.first > o.last) { return o; }
-    return loose_edges(o, across, down);
+    let corner = vec2<i32>(loose_first_pixel(across), loose_first_pixel(down));
+    let outline = without_edges(corner, vec2<i32>(loose_last_pixel(across, params.width), loose_last_pixel(down, params.height)));
+    if any(outline.first > outline.last) { return outline; }
+    return loose_edges(outline, across, down);
 }
 
 // Returns the pixels of an 8 x 4 tile that may be covered, one bit each, row by row.
-fn loose_stamp(o: Outline, corner: vec2<i32>) -> u32 {
+fn loose_tile_mask(outline: Outline, corner: vec2<i32>) -> u32 {
     var pixels = 0u;
     for (var row = 0; row < 4; row += 1) {
         let y = corner.y + row;
-        let at = o.at + o.slope * f32(y - o.first.y);
-        let low = select(vec3<f32>(-1.0e9), at, o.side < vec3<f32>(0.0));
-        let high = select(vec3<f32>(1.0e9), at, o.side > vec3<f32>(0.0));
-        let first = clamp(max(i32(ceil(max_component(low))), o.first.x) - corner.x, 0, 8);
-        let last = clamp(min(i32(floor(min_component(high))), o.last.x) - corner.x, -1, 7);
+        let at = outline.at + outline.slope * f32(y - outline.first.y);
+        let low = select(vec3<f32>(-1.0e9), at, outline.side < vec3<f32>(0.0));
+        let high = select(vec3<f32>(1.0e9), at, outline.side > vec3<f32>(0.0));
+        let first = clamp(max(i32(ceil(max_component(low))), outline.first.x) - corner.x, 0, 8);
+        let last = clamp(min(i32(floor(min_component(high))), outline.last.x) - corner.x, -1, 7);
         let bits = (0xffu << u32(first)) & (0xffu >> u32(7 - last));
-        pixels |= select(0u, bits << u32(8 * row), y <= o.last.y);
+        pixels |= select(0u, bits << u32(8 * row), y <= outline.last.y);
     }
     return pixels;
 }

@@ -10,7 +10,7 @@ import package::lib::buffers::{counts, covers};
 import package::lib::counters::{LARGE_TRIANGLE_COUNT, RASTER_INCOMPLETE, TEST_COUNT, TILE_COUNT};
 import package::lib::lanes::{count_at_most, group_inclusive_sum, group_shuffle};
 import package::lib::params::{element, params};
-import package::visibility::cover::{KEPT, LISTED};
+import package::visibility::cover::{KEYS_PER_PIXEL, LARGE_CAPACITY};
 
 // Per pixel with `watertight`: t of the first hit as bits, above the index of its triangle; all ones if nothing is hit. The other
 // intersectors keep the least two t of each pixel, each above its leaf. A last element is all ones if rasterization was complete.
@@ -30,30 +30,30 @@ fn clear_visibility(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_w
 // these functions together. See docs/design/visibility-buffer.md.
 
 // Number of tiles; 0 if `resolve` has to trace every ray.
-var<workgroup> stamp_count: u32;
+var<workgroup> tile_count: u32;
 
-struct RestOfBits { bits: u32, skip: u32, at: u32 }
+struct BitSearch { bits: u32, skip: u32, at: u32 }
 
 // Continues in the lower half of the bits if more than `skip` bits are set there, else in the upper half.
-fn halve(r: RestOfBits, half: u32) -> RestOfBits {
-    let lower = countOneBits(r.bits & ((1u << half) - 1u));
-    if r.skip < lower { return r; }
-    return RestOfBits(r.bits >> half, r.skip - lower, r.at + half);
+fn search_half(search: BitSearch, half: u32) -> BitSearch {
+    let lower = countOneBits(search.bits & ((1u << half) - 1u));
+    if search.skip < lower { return search; }
+    return BitSearch(search.bits >> half, search.skip - lower, search.at + half);
 }
 
 // Returns the index of the set bit that has `n` set bits below it.
 fn nth_bit(bits: u32, n: u32) -> u32 {
-    return halve(halve(halve(halve(halve(RestOfBits(bits, n, 0u), 16u), 8u), 4u), 2u), 1u).at;
+    return search_half(search_half(search_half(search_half(search_half(BitSearch(bits, n, 0u), 16u), 8u), 4u), 2u), 1u).at;
 }
 
 // Tests a pixel's ray and keeps its hit if it precedes the best one by t, then by index.
 @if(WATERTIGHT)
-fn try_pixel(leaf: u32, pixel: vec2<u32>, root: RelativeRoot) {
+fn test_pixel(leaf: u32, pixel: vec2<u32>, root: RelativeRoot) {
     let ray = camera_ray(pixel_direction(pixel), eye(), root);
     let corners = permuted_corners(ray, leaf);
-    let e = edges_of(ray, corners);
-    if surely_misses_triangle(e) { return; }
-    let t = distance_to(ray, corners, e);
+    let edges = edges_of(ray, corners);
+    if surely_misses_triangle(edges) { return; }
+    let t = distance_to(ray, corners, edges);
     if !(t > ray.t_min && t < ray.t_max) { return; }
     let key = (u64(bitcast<u32>(t)) << 32u) | u64(corners.triangle);
     atomicMin(&visibility[pixel.y * params.width + pixel.x], key);
@@ -62,59 +62,59 @@ fn try_pixel(leaf: u32, pixel: vec2<u32>, root: RelativeRoot) {
 // Tests a pixel's ray and keeps its hit if it is one of the first two. Each atomic minimum passes the greater of both elements on to
 // the second place. So every element but the least arrives there.
 @else
-fn try_pixel(leaf: u32, pixel: vec2<u32>, root: RelativeRoot) {
+fn test_pixel(leaf: u32, pixel: vec2<u32>, root: RelativeRoot) {
     let ray = camera_ray(pixel_direction(pixel), eye(), root);
-    let begin = nearest_t(ray, leaf);
-    if !(begin < ray.t_max) { return; }
-    let key = (u64(bitcast<u32>(begin)) << 32u) | u64(leaf);
+    let nearest = nearest_t(ray, leaf);
+    if !(nearest < ray.t_max) { return; }
+    let key = (u64(bitcast<u32>(nearest)) << 32u) | u64(leaf);
     let at = 2u * (pixel.y * params.width + pixel.x);
     let later = max(key, atomicMin(&visibility[at], key));
     if (later >> 32u) != u64(0xffffffffu) { atomicMin(&visibility[at + 1u], later); }
 }
 
-fn test_tiles(s: vec4<u32>, root: RelativeRoot, lane: u32) {
-    let own = countOneBits(s.z);
-    let end = group_inclusive_sum(own, lane);
-    let all = group_shuffle(end, 31u, lane);
-    for (var first = 0u; first < all; first += 32u) {
+fn test_tiles(tile: vec4<u32>, root: RelativeRoot, lane: u32) {
+    let count = countOneBits(tile.z);
+    let end = group_inclusive_sum(count, lane);
+    let total = group_shuffle(end, 31u, lane);
+    for (var first = 0u; first < total; first += 32u) {
         let k = first + lane;
         let owner = count_at_most(k, end, lane);
-        let leaf = group_shuffle(s.x, owner, lane);
-        let corner = group_shuffle(s.y, owner, lane);
-        let bit = nth_bit(group_shuffle(s.z, owner, lane), k - group_shuffle(end - own, owner, lane));
+        let leaf = group_shuffle(tile.x, owner, lane);
+        let corner = group_shuffle(tile.y, owner, lane);
+        let bit = nth_bit(group_shuffle(tile.z, owner, lane), k - group_shuffle(end - count, owner, lane));
         let pixel = vec2<u32>(corner & 0xffffu, corner >> 16u) + vec2<u32>(bit & 7u, bit >> 3u);
-        if k < all { try_pixel(leaf, pixel, root); }
+        if k < total { test_pixel(leaf, pixel, root); }
     }
 }
 
 // Tests the tiles of one of `teams` teams.
-fn test_share(team: u32, teams: u32, count: u32, lane: u32) {
+fn test_tiles_of_team(team: u32, teams: u32, count: u32, lane: u32) {
     let root = root_relative_to(eye());
     for (var first = 32u * team; first < count; first += 32u * teams) {
-        var s = vec4<u32>(0u);
-        if first + lane < count { s = covers[LISTED + first + lane]; }
-        test_tiles(s, root, lane);
+        var tile = vec4<u32>(0u);
+        if first + lane < count { tile = covers[LARGE_CAPACITY + first + lane]; }
+        test_tiles(tile, root, lane);
     }
 }
 
 // Returns whether all tiles were stored and the tests take less time than traversal would.
-fn tell_all(tiles: u32, pixels: u32) -> bool {
-    return tiles <= params.raster.tiles && atomicLoad(&counts[LARGE_TRIANGLE_COUNT]) <= LISTED && atomicLoad(&counts[TEST_COUNT]) <= 2u * pixels;
+fn is_rasterization_complete(tiles: u32, pixels: u32) -> bool {
+    return tiles <= params.raster.tiles && atomicLoad(&counts[LARGE_TRIANGLE_COUNT]) <= LARGE_CAPACITY && atomicLoad(&counts[TEST_COUNT]) <= 2u * pixels;
 }
 
 // Returns the number of tiles to test, the same for all invocations of a workgroup.
-fn count_stamps(local: u32, group: u32) -> u32 {
+fn load_tile_count(local: u32, group: u32) -> u32 {
     if local == 0u {
-        let tiles = atomicLoad(&counts[TILE_COUNT]);
+        let count = atomicLoad(&counts[TILE_COUNT]);
         let pixels = params.width * params.height;
-        let tells = tell_all(tiles, pixels);
-        stamp_count = select(0u, tiles, tells);
-        if !tells && group == 0u {
+        let is_complete = is_rasterization_complete(count, pixels);
+        tile_count = select(0u, count, is_complete);
+        if !is_complete && group == 0u {
             atomicStore(&counts[RASTER_INCOMPLETE], 1u);
-            atomicMin(&visibility[KEPT * pixels], u64(0u));
+            atomicMin(&visibility[KEYS_PER_PIXEL * pixels], u64(0u));
         }
     }
-    return workgroupUniformLoad(&stamp_count);
+    return workgroupUniformLoad(&tile_count);
 }
 
 // First hits, triangle by triangle. Each workgroup is a team.
@@ -123,7 +123,7 @@ fn count_stamps(local: u32, group: u32) -> u32 {
 // Parameters: raster.
 @compute @workgroup_size(32)
 fn rasterize(@builtin(local_invocation_index) lane: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    test_share(group.x, groups.x, count_stamps(lane, group.x), lane);
+    test_tiles_of_team(group.x, groups.x, load_tile_count(lane, group.x), lane);
 }
 
 // First hits, triangle by triangle. Each subgroup is a team.
@@ -132,5 +132,5 @@ fn rasterize(@builtin(local_invocation_index) lane: u32, @builtin(workgroup_id) 
 // Parameters: raster.
 @compute @workgroup_size(128)
 fn rasterize_by_subgroups(@builtin(local_invocation_index) local: u32, @builtin(subgroup_invocation_id) lane: u32, @builtin(subgroup_id) team: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    test_share(4u * group.x + team, 4u * groups.x, count_stamps(local, group.x), lane);
+    test_tiles_of_team(4u * group.x + team, 4u * groups.x, load_tile_count(local, group.x), lane);
 }

@@ -15,17 +15,17 @@ import package::lib::buffers::{counts, hits, triangles};
 import package::lib::counters::{HIT_COUNT, OCCLUDED_COUNT};
 import package::lib::ieee::{divide_by, divisor};
 import package::lib::params::params;
-import package::traversal::finish::{finish_miss, finish_ray};
+import package::traversal::finish::{write_hit_and_shadow, write_miss};
 import package::traversal::traverse::find_closest;
-import package::visibility::cover::KEPT;
+import package::visibility::cover::KEYS_PER_PIXEL;
 
 @group(0) @binding(next) var<storage, read> visibility: array<vec2<u32>>;
 
 // Writes each pixel's hit from the visibility buffer, and traces its shadow ray: see docs/design/visibility-buffer.md. If the
 // buffer is incomplete, each ray traverses the tree, as in `trace_and_shadow_camera`.
-const NOT_SEEN: vec2<u32> = vec2<u32>(0xffffffffu);
+const NO_KEY: vec2<u32> = vec2<u32>(0xffffffffu);
 
-fn turn(ray: PreparedRay, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, triangle: u32) -> PermutedTriangle {
+fn permute_triangle(ray: PreparedRay, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, triangle: u32) -> PermutedTriangle {
     let p = permute(a, ray.axis);
     let q = permute(b, ray.axis);
     let r = permute(c, ray.axis);
@@ -34,51 +34,51 @@ fn turn(ray: PreparedRay, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, triangle: u3
 
 // Returns the same as `hit_of`, for a triangle that is hit at a known t.
 fn hit_at(ray: PreparedRay, corners: PermutedTriangle, t: u32) -> vec4<u32> {
-    let c = undivided_hit(edges_of(ray, corners));
-    let by = divisor(c.det);
-    let weights = vec2<f32>(divide_by(c.v, by), divide_by(c.w, by));
+    let undivided = undivided_hit(edges_of(ray, corners));
+    let det_divisor = divisor(undivided.det);
+    let weights = vec2<f32>(divide_by(undivided.v, det_divisor), divide_by(undivided.w, det_divisor));
     return vec4<u32>(in_ray_units(bitcast<f32>(t), ray.exponent), bitcast<vec2<u32>>(weights), corners.triangle);
 }
 
 // Traverses the tree. Returns the result in the format of the visibility buffer.
 @if(WATERTIGHT)
-fn search(i: u32, ray: PreparedRay) -> vec2<u32> {
+fn traverse_to_key(i: u32, ray: PreparedRay) -> vec2<u32> {
     let best = find_closest(ray);
-    if best.leaf == NO_LEAF { return NOT_SEEN; }
+    if best.leaf == NO_LEAF { return NO_KEY; }
     let corners = permuted_corners(ray, best.leaf);
     return vec2<u32>(corners.triangle, bitcast<u32>(distance_to(ray, corners, edges_of(ray, corners))));
 }
 
 // Writes the hit and the shadow of ray `i`.
 @if(WATERTIGHT)
-fn resolve_pixel(i: u32, ray: PreparedRay, tells: bool, origin: vec3<f32>) {
-    var seen = visibility[i];
-    if !tells { seen = search(i, ray); }
-    if seen.y == NOT_SEEN.y {
-        finish_miss(i);
+fn resolve_pixel(i: u32, ray: PreparedRay, is_complete: bool, origin: vec3<f32>) {
+    var key = visibility[i];
+    if !is_complete { key = traverse_to_key(i, ray); }
+    if key.y == NO_KEY.y {
+        write_miss(i);
         return;
     }
     atomicAdd(&counts[HIT_COUNT], 1u);
-    let triangle = seen.x;
+    let triangle = key.x;
     let a = scaled_vertex(triangles[3u * triangle]);
     let b = scaled_vertex(triangles[3u * triangle + 1u]);
     let c = scaled_vertex(triangles[3u * triangle + 2u]);
-    let hit = hit_at(ray, turn(ray, a, b, c, triangle), seen.y);
+    let hit = hit_at(ray, permute_triangle(ray, a, b, c, triangle), key.y);
     hits[i] = hit;
     store_occluded(i, is_occluded(shadow_segment(a, b, c, hit, origin), triangle), OCCLUDED_COUNT);
 }
 
 // Writes the hit and the shadow of ray `i`. The first leaf has the hit if that is sure and ends before all others begin.
 @else
-fn resolve_pixel(i: u32, ray: PreparedRay, tells: bool, origin: vec3<f32>) {
+fn resolve_pixel(i: u32, ray: PreparedRay, is_complete: bool, origin: vec3<f32>) {
     var best = initial_best(ray);
     var is_first = false;
-    if tells {
+    if is_complete {
         best = intersect_single(ray, visibility[2u * i].x);
         is_first = has_hit(best) && bitcast<u32>(search_limit(best)) < visibility[2u * i + 1u].y;
     }
     if !is_first { best = find_closest(ray); }
-    finish_ray(i, ray, best, origin);
+    write_hit_and_shadow(i, ray, best, origin);
 }
 
 // Variants: intersector, arithmetic.
@@ -88,12 +88,12 @@ fn resolve(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) g
     let pixel = pixel_of(local, group);
     if pixel.x >= params.width || pixel.y >= params.height { return; }
     let i = pixel.y * params.width + pixel.x;
-    let tells = visibility[KEPT * params.width * params.height].y == NOT_SEEN.y;
+    let is_complete = visibility[KEYS_PER_PIXEL * params.width * params.height].y == NO_KEY.y;
     let direction = pixel_direction(pixel);
     let origin = eye();
-    if (tells && visibility[KEPT * i].y == NOT_SEEN.y) || is_untraceable(direction, origin) {
-        finish_miss(i);
+    if (is_complete && visibility[KEYS_PER_PIXEL * i].y == NO_KEY.y) || is_untraceable(direction, origin) {
+        write_miss(i);
         return;
     }
-    resolve_pixel(i, camera_ray(direction, origin, root_relative_to(origin)), tells, origin);
+    resolve_pixel(i, camera_ray(direction, origin, root_relative_to(origin)), is_complete, origin);
 }

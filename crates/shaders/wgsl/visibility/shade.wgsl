@@ -42,7 +42,7 @@ fn mul_each(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(mul(a.x, b.x), mul(a.y, b.y), mul(a.z, b.z));
 }
 
-fn dot_of(a: vec3<f32>, b: vec3<f32>) -> f32 {
+fn dot_product(a: vec3<f32>, b: vec3<f32>) -> f32 {
     return add(add(mul(a.x, b.x), mul(a.y, b.y)), mul(a.z, b.z));
 }
 
@@ -60,7 +60,7 @@ fn normalized_exponent(v: vec3<f32>) -> vec3<f32> {
 // method from the customary guess, because a device's square root need not be correctly rounded.
 fn unit(v: vec3<f32>) -> vec3<f32> {
     let w = normalized_exponent(v);
-    let square = dot_of(w, w);
+    let square = dot_product(w, w);
     if square == 0.0 { return w; }
     let half_square = mul(0.5, square);
     var y = bitcast<f32>(0x5f375a86u - (bitcast<u32>(square) >> 1u));
@@ -91,7 +91,7 @@ fn exponent_of(v: vec3<u32>) -> i32 {
 }
 
 // Returns a point in units of 2^exponent. Coordinates below 2^-64 become zero.
-fn to_fixed_point(v: vec3<u32>, exponent: i32) -> vec3<f32> {
+fn scale_to_unit(v: vec3<u32>, exponent: i32) -> vec3<f32> {
     return vec3<f32>(
         snapped(scale_bits(v.x, -exponent)),
         snapped(scale_bits(v.y, -exponent)),
@@ -104,19 +104,19 @@ fn within(a: f32, e1: f32, e2: f32, u: f32, v: f32) -> f32 {
     return add(a, add(flushed(mul(e1, u)), flushed(mul(e2, v))));
 }
 
-fn cross_of(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
+fn cross_product(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
     return sub_each(mul_each(a.yzx, b.zxy), mul_each(a.zxy, b.yzx));
 }
 
 // Returns the light that leaves a hit towards the eye. `direction` is the ray's direction, of length 1.
-fn surface(hit: vec4<u32>, in_shadow: bool, direction: vec3<f32>) -> vec3<f32> {
+fn surface_light(hit: vec4<u32>, in_shadow: bool, direction: vec3<f32>) -> vec3<f32> {
     let corners = points_of(hit.w);
-    let own = max(exponent_of(corners[0]), max(exponent_of(corners[1]), exponent_of(corners[2])));
-    let a = to_fixed_point(corners[0], own);
-    let e1 = sub_each(to_fixed_point(corners[1], own), a);
-    let e2 = sub_each(to_fixed_point(corners[2], own), a);
-    var normal = unit(cross_of(normalized_exponent(e1), normalized_exponent(e2)));
-    if dot_of(normal, direction) > 0.0 { normal = -normal; }
+    let exponent = max(exponent_of(corners[0]), max(exponent_of(corners[1]), exponent_of(corners[2])));
+    let a = scale_to_unit(corners[0], exponent);
+    let e1 = sub_each(scale_to_unit(corners[1], exponent), a);
+    let e2 = sub_each(scale_to_unit(corners[2], exponent), a);
+    var normal = unit(cross_product(normalized_exponent(e1), normalized_exponent(e2)));
+    if dot_product(normal, direction) > 0.0 { normal = -normal; }
     var light = ambient(normal);
     if !in_shadow {
         let u = bitcast<f32>(hit.y);
@@ -124,9 +124,9 @@ fn surface(hit: vec4<u32>, in_shadow: bool, direction: vec3<f32>) -> vec3<f32> {
         let point = vec3<f32>(within(a.x, e1.x, e2.x, u, v), within(a.y, e1.y, e2.y, u, v), within(a.z, e1.z, e2.z, u, v));
         // The lamp is in scene units. Both points are converted to the larger unit.
         let lamp = bitcast<vec3<u32>>(params.light);
-        let larger = max(own, exponent_of(lamp));
-        let to_lamp = unit(sub_each(to_fixed_point(lamp, larger), to_fixed_point(bitcast<vec3<u32>>(point), larger - own)));
-        let facing = max(dot_of(normal, to_lamp), 0.0);
+        let larger = max(exponent, exponent_of(lamp));
+        let to_lamp = unit(sub_each(scale_to_unit(lamp, larger), scale_to_unit(bitcast<vec3<u32>>(point), larger - exponent)));
+        let facing = max(dot_product(normal, to_lamp), 0.0);
         light = vec3<f32>(
             add(light.x, mul(LAMP.x, facing)),
             add(light.y, mul(LAMP.y, facing)),
@@ -160,7 +160,7 @@ fn shade(@builtin(global_invocation_id) id: vec3<u32>) {
     if hit.w == 0xffffffffu {
         light = sky(direction);
     } else {
-        light = surface(hit, occluded[i] != 0u, direction);
+        light = surface_light(hit, occluded[i] != 0u, direction);
     }
     pixels[i] = level(light.x) | (level(light.y) << 8u) | (level(light.z) << 16u) | 0xff000000u;
 }
