@@ -31,9 +31,9 @@ pub(crate) fn compile(out: &Path, sources: &Sources) -> Result<String> {
         "miss",
         "camera_closest",
         "camera_shadow",
-        "given_closest",
-        "given_shadow",
-        "given_any",
+        "explicit_closest",
+        "explicit_shadow",
+        "explicit_any",
     ];
     let mut source = sources.compose(PIPELINE, &stages, &KEPT, &[])?;
     for (here, there) in UNKNOWN {

@@ -94,23 +94,23 @@ kernel_params! {
     /// Parameters of kernels that search along rays, and of those that resolve open rays.
     SearchParams = "search" { undecided_rays_at, undecided_shadows_at, fallback_workers, candidate_capacity, workgroups_per_list }
     /// Parameters of kernels that rasterize.
-    RasterParams = "raster" { tiles }
+    RasterParams = "raster" { tile_capacity }
     /// Parameters of kernels that answer extreme rays.
     ExtremesParams = "extremes" { rule, answer_words }
     /// Parameters of `measure_range`.
     MeasureParams = "measure" { sample_step }
     /// Parameters of kernels that compute records and boxes of treelets.
-    TreeletsParams = "treelets" { first, listed, all, sum_counter }
+    TreeletsParams = "treelets" { first, uses_list, treelet_count, sum_counter }
     /// Parameters of `sum_costs`.
     SumParams = "sum" { counter }
     /// Parameters of `interpolate`.
-    InterpolationParams = "interpolation" { listed }
+    InterpolationParams = "interpolation" { uses_list }
     /// Parameters of `copy_points`.
     PointsParams = "points" { source_at, target_at }
     /// Parameters of kernels that sort.
     SortParams = "sort" { source_at, target_at, shift }
     /// Parameters of `cluster`.
-    PhaseParams = "phase" { first_tile, source_at, target_at, early, goal, rounds }
+    PhaseParams = "phase" { first_tile, source_at, target_at, tile_offset, clusters_per_tile, search_rounds }
     /// Parameters of `count_answers`.
     AnswerParams = "answer" { words, word, miss, counter }
 }

@@ -95,7 +95,7 @@ mod tests {
             "const CANDIDATES_AT_ONCE: u32 = {}u;",
             crate::work::CANDIDATES_AT_ONCE
         );
-        says("resolve_exact_together", &at_once);
+        says("resolve_exact_hits_and_shadows", &at_once);
     }
 
     #[test]

@@ -136,8 +136,8 @@ pub fn arithmetic(operands: usize) -> Work {
 /// of the later key frame. If `moving_rows` is set, only writes that number of rows of four floats. The buffer `moving_rows`
 /// then lists the rows: see [`crate::moving_rows`].
 pub fn interpolate(params: Params, vertices: usize, moving_rows: Option<usize>) -> Work {
-    let listed = moving_rows.is_some().into();
-    let params = params.with(InterpolationParams { listed });
+    let uses_list = moving_rows.is_some().into();
+    let params = params.with(InterpolationParams { uses_list });
     let rows = moving_rows.unwrap_or((vertices * 3).div_ceil(4));
     Work::linear(common("interpolate"), params, rows as u32)
 }
@@ -274,9 +274,9 @@ fn resolve_together(
     };
     let groups_of_all = Groups::Each(2 * workgroups_per_list + CANDIDATES_AT_ONCE * shadow_groups);
     [
-        over("resolve_exact_together", shared, groups_of_all),
+        over("resolve_exact_hits_and_shadows", shared, groups_of_all),
         over(HITS.fallback, own, fallback_groups(own)),
-        over("shadow_left", own, Groups::Each(shadow_groups)),
+        over("shadow_remaining", own, Groups::Each(shadow_groups)),
         over(SHADOWS.fallback, own, fallback_groups(own)),
     ]
 }

@@ -60,10 +60,10 @@ impl Rival for VulkanRt {
 /// Returns the ray generation shader of a query.
 fn maker(query: &Query<'_>) -> &'static str {
     match (query.kind, are_given(query)) {
-        (QueryKind::Any, _) => "given_any",
-        (QueryKind::Closest, true) => "given_closest",
+        (QueryKind::Any, _) => "explicit_any",
+        (QueryKind::Closest, true) => "explicit_closest",
         (QueryKind::Closest, false) => "camera_closest",
-        (QueryKind::ClosestAndShadow { .. }, true) => "given_shadow",
+        (QueryKind::ClosestAndShadow { .. }, true) => "explicit_shadow",
         (QueryKind::ClosestAndShadow { .. }, false) => "camera_shadow",
     }
 }

@@ -6,16 +6,16 @@ use bvh_build::MAX_DEPTH;
 /// Number of clusters of a tile.
 pub(super) const TILE: u32 = 512;
 /// Number of clusters that a tile leaves, except in the last phase.
-const GOAL: u32 = 128;
+const CLUSTERS_LEFT: u32 = 128;
 /// Number of rounds of pairing that reduce a full tile to its goal, and the last tile to the root.
-const PAIRING: u32 = (TILE / GOAL).ilog2();
+const PAIRING: u32 = (TILE / CLUSTERS_LEFT).ilog2();
 const LAST_PAIRING: u32 = TILE.ilog2();
 /// Maximum number of rounds by nearest neighbours. Further rounds find hardly any merges that pairing would not make.
-const MOST_ROUNDS: u32 = 8;
+const MAX_ROUNDS: u32 = 8;
 /// Number of such rounds that the last phase receives before all others.
 const LAST_ROUNDS: u32 = 16;
 // Even the short first tile of every other phase has enough clusters to leave its goal.
-const _: () = assert!(TILE / 2 >= GOAL);
+const _: () = assert!(TILE / 2 >= CLUSTERS_LEFT);
 
 /// A phase: the number of its clusters, and its parameters.
 #[derive(Clone, Copy, Debug)]
@@ -27,14 +27,14 @@ pub(super) struct Phase {
 impl Phase {
     /// Returns the number of tiles.
     pub(super) fn tiles(&self) -> u32 {
-        (self.count + self.own.early).div_ceil(TILE)
+        (self.count + self.own.tile_offset).div_ceil(TILE)
     }
 
     /// Returns the number of clusters after the phase.
     pub(super) fn left(&self) -> u32 {
         let whole = self.tiles() - 1;
-        let last = self.count - (whole * TILE).saturating_sub(self.own.early);
-        whole * self.own.goal + last.min(self.own.goal)
+        let last = self.count - (whole * TILE).saturating_sub(self.own.tile_offset);
+        whole * self.own.clusters_per_tile + last.min(self.own.clusters_per_tile)
     }
 }
 
@@ -44,7 +44,7 @@ pub(super) fn of(leaves: u32) -> Vec<Phase> {
     let mut next = Phase {
         count: leaves,
         own: PhaseParams {
-            goal: 1,
+            clusters_per_tile: 1,
             ..PhaseParams::default()
         },
     };
@@ -54,8 +54,8 @@ pub(super) fn of(leaves: u32) -> Vec<Phase> {
             own: PhaseParams {
                 // Alternates between two areas: that of the leaves is free after the first phase.
                 target_at: if next.own.source_at == 0 { leaves } else { 0 },
-                early: phases.len() as u32 % 2 * (TILE / 2),
-                goal: GOAL,
+                tile_offset: phases.len() as u32 % 2 * (TILE / 2),
+                clusters_per_tile: CLUSTERS_LEFT,
                 ..next.own
             },
         };
@@ -77,11 +77,11 @@ fn share_rounds(phases: &mut [Phase]) {
     let many = others.len() as u32;
     let levels = MAX_DEPTH - LAST_PAIRING - PAIRING * many;
     let each = (levels - LAST_ROUNDS.min(levels)).checked_div(many);
-    let each = each.unwrap_or(0).min(MOST_ROUNDS);
+    let each = each.unwrap_or(0).min(MAX_ROUNDS);
     for phase in others {
-        phase.own.rounds = each;
+        phase.own.search_rounds = each;
     }
-    last.own.rounds = levels - each * many;
+    last.own.search_rounds = levels - each * many;
 }
 
 #[cfg(test)]
@@ -114,10 +114,10 @@ mod tests {
         for leaves in SMALL.into_iter().chain(LARGE) {
             let phases = of(leaves);
             let pairing = LAST_PAIRING + PAIRING * (phases.len() as u32 - 1);
-            let rounds: u32 = phases.iter().map(|p| p.own.rounds).sum();
-            assert!(rounds + pairing <= MAX_DEPTH, "{leaves}");
+            let search_rounds: u32 = phases.iter().map(|p| p.own.search_rounds).sum();
+            assert!(search_rounds + pairing <= MAX_DEPTH, "{leaves}");
             assert!(
-                phases.iter().all(|p| p.own.rounds > 0),
+                phases.iter().all(|p| p.own.search_rounds > 0),
                 "{leaves}: {phases:?}"
             );
         }

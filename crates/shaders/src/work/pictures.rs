@@ -55,7 +55,9 @@ pub(super) fn by_rasterization(
     let pixels = camera.width * camera.height;
     let triangles = params.node_count.div_ceil(2);
     let tiles = triangles + pixels / 4;
-    let params = projected(seen, camera)?.with(RasterParams { tiles });
+    let params = projected(seen, camera)?.with(RasterParams {
+        tile_capacity: tiles,
+    });
     let kept = match intersector {
         Intersector::Watertight => 1,
         _ => 2,

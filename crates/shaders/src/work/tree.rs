@@ -81,15 +81,15 @@ impl TreeProgress {
     /// zero-area triangles that it skips.
     fn records(&self, intersector: Intersector, params: Params, tree: &Shape) -> (Work, u32) {
         let entry = if reads_keys(tree) {
-            "preprocess_treelets_of_keys"
+            "preprocess_treelets_from_key_frames"
         } else {
             "preprocess_treelets"
         };
         let moving = tree.moving.as_ref().filter(|_| self.has_records);
         let lowest = levels(tree, moving).first().cloned().unwrap_or_default();
         let own = TreeletsParams {
-            listed: moving.is_some().into(),
-            all: if climbs(tree) {
+            uses_list: moving.is_some().into(),
+            treelet_count: if climbs(tree) {
                 tree.treelet_count()
             } else {
                 0
@@ -115,8 +115,8 @@ impl TreeProgress {
             return vec![sum(params, all, counter)];
         }
         let own = |level| TreeletsParams {
-            listed: moving.is_some().into(),
-            all: if level + 1 == levels.len() { all } else { 0 },
+            uses_list: moving.is_some().into(),
+            treelet_count: if level + 1 == levels.len() { all } else { 0 },
             sum_counter: counter,
             ..TreeletsParams::default()
         };
@@ -150,7 +150,7 @@ impl TreeProgress {
 /// Returns the dispatch that gathers the vertices of a newly adopted tree's leaves.
 fn gather_corners(params: Params, tree: &Shape) -> Work {
     let params = params.with(TreeletsParams {
-        all: tree.treelet_count(),
+        treelet_count: tree.treelet_count(),
         ..TreeletsParams::default()
     });
     Work::linear(common("gather_corners"), params, 3 * tree.leaf_count)
@@ -205,7 +205,7 @@ pub(crate) fn sum(params: Params, groups: u32, counter: u32) -> Work {
 mod tests {
     use super::*;
 
-    /// Entry point, first treelet, count, number of all treelets and `listed` of a dispatch.
+    /// Entry point, first treelet, count, number of all treelets and `uses_list` of a dispatch.
     type Told = (&'static str, u32, u32, u32, u32);
 
     fn told(work: &[Work]) -> Vec<Told> {
@@ -215,8 +215,8 @@ mod tests {
                 w.kernel.entry,
                 own.first,
                 w.params.count,
-                own.all,
-                own.listed,
+                own.treelet_count,
+                own.uses_list,
             )
         };
         work.iter().map(told).collect()
@@ -246,7 +246,7 @@ mod tests {
         let (work, uncounted) = progress.preprocess(intersector, params, &tree);
         let whole = vec![
             ("gather_corners", 0, 60_000, 94, 0),
-            ("preprocess_treelets_of_keys", 0, 90, 94, 0),
+            ("preprocess_treelets_from_key_frames", 0, 90, 94, 0),
         ];
         assert_eq!((told(&work), uncounted), (whole, 0));
         assert_eq!(beside(&work), [true, false]);
@@ -256,7 +256,7 @@ mod tests {
         assert!(work.is_empty());
         progress.submitted();
         let (work, uncounted) = progress.preprocess(intersector, params, &tree);
-        let listed = vec![("preprocess_treelets_of_keys", 500, 7, 94, 1)];
+        let listed = vec![("preprocess_treelets_from_key_frames", 500, 7, 94, 1)];
         assert_eq!((told(&work), uncounted), (listed, 4));
         assert_eq!(beside(&work), [true]);
         assert_eq!(sum_counter(&work[0]), offset_of!(Counts, areas));

@@ -9,7 +9,7 @@
 // With n leaves, merge m (counted over all phases) makes inner node n - 2 - m, and its two clusters become adjacent children. The
 // last merge makes the root. A cluster is a node that is not stored yet: its box and its traversal reference.
 //
-// Each round adds at most one level to the tree. The host bounds the number of rounds: after params.phase.rounds rounds, neighbours
+// Each round adds at most one level to the tree. The host bounds the number of rounds: after params.phase.search_rounds rounds, neighbours
 // merge in pairs.
 
 import package::geometry::node::{LEAF, TWO_TRIANGLES, child_row};
@@ -85,10 +85,10 @@ fn nearest_to(i: u32, count: u32) -> u32 {
     return best;
 }
 
-// Returns the cluster to merge with: the nearest one, or the neighbour of a fixed pair after `params.phase.rounds` rounds.
+// Returns the cluster to merge with: the nearest one, or the neighbour of a fixed pair after `params.phase.search_rounds` rounds.
 fn partner_of(i: u32, count: u32, round: u32) -> u32 {
     if i >= count { return i; }
-    if round < params.phase.rounds { return nearest_to(i, count); }
+    if round < params.phase.search_rounds { return nearest_to(i, count); }
     return select(i, i ^ 1u, (i ^ 1u) < count);
 }
 
@@ -152,7 +152,7 @@ fn run_round(local: u32, count: u32, round: u32, inner: u32) -> f32 {
     if local < count { mark_merged(local); }
     if local + 256u < count { mark_merged(local + 256u); }
     workgroupBarrier();
-    let merges = min(merged_before(CLUSTER_TILE), count - params.phase.goal);
+    let merges = min(merged_before(CLUSTER_TILE), count - params.phase.clusters_per_tile);
     let first = result_of_round(local, count, merges, inner);
     let second = result_of_round(local + 256u, count, merges, inner);
     workgroupBarrier();
@@ -171,12 +171,12 @@ fn fetch_cluster(i: u32) -> Cluster {
 // Writes a remaining cluster of a tile for the next phase. The last remaining cluster is the root.
 fn write_remaining(tile: u32, i: u32) {
     let c = load_cluster(i);
-    if params.phase.goal == 1u {
+    if params.phase.clusters_per_tile == 1u {
         nodes[0] = pack_low(c);
         nodes[1] = pack_high(c);
         return;
     }
-    let to = params.phase.target_at + tile * params.phase.goal + i;
+    let to = params.phase.target_at + tile * params.phase.clusters_per_tile + i;
     clusters[2u * to] = pack_low(c);
     clusters[2u * to + 1u] = pack_high(c);
 }
@@ -207,17 +207,17 @@ fn cluster(
 ) {
     let tile = group.x + group.y * groups.x;
     // In every other phase, tiles begin half a tile earlier, so that their borders differ.
-    let begin = max(tile * CLUSTER_TILE, params.phase.early) - params.phase.early;
-    let end = max(min(tile * CLUSTER_TILE + CLUSTER_TILE - params.phase.early, params.count), begin);
+    let begin = max(tile * CLUSTER_TILE, params.phase.tile_offset) - params.phase.tile_offset;
+    let end = max(min(tile * CLUSTER_TILE + CLUSTER_TILE - params.phase.tile_offset, params.count), begin);
     if begin + local < end { store_cluster(local, fetch_cluster(params.phase.source_at + begin + local)); }
     if begin + local + 256u < end { store_cluster(local + 256u, fetch_cluster(params.phase.source_at + begin + local + 256u)); }
     if local == 0u { cluster_count = end - begin; }
     // Every merge in earlier phases and earlier tiles removed one cluster.
     let leaves = (params.node_count + 1u) / 2u;
-    var inner = leaves - 2u - (leaves - params.count) - (begin - tile * params.phase.goal);
+    var inner = leaves - 2u - (leaves - params.count) - (begin - tile * params.phase.clusters_per_tile);
     var area = 0.0;
     var count = workgroupUniformLoad(&cluster_count);
-    for (var round = 0u; count > params.phase.goal; round += 1u) {
+    for (var round = 0u; count > params.phase.clusters_per_tile; round += 1u) {
         area += run_round(local, count, round, inner);
         let remaining = workgroupUniformLoad(&cluster_count);
         inner -= count - remaining;

@@ -48,7 +48,7 @@ fn is_finite_bits(x: u32) -> bool { return (x & 0x7f800000u) != 0x7f800000u; }
 fn interpolate(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     var i = element(id, groups, 128u);
     if i >= params.count { return; }
-    if params.interpolation.listed == 1u { i = moving_rows[i]; }
+    if params.interpolation.uses_list == 1u { i = moving_rows[i]; }
     let a = earlier[i];
     // At a key frame the bits are copied and the later frame is not read.
     if bitcast<u32>(params.alpha) == 0u {

@@ -33,7 +33,7 @@ struct Treelet {
 // Returns the treelet at `index` of a dispatch.
 fn treelet_at(index: u32) -> u32 {
     let at = params.treelets.first + index;
-    if params.treelets.listed == 1u { return topology[at]; }
+    if params.treelets.uses_list == 1u { return topology[at]; }
     return at;
 }
 

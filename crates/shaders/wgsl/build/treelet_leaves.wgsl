@@ -35,43 +35,43 @@ const SHARED: u32 = 0x80000000u;
 fn gather_corners(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let i = element(id, groups, 256u);
     if i >= params.count { return; }
-    if i < params.treelets.all { costs[params.treelets.all + i] = 0u; }
+    if i < params.treelets.treelet_count { costs[params.treelets.treelet_count + i] = 0u; }
     let triangle = topology[params.leaf_triangles_at + i / 3u] & ~SHARED;
     leaf_corners[i] = triangles[3u * triangle + i % 3u];
 }
 
 // A triangle's corners, from positions.
 
-@if(!preprocess_treelets_of_keys)
+@if(!preprocess_treelets_from_key_frames)
 struct SceneCorners { a: vec3<u32>, b: vec3<u32>, c: vec3<u32> }
 
-@if(!preprocess_treelets_of_keys)
+@if(!preprocess_treelets_from_key_frames)
 fn load_corners(vertices: vec3<u32>) -> SceneCorners {
     return SceneCorners(point_of(vertices.x), point_of(vertices.y), point_of(vertices.z));
 }
 
 // Returns the same corners where they are rarely needed.
-@if(!preprocess_treelets_of_keys)
+@if(!preprocess_treelets_from_key_frames)
 fn reload_corners(vertices: vec3<u32>) -> SceneCorners { return load_corners(vertices); }
 
 // A triangle's corners, blended from two key frames to the same bits that `interpolate` writes.
 
-@if(preprocess_treelets_of_keys)
+@if(preprocess_treelets_from_key_frames)
 struct SceneCorners { a: vec3<u32>, b: vec3<u32>, c: vec3<u32> }
 
-@if(preprocess_treelets_of_keys)
+@if(preprocess_treelets_from_key_frames)
 fn earlier_point(vertex: u32) -> vec3<u32> {
     let at = 3u * vertex;
     return vec3<u32>(earlier[at], earlier[at + 1u], earlier[at + 2u]);
 }
 
-@if(preprocess_treelets_of_keys)
+@if(preprocess_treelets_from_key_frames)
 fn later_point(vertex: u32) -> vec3<u32> {
     let at = 3u * vertex;
     return vec3<u32>(later[at], later[at + 1u], later[at + 2u]);
 }
 
-@if(preprocess_treelets_of_keys)
+@if(preprocess_treelets_from_key_frames)
 fn load_corners(vertices: vec3<u32>) -> SceneCorners {
     let from_a = earlier_point(vertices.x);
     let from_b = earlier_point(vertices.y);
@@ -87,18 +87,18 @@ fn load_corners(vertices: vec3<u32>) -> SceneCorners {
     return native;
 }
 
-@if(preprocess_treelets_of_keys)
+@if(preprocess_treelets_from_key_frames)
 fn blend_point_native(a: vec3<u32>, b: vec3<u32>) -> vec3<u32> {
     return vec3<u32>(blend_native(a.x, b.x), blend_native(a.y, b.y), blend_native(a.z, b.z));
 }
 
-@if(preprocess_treelets_of_keys)
+@if(preprocess_treelets_from_key_frames)
 fn any_needs_exact_blend(a: vec3<u32>, b: vec3<u32>, native: vec3<u32>) -> bool {
     return needs_exact_blend(a.x, b.x, native.x) || needs_exact_blend(a.y, b.y, native.y) || needs_exact_blend(a.z, b.z, native.z);
 }
 
 // Returns the same corners where they are rarely needed. A loop reads one corner at a time again, which saves registers.
-@if(preprocess_treelets_of_keys)
+@if(preprocess_treelets_from_key_frames)
 fn reload_corners(vertices: vec3<u32>) -> SceneCorners {
     var result = SceneCorners();
     var remaining = vertices;
@@ -185,7 +185,7 @@ fn build_treelet(local: u32, index: u32) {
     let leaf = topology[ENTRY_WORDS * treelet_index] + local;
     let is_leaf = local < topology[ENTRY_WORDS * treelet_index + LEAF_COUNT_IN_ENTRY];
     let packed_inner = inner_word(treelet_index, local);
-    @if(preprocess_treelets_of_keys)
+    @if(preprocess_treelets_from_key_frames)
     prefetch_parent(treelet_index);
     var word = 0u;
     if is_leaf {
@@ -199,7 +199,7 @@ fn build_treelet(local: u32, index: u32) {
     if (word & SHARED) != 0u { area = merge_leaf_pair(local, leaf); }
     workgroupBarrier();
     area += refit_treelet(t, packed_inner);
-    @if(preprocess_treelets_of_keys)
+    @if(preprocess_treelets_from_key_frames)
     finish_and_climb(treelet_index, local, area);
     @else
     finish_treelet(treelet_index, local, area);
@@ -228,7 +228,7 @@ fn preprocess_treelets(
 // Parameters: treelets.
 // Loaded with every scene.
 @compute @workgroup_size(256)
-fn preprocess_treelets_of_keys(
+fn preprocess_treelets_from_key_frames(
     @builtin(local_invocation_index) local: u32,
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,

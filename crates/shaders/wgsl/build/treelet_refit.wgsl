@@ -116,9 +116,9 @@ fn refit_treelets(
     if index >= params.count { return; }
     let treelet_index = treelet_at(index);
     let t = treelet(treelet_index);
-    let partials = refit_from_roots_below(t, treelet_index, local, params.treelets.all);
+    let partials = refit_from_roots_below(t, treelet_index, local, params.treelets.treelet_count);
     write_treelet(t, local);
-    store_sums(t, treelet_index, local, params.treelets.all, partials);
+    store_sums(t, treelet_index, local, params.treelets.treelet_count, partials);
 }
 
 // All treelets above those of triangles, in the same dispatch. The workgroup that arrives last at a parent continues with it, as
@@ -140,7 +140,7 @@ fn store_cost(i: u32, cost: f32) { atomicStore(&costs[i], bitcast<u32>(cost)); }
 fn store_count(i: u32, x: f32) { atomicStore(&counts[i], bitcast<u32>(x)); }
 
 // Returns where a root's words begin. The rows of all roots are contiguous, from the first treelet's on.
-fn words_of_root(row: u32) -> u32 { return 2u * params.treelets.all + 4u * (row - topology[ROOT_ROW_IN_ENTRY]); }
+fn words_of_root(row: u32) -> u32 { return 2u * params.treelets.treelet_count + 4u * (row - topology[ROOT_ROW_IN_ENTRY]); }
 
 @if(!refit_treelets)
 fn root_low(row: u32) -> vec4<u32> {
@@ -161,7 +161,7 @@ var<private> siblings: u32;
 fn prefetch_parent(treelet_index: u32) {
     parent = topology[ENTRY_WORDS * treelet_index + PARENT_IN_ENTRY];
     siblings = 0u;
-    if parent != NO_PARENT { siblings = topology[ENTRY_WORDS * parent + SIBLINGS_IN_ENTRY + params.treelets.listed]; }
+    if parent != NO_PARENT { siblings = topology[ENTRY_WORDS * parent + SIBLINGS_IN_ENTRY + params.treelets.uses_list]; }
 }
 
 // Passes a treelet's roots to its parent.
@@ -180,9 +180,9 @@ fn publish_roots(t: Treelet, local: u32) {
 
 // Returns the parent if all its other children have arrived, and resets its count for the next dispatch.
 fn arrive_at_parent() -> u32 {
-    let arrived = 1u + atomicAdd(&costs[params.treelets.all + parent], 1u);
+    let arrived = 1u + atomicAdd(&costs[params.treelets.treelet_count + parent], 1u);
     if arrived != siblings { return NO_PARENT; }
-    atomicStore(&costs[params.treelets.all + parent], 0u);
+    atomicStore(&costs[params.treelets.treelet_count + parent], 0u);
     return parent;
 }
 
@@ -190,10 +190,10 @@ fn arrive_at_parent() -> u32 {
 fn finish_and_climb(first: u32, local: u32, area: f32) {
     let sum = sum_of_group(local, area);
     if local == 0u { store_cost(first, sum); }
-    let last = params.treelets.all - 1u;
+    let last = params.treelets.treelet_count - 1u;
     var t = treelet(first);
     var treelet_index = first;
-    while params.treelets.all > 1u && treelet_index != last {
+    while params.treelets.treelet_count > 1u && treelet_index != last {
         publish_roots(t, local);
         storageBarrier();
         // The boxes are written while the count is in flight.
@@ -204,7 +204,7 @@ fn finish_and_climb(first: u32, local: u32, area: f32) {
         storageBarrier();
         prefetch_parent(treelet_index);
         t = treelet(treelet_index);
-        let all = select(0u, params.treelets.all, treelet_index == last);
+        let all = select(0u, params.treelets.treelet_count, treelet_index == last);
         store_sums(t, treelet_index, local, all, refit_from_roots_below(t, treelet_index, local, all));
     }
     write_treelet(t, local);

@@ -172,7 +172,7 @@ fn fallback_ray(worker: u32, i: u32) {
     fallback_any(worker, i, shadow_ray(segment), hits[i].w, 3u);
 }
 
-// Closest hits of rays that `resolve_exact_rays` or `resolve_exact_together` left open.
+// Closest hits of rays that `resolve_exact_rays` or `resolve_exact_hits_and_shadows` left open.
 //
 // Variants: intersector(exact), arithmetic.
 // Parameters: search.
@@ -190,7 +190,7 @@ fn fallback_any_rays(@builtin(local_invocation_index) local: u32, @builtin(workg
     resolve_assigned_rays(local, group.x + group.y * groups.x, UNDECIDED_RAYS);
 }
 
-// Shadow rays that `resolve_exact_shadow_rays` or `shadow_left` left open.
+// Shadow rays that `resolve_exact_shadow_rays` or `shadow_remaining` left open.
 //
 // Variants: intersector(exact).
 // Parameters: search.

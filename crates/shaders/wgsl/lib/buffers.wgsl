@@ -2,19 +2,19 @@
 // An entry point's name is a condition: a buffer is declared read-only for kernels that only read it.
 
 // The tree, two rows per node: lower corner of the box and the node's traversal reference, then the upper corner.
-@if(cluster || refit_treelets || preprocess_treelets || preprocess_treelets_of_keys)
+@if(cluster || refit_treelets || preprocess_treelets || preprocess_treelets_from_key_frames)
 @group(0) @binding(next) var<storage, read_write> nodes: array<vec4<u32>>;
 @else
 @group(0) @binding(next) var<storage, read> nodes: array<vec4<u32>>;
 
 // Triangle records, three rows each, in leaf order: see geometry/record.wgsl.
-@if(cluster_leaves || preprocess_treelets || preprocess_treelets_of_keys)
+@if(cluster_leaves || preprocess_treelets || preprocess_treelets_from_key_frames)
 @group(0) @binding(next) var<storage, read_write> records: array<vec4<u32>>;
 @else
 @group(0) @binding(next) var<storage, read> records: array<vec4<u32>>;
 
 // Per ray: t and two weights as bits, and the index of the triangle hit.
-@if(shadow_rays || shadow_left || resolve_exact_shadow_rays || fallback_shadow_rays || extreme_shadow_rays || shade)
+@if(shadow_rays || shadow_remaining || resolve_exact_shadow_rays || fallback_shadow_rays || extreme_shadow_rays || shade)
 @group(0) @binding(next) var<storage, read> hits: array<vec4<u32>>;
 @else
 @group(0) @binding(next) var<storage, read_write> hits: array<vec4<u32>>;
@@ -54,7 +54,7 @@
 @group(0) @binding(next) var<storage, read> costs: array<vec4<f32>>;
 @elif(gather_corners)
 @group(0) @binding(next) var<storage, read_write> costs: array<u32>;
-@elif(preprocess_treelets_of_keys)
+@elif(preprocess_treelets_from_key_frames)
 @group(0) @binding(next) var<storage, read_write> costs: array<atomic<u32>>;
 @else
 @group(0) @binding(next) var<storage, read_write> costs: array<f32>;

@@ -9,14 +9,14 @@ struct SearchParams {
     fallback_workers: u32,
     // Capacity for candidate notes: see candidates.wgsl.
     candidate_capacity: u32,
-    // `resolve_exact_together`: number of workgroups that share each of its two lists.
+    // `resolve_exact_hits_and_shadows`: number of workgroups that share each of its two lists.
     workgroups_per_list: u32,
 }
 
 // Kernels that rasterize.
 struct RasterParams {
     // Capacity for tiles: see cover.wgsl.
-    tiles: u32,
+    tile_capacity: u32,
 }
 
 // Kernels that answer extreme rays.
@@ -35,11 +35,11 @@ struct MeasureParams {
 
 // Kernels that compute records and boxes of treelets.
 struct TreeletsParams {
-    // Index of the first treelet; or the word of `topology` where the list of treelets begins, if `listed` is 1.
+    // Index of the first treelet; or the word of `topology` where the list of treelets begins, if `uses_list` is 1.
     first: u32,
-    listed: u32,
+    uses_list: u32,
     // Total number of treelets, for dispatches that reach the root. Otherwise 0.
-    all: u32,
+    treelet_count: u32,
     // Word of `counts` for the sum of areas.
     sum_counter: u32,
 }
@@ -53,7 +53,7 @@ struct SumParams {
 // `interpolate`.
 struct InterpolationParams {
     // 1 if `moving_rows` lists the rows to write.
-    listed: u32,
+    uses_list: u32,
 }
 
 // `copy_points`.
@@ -80,11 +80,11 @@ struct PhaseParams {
     source_at: u32,
     target_at: u32,
     // Number of clusters by which tiles begin early.
-    early: u32,
+    tile_offset: u32,
     // Number of clusters that each tile leaves.
-    goal: u32,
+    clusters_per_tile: u32,
     // Maximum number of rounds that search for nearest neighbours.
-    rounds: u32,
+    search_rounds: u32,
 }
 
 // `count_answers`.

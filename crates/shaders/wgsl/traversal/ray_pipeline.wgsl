@@ -109,13 +109,13 @@ fn trace_explicit(i: u32) -> vec4<u32> {
 fn ray_index(id: vec3<u32>, size: vec3<u32>) -> u32 { return id.y * size.x + id.x; }
 
 @ray_generation
-fn given_closest(@ray_invocation_id id: vec3<u32>, @num_ray_invocations size: vec3<u32>) {
+fn explicit_closest(@ray_invocation_id id: vec3<u32>, @num_ray_invocations size: vec3<u32>) {
     let i = ray_index(id, size);
     if i < params.count { hits[i] = trace_explicit(i); }
 }
 
 @ray_generation
-fn given_shadow(@ray_invocation_id id: vec3<u32>, @num_ray_invocations size: vec3<u32>) {
+fn explicit_shadow(@ray_invocation_id id: vec3<u32>, @num_ray_invocations size: vec3<u32>) {
     let i = ray_index(id, size);
     if i >= params.count { return; }
     let hit = trace_explicit(i);
@@ -124,7 +124,7 @@ fn given_shadow(@ray_invocation_id id: vec3<u32>, @num_ray_invocations size: vec
 }
 
 @ray_generation
-fn given_any(@ray_invocation_id id: vec3<u32>, @num_ray_invocations size: vec3<u32>) {
+fn explicit_any(@ray_invocation_id id: vec3<u32>, @num_ray_invocations size: vec3<u32>) {
     let i = ray_index(id, size);
     if i >= params.count { return; }
     let ray = load_ray(i);

@@ -98,7 +98,7 @@ fn cover_small(@builtin(local_invocation_index) local: u32, @builtin(global_invo
     if leaf < params.count { outline = outline_of(leaf, origin, coverage_max_distance(origin)); }
     let tile_counts = count_tiles(outline, leaf);
     let first = allocate_tiles(tile_counts.tiles, tile_counts.tests, local).own_first;
-    if tile_counts.tiles == 0u || first + tile_counts.tiles > params.raster.tiles { return; }
+    if tile_counts.tiles == 0u || first + tile_counts.tiles > params.raster.tile_capacity { return; }
     if tile_counts.tiles == 1u { store_tile(first, leaf, outline.first, tile_counts.pixels); } else { store_tiles(outline, leaf, first); }
 }
 
@@ -118,8 +118,8 @@ fn store_share(leaf: u32, local: u32, first: i32, groups_per_triangle: i32) {
         if all(corner <= outline.last) { pixels = loose_tile_mask(outline, corner); }
         let range = allocate_tiles(min(pixels, 1u), countOneBits(pixels), local);
         // The tiles do not fit, so rasterization is incomplete anyway.
-        if range.first > params.raster.tiles { break; }
-        if pixels != 0u && range.own_first < params.raster.tiles { store_tile(range.own_first, leaf, corner, pixels); }
+        if range.first > params.raster.tile_capacity { break; }
+        if pixels != 0u && range.own_first < params.raster.tile_capacity { store_tile(range.own_first, leaf, corner, pixels); }
     }
 }
 

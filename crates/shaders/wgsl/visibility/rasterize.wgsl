@@ -99,7 +99,7 @@ fn test_tiles_of_team(team: u32, teams: u32, count: u32, lane: u32) {
 
 // Returns whether all tiles were stored and the tests take less time than traversal would.
 fn is_rasterization_complete(tiles: u32, pixels: u32) -> bool {
-    return tiles <= params.raster.tiles && atomicLoad(&counts[LARGE_TRIANGLE_COUNT]) <= LARGE_CAPACITY && atomicLoad(&counts[TEST_COUNT]) <= 2u * pixels;
+    return tiles <= params.raster.tile_capacity && atomicLoad(&counts[LARGE_TRIANGLE_COUNT]) <= LARGE_CAPACITY && atomicLoad(&counts[TEST_COUNT]) <= 2u * pixels;
 }
 
 // Returns the number of tiles to test, the same for all invocations of a workgroup.
