@@ -91,11 +91,11 @@ macro_rules! kernel_params {
 }
 
 kernel_params! {
-    /// Parameters of kernels that search along rays, and of those that resolve open rays.
+    /// Parameters of kernels that search along rays, and of those that resolve undecided rays.
     SearchParams = "search" { undecided_rays_at, undecided_shadows_at, fallback_workers, candidate_capacity, workgroups_per_list }
     /// Parameters of kernels that rasterize.
     RasterParams = "raster" { tile_capacity }
-    /// Parameters of kernels that answer extreme rays.
+    /// Parameters of kernels that trace extreme rays.
     ExtremesParams = "extremes" { rule, answer_words }
     /// Parameters of `measure_range`.
     MeasureParams = "measure" { sample_step }
@@ -219,15 +219,15 @@ pub struct Counts {
     pub root_area: f32,
     /// Counterpart of `areas` for the candidate tree that is evaluated next to the current one. Both have the same root box.
     pub candidate_areas: f32,
-    /// Rays that `trace_*` and `any_*` left to `resolve_exact_*`, for `exact`.
+    /// Rays that `trace_*` and `any_*` left undecided, for `exact`.
     pub undecided: u32,
-    /// Shadow rays that `shadow_*` left to `resolve_exact_*`, for `exact`.
+    /// Shadow rays that `shadow_*` left undecided, for `exact`.
     pub undecided_shadows: u32,
-    /// Candidate notes for `resolve_exact_*`.
+    /// Candidates for `resolve_exact_*`.
     pub candidates: u32,
-    /// Rays that `resolve_exact_*` left to `fallback_*`, for `exact`.
+    /// Rays that `fallback_*` resolves, for `exact`.
     pub fallback_rays: u32,
-    /// Shadow rays that `resolve_exact_*` left to `fallback_*`, for `exact`.
+    /// Shadow rays that `fallback_*` resolves, for `exact`.
     pub fallback_shadows: u32,
     /// Tiles that `cover_small` and `cover_large` wrote.
     pub tiles: u32,
@@ -237,7 +237,7 @@ pub struct Counts {
     pub tests: u32,
     /// 1 if rasterization was incomplete, so that `resolve` traverses the tree: see [`crate::RasterBackoff`].
     pub raster_incomplete: u32,
-    /// 1 if `trace_rays` or `any_rays` left any ray to `extreme_*`.
+    /// 1 if `trace_rays` or `any_rays` met an extreme ray.
     pub found_extreme: u32,
     /// 2 if `measure_range` found coordinates of very different sizes, 1 if it did not, 0 if it did not run.
     pub spread: u32,

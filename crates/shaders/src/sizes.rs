@@ -27,8 +27,8 @@ pub fn tree_buffers(intersector: Intersector, leaves: u64) -> [(BufferName, u64)
     ]
 }
 
-/// Returns the size of the buffer `occluded` for `rays` rays, in words: one per ray. `exact` adds the list of open rays,
-/// notes of three words (`wgsl/intersect/candidates.wgsl`), and the stacks of `fallback.wgsl`.
+/// Returns the size of the buffer `occluded` for `rays` rays, in words: one per ray. `exact` adds the list of undecided
+/// rays, candidates of three words (`wgsl/intersect/candidates.wgsl`), and the stacks of `fallback.wgsl`.
 pub fn occluded_words(intersector: Intersector, rays: u64) -> u64 {
     match intersector {
         Intersector::Exact => undecided_shadows_at(rays) + rays,
@@ -36,7 +36,7 @@ pub fn occluded_words(intersector: Intersector, rays: u64) -> u64 {
     }
 }
 
-/// Returns where the list of open shadow rays begins in `occluded`, if the list of open rays is in use too.
+/// Returns where the list of undecided shadow rays begins in `occluded`, if the list of undecided rays is in use too.
 pub(crate) fn undecided_shadows_at(rays: u64) -> u64 {
     2 * rays + 3 * candidate_capacity(rays) + STACK_SIZE * u64::from(fallback_workers(rays))
 }
@@ -46,10 +46,10 @@ const STACK_SIZE: u64 = 64;
 /// Number of stacks that fills any device.
 const MAX_WORKERS: u32 = 2048;
 
-/// Number of notes if rays are few, since each may need many.
+/// Minimum capacity for candidates, since each of few rays may need many.
 const MIN_CANDIDATES: u64 = 1 << 16;
 
-/// Returns the capacity for notes: one per ray, but at least `MIN_CANDIDATES`.
+/// Returns the capacity for candidates: one per ray, but at least `MIN_CANDIDATES`.
 pub(crate) fn candidate_capacity(rays: u64) -> u64 {
     rays.max(MIN_CANDIDATES)
 }

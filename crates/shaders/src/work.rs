@@ -55,7 +55,7 @@ pub enum RaySource<'a> {
     Camera(&'a Camera),
 }
 
-/// Number of invocations that share the list of open rays, 16 per ray. They fill any device; most find no work.
+/// Number of invocations that share the list of undecided rays, 16 per ray. They fill any device. Most of them end at once.
 const RESOLVERS: u32 = 1 << 15;
 /// Number of workgroups that share the list of hits whose shadow rays are traced, one per ray.
 const SHADOW_GROUPS: u32 = 1 << 10;
@@ -230,7 +230,7 @@ fn usual(input: TraceInput<'_>, traits: Traits) -> Trace {
 fn picture(intersector: Intersector, params: Params, camera: &Camera, traits: Traits) -> Trace {
     let rays = RaySource::Camera(camera);
     let own = SearchParams {
-        // Both lists of open rays are in use at once.
+        // Both lists of undecided rays are in use at once.
         undecided_shadows_at: undecided_shadows_at(rays.count().into()) as u32,
         ..searching(rays)
     };
@@ -254,7 +254,7 @@ fn picture(intersector: Intersector, params: Params, camera: &Camera, traits: Tr
     trace
 }
 
-/// Returns the dispatches that resolve the hits and shadows that `exact` left open in a picture. Both are resolved at once, while
+/// Returns the dispatches that resolve the hits and shadows that `exact` left undecided in a picture. Both are resolved at once, while
 /// the shadow rays of all candidates are traced. The shadow rays that remain are traced at the end.
 fn resolve_together(
     intersector: Intersector,
@@ -288,7 +288,7 @@ struct SearchKernels {
     given: &'static str,
     /// Searches along a camera's rays.
     camera: &'static str,
-    /// For `exact`: resolves most of the rays that the search left open.
+    /// For `exact`: resolves most of the rays that the search left undecided.
     resolve: &'static str,
     /// For `exact`: resolves the remaining rays one by one.
     fallback: &'static str,
@@ -313,7 +313,7 @@ const SHADOWS: SearchKernels = SearchKernels {
     fallback: "fallback_shadow_rays",
 };
 
-/// Returns the parameters of a search over all rays and of the kernels that resolve its open rays.
+/// Returns the parameters of a search over all rays and of the kernels that resolve its undecided rays.
 fn searching(rays: RaySource<'_>) -> SearchParams {
     let count = rays.count();
     SearchParams {
@@ -334,8 +334,8 @@ fn fallback_groups(own: SearchParams) -> Groups {
     Groups::Linear(16 * own.fallback_workers)
 }
 
-/// Returns the dispatches that search along explicit or camera rays. For `exact`, candidate notes then resolve most of the
-/// open rays, and the rest are resolved one by one.
+/// Returns the dispatches that search along explicit or camera rays. For `exact`, most of the undecided rays are then
+/// resolved from their candidates, and the rest one by one.
 fn search(
     intersector: Intersector,
     params: Params,

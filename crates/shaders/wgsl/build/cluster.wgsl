@@ -99,7 +99,7 @@ fn mark_merged(i: u32) {
     if j < i && nearest_of(j) == i { atomicOr(&merged[i >> 5u], 1u << (i & 31u)); }
 }
 
-// Returns the number of marks before `i`.
+// Returns the number of clusters before `i` that are marked as merged.
 fn merged_before(i: u32) -> u32 {
     var count = countOneBits(atomicLoad(&merged[(i >> 5u) & 15u]) & ((1u << (i & 31u)) - 1u));
     for (var w = 0u; w < (i >> 5u); w += 1u) { count += countOneBits(atomicLoad(&merged[w])); }
@@ -168,7 +168,7 @@ fn fetch_cluster(i: u32) -> Cluster {
     return Cluster(bitcast<vec3<f32>>(low.xyz), bitcast<vec3<f32>>(high.xyz), low.w);
 }
 
-// Writes a remaining cluster of a tile for the next phase. The last remaining cluster is the root.
+// Writes a remaining cluster of a tile for the next phase. In the last phase, writes the root.
 fn write_remaining(tile: u32, i: u32) {
     let c = load_cluster(i);
     if params.phase.clusters_per_tile == 1u {

@@ -85,8 +85,8 @@ fn sort_scan(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id)
     if local == 0u { digits[256u * tiles + group.x] = before; }
 }
 
-// Radix sort, third step of a digit: writes each element to its place. The order of elements with equal digits is kept, so that
-// the sort by earlier digits is not lost.
+// Radix sort, third step of a digit: writes each element to its place. The sort is stable, so that the order
+// by earlier digits remains.
 
 // Place of the next element of each value.
 var<workgroup> next_places: array<u32, 256>;

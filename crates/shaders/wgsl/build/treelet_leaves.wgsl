@@ -134,8 +134,8 @@ fn vertices_of(leaf: u32) -> vec3<u32> {
     return vec3<u32>(leaf_corners[3u * leaf], leaf_corners[3u * leaf + 1u], leaf_corners[3u * leaf + 2u]);
 }
 
-// Returns whether a triangle without a visible area has exactly zero area. `params.zero` keeps the compiler from reusing the
-// corners, which would take registers.
+// Returns whether a triangle has exactly zero area, if rounded arithmetic did not show one. `params.zero` prevents the compiler
+// from reusing the corners, which would take registers.
 fn has_zero_area(leaf: u32) -> bool {
     let corners = reload_corners(vertices_of(leaf + params.zero));
     return is_degenerate(corners.a, corners.b, corners.c);

@@ -2,7 +2,7 @@
 
 // No leaf.
 const NO_LEAF: u32 = 0xffffffffu;
-// No node. Read as a leaf, it would come after all others.
+// No node. It has the flag of a leaf, with an index beyond all leaves.
 const NO_NODE: u32 = 0xffffffffu;
 // Flags: a leaf; a leaf of two triangles.
 const LEAF: u32 = 0x80000000u;
@@ -11,8 +11,8 @@ const TWO_TRIANGLES: u32 = 0x40000000u;
 // Returns the row of an inner node's left child. The right child is two rows further.
 fn child_row(at: u32) -> u32 { return 4u * at; }
 
-// Returns a leaf's first triangle, in leaf order.
+// Returns the index of a leaf's first triangle, in leaf order.
 fn first_triangle_of(at: u32) -> u32 { return at & 0x3fffffffu; }
 
-// Returns a reference to the second triangle of a leaf of two, else NONE.
+// Returns a reference to the second triangle of a leaf of two, else NO_NODE.
 fn second_triangle_of(at: u32) -> u32 { return select(NO_NODE, LEAF | (first_triangle_of(at) + 1u), (at & TWO_TRIANGLES) != 0u); }

@@ -41,7 +41,7 @@ fn camera_ray(direction: vec3<f32>, origin: vec3<f32>, root: RelativeRoot) -> Pr
     return prepare_ray(origin, bitcast<vec3<u32>>(direction), 0u, 0x7f800000u, root);
 }
 
-// Returns whether a ray's line surely misses the root box, before the ray is prepared: see "Rays that miss the root box" in
+// Returns whether a ray's line certainly misses the root box, before the ray is prepared: see "Rays that miss the root box" in
 // docs/design/hits.md.
 fn surely_misses_root(direction: vec3<f32>, root: RelativeRoot) -> bool {
     let center = (root.low + root.high) * 0.5;
@@ -51,12 +51,12 @@ fn surely_misses_root(direction: vec3<f32>, root: RelativeRoot) -> bool {
     let separation = abs(direction.yzx * center.zxy - direction.zxy * center.yzx);
     // 2^-100 exceeds any value that a device flushes.
     let radius = magnitudes.yzx * half_extent.zxy + magnitudes.zxy * half_extent.yzx + vec3<f32>(7.888609052210118e-31);
-    // Products that overflow decide nothing.
+    // An axis whose products overflow is inconclusive.
     let is_finite_axis = separation < vec3<f32>(3.0e38);
     return any(is_finite_axis & (separation > radius)) && root.max_distance < MAX_DISTANCE;
 }
 
-// Returns whether a pixel's ray surely hits nothing.
+// Returns whether a pixel's ray certainly hits nothing.
 fn misses_scene(direction: vec3<f32>, origin: vec3<f32>, root: RelativeRoot) -> bool {
     return is_untraceable(direction, origin) || surely_misses_root(direction, root);
 }
@@ -82,7 +82,8 @@ fn is_invalid_ray(first: vec4<u32>, second: vec4<u32>) -> bool {
     return is_untraceable(bitcast<vec3<f32>>(second.xyz), bitcast<vec3<f32>>(first.xyz)) || !is_interval;
 }
 
-// Returns whether ray `i` misses here: it is invalid, or left to `extreme_*`. An origin may also be too far for the scene's scale.
+// Returns whether this kernel treats explicit ray `i` as a miss: it is invalid, or extreme, so that `extreme_*` traces it. An
+// origin may also be too far away for the scene's scale.
 fn is_skipped(i: u32) -> bool {
     let first = rays[2u * i];
     if is_invalid_ray(first, rays[2u * i + 1u]) { return true; }
@@ -93,11 +94,11 @@ fn is_skipped(i: u32) -> bool {
     return is_deferred;
 }
 
-// Rays by index, for kernels that resolve what others left open: a camera's, or explicit ones if there is no picture.
+// Rays by index, for kernels that resolve undecided or extreme rays: a camera's, or explicit ones if `params.width` is 0.
 
 fn direction_of_ray(i: u32) -> vec3<f32> { return pixel_direction(vec2<u32>(i % params.width, i / params.width)); }
 
-// The rows of a ray, and its origin in scaled units.
+// A ray of the query: its two rows, and its origin in scaled units.
 struct QueryRay { first: vec4<u32>, second: vec4<u32>, origin: vec3<f32> }
 
 fn camera_query_ray(i: u32) -> QueryRay {

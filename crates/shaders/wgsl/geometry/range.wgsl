@@ -82,7 +82,7 @@ fn is_spread(local: u32, largest: u32) -> bool {
     return atomicLoad(&small_samples) > atomicLoad(&valid_samples) / 4u;
 }
 
-// Writes the results for all vertices.
+// Writes the range of all vertices.
 fn write_range(local: u32) {
     let largest = atomicLoad(&range[LARGEST]);
     let spread = is_spread(local, largest);

@@ -6,7 +6,7 @@ import package::lib::buffers::nodes;
 import package::lib::ieee::{Divisor, add, decode_float, divide_normal, divisor, mul, sub};
 import package::lib::params::params;
 
-// The corners of the root box relative to a ray's start, and the largest magnitude among their coordinates: D of the root.
+// The corners of the root box relative to a ray's origin, and the largest magnitude among their coordinates: D of the root.
 struct RelativeRoot { low: vec3<f32>, high: vec3<f32>, max_distance: f32 }
 
 fn root_relative_to(origin: vec3<f32>) -> RelativeRoot {
@@ -48,9 +48,9 @@ struct PreparedRay {
     direction: vec3<f32>,
     t_min: f32,
     t_max: f32,
-    // 1 / d per axis, with d pushed away from zero. The device's own reciprocal, where it decides no hit.
+    // 1 / d per axis, with d pushed away from zero. It is the device's own reciprocal where it does not decide a hit.
     inverse: vec3<f32>,
-    // No box is padded by more than slack * |1 / d|: 17 * 2^-24 * D of the root.
+    // No box is padded by more than max_padding * |1 / d|. 17 * 2^-24 * D of the root.
     max_padding: f32,
     // Terms that loose_planes adds to the near and far planes times the inverse.
     near_offset: vec3<f32>,
@@ -142,7 +142,7 @@ fn with_loose_offsets(given: PreparedRay, max_distance: f32) -> PreparedRay {
     let origin_factor = select(2.384185791015625e-7, 2.384185791015625e-6, max_distance >= MAX_DISTANCE);
     let padding = abs(ray.inverse) * (1.9073486328125e-6 * min(max_distance, MAX_DISTANCE) + origin_factor * abs(ray.origin));
     let scaled_origin = ray.origin * ray.inverse;
-    // From 2^100 on, an axis decides nothing.
+    // From 2^100 on, an axis is inconclusive.
     let is_conclusive = abs(scaled_origin) < vec3<f32>(1.2676506002282294e30);
     ray.near_offset = select(vec3<f32>(-8.507059173023462e37), -scaled_origin - padding, is_conclusive);
     ray.far_offset = select(vec3<f32>(8.507059173023462e37), padding - scaled_origin, is_conclusive);
@@ -168,8 +168,8 @@ fn scaled_component(bits: u32, e: i32) -> f32 {
 // Where a ray enters and leaves a box along each axis.
 struct Planes { near: vec3<f32>, far: vec3<f32> }
 
-// Enters no later and leaves no earlier than `padded_slab` finds for any box within. Used for nodes, which decide no hit. The driver
-// may fuse these operations.
+// Returns planes that enter no later, and leave no earlier, than `padded_slab` finds for any box within. They select nodes and do
+// not decide hits, so the driver may fuse these operations.
 fn loose_planes(ray: PreparedRay, low: vec3<f32>, high: vec3<f32>) -> Planes {
     // Packets and rasterization never trace at spread moments, and this branch would cost them a tenth of their time.
     @if(!(trace_packets || trace_packets_by_subgroups || resolve))
@@ -204,7 +204,7 @@ fn intersects_box(ray: PreparedRay, low: vec4<u32>, high: vec4<u32>, bound: f32)
     return s.x <= s.y && s.x <= bound && s.y >= ray.t_min;
 }
 
-// Returns a point relative to the ray's start.
+// Returns a point relative to the ray's origin.
 fn relative_to_origin(ray: PreparedRay, p: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(sub(p.x, ray.origin.x), sub(p.y, ray.origin.y), sub(p.z, ray.origin.z));
 }
@@ -235,7 +235,7 @@ fn padded_slab(ray: PreparedRay, inverse: vec3<f32>, low: vec3<f32>, high: vec3<
     return vec2<f32>(max(n.x, max(n.y, n.z)), min(f.x, min(f.y, f.z)));
 }
 
-// Clamps t to the box's span. A NaN is kept; a result below 2^-100 becomes zero.
+// Clamps t to the box's span. A NaN remains NaN. A result below 2^-100 becomes zero.
 fn clamp_to_span(t: f32, span: vec2<f32>) -> f32 {
     let later = select(t, span.x, t < span.x);
     return flushed(select(later, span.y, later > span.y));

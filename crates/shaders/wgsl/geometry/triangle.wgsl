@@ -49,7 +49,7 @@ fn is_flat(given_a: vec3<u32>, given_b: vec3<u32>, given_c: vec3<u32>, a: vec3<f
 
 // The exact test for zero area. In units of 2^-149 every coordinate is an integer below 2^277, and a component of the cross
 // product is below 2^557. It is zero if it is zero modulo 36 primes, whose product exceeds 2^575. The test is rare and may be
-// slow, but the kernels that call it must keep their registers, so it uses no long integers.
+// slow. It uses no long integers, since these would take registers from the kernels that call it.
 
 const PRIMES: u32 = 36u;
 const LARGEST_PRIME: u32 = 65521u;

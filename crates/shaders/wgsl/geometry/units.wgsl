@@ -1,5 +1,5 @@
-// Conversion from scene units to scaled units, and the sizes below which numbers count as zero: see "Scale" and "Small numbers" in
-// docs/design/hits.md. Powers of two are applied to bits, because a device may flush subnormal operands.
+// Conversion from scene units to scaled units, and the sizes below which numbers are replaced by zero: see "Scale" and "Small
+// numbers" in docs/design/hits.md. Powers of two are applied to bits, because a device may flush subnormal operands.
 
 import package::lib::ieee::{decode_float, round_quotient};
 import package::lib::params::params;
@@ -48,7 +48,7 @@ fn flushed(x: f32) -> f32 { return select(x, 0.0, abs(x) < 7.888609052210118e-31
 
 // Extreme rays: geom::Range.
 
-// Decides by the ray's start, in scaled units, at moments whose range the host knows.
+// Returns whether a ray from `origin`, in scaled units, is extreme, at moments whose range the host knows.
 fn is_extreme(origin: vec3<f32>) -> bool {
     return params.extreme == 1u || has_extreme_origin(origin, params.tiny != 0u);
 }

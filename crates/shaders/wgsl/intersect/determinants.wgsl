@@ -10,7 +10,7 @@ import package::lib::fixed::{
 };
 import package::lib::integers::{INTERSECTIONS_OFFSET, words};
 
-// Whether the triangle is hit, whether it needs longer integers, and t: approximate, and rounded once, as bits.
+// Whether the triangle is hit, and whether it needs longer integers. `t` is rounded once, as bits.
 struct CandidateResult { is_hit: u32, needs_fallback: u32, leaf: u32, exponent: i32, approximate_t: Approximation, t: u32 }
 
 struct FixedTriangle { fits: bool, unit: i32, a: Int64x3, b: Int64x3, c: Int64x3 }
@@ -71,7 +71,7 @@ fn solve_determinants(given: CandidateResult, values: Determinants) -> SolvedTri
     return solved;
 }
 
-// Returns where a crossing's numbers are stored, in one of two slots.
+// Returns an intersection whose numbers are stored in slot 0 or 1.
 fn intersection_in_slot(slot: u32, exponent: i32) -> ExactIntersection {
     return ExactIntersection(true, INTERSECTIONS_OFFSET + 56u * slot, INTERSECTIONS_OFFSET + 56u * slot + 28u, LIMBS, exponent);
 }
@@ -90,33 +90,33 @@ fn store_192(at: u32, n: Int192) {
     words[at + 6u] = n.high.z;
 }
 
-// Resolving candidate notes. A workgroup of 64 takes four rays at a time and four notes of each. Four invocations share a note:
-// one for each of the determinants U, V, W and N.
+// Deciding candidates. A workgroup of 64 processes four rays at a time, and four candidates of each ray. Four invocations share a
+// candidate: one for each of the determinants U, V, W and N.
 
 const RAYS_PER_WORKGROUP: u32 = 4u;
 
-// Holds one determinant per invocation at first, then D, V, W and N of each note. The ray hits the triangle at t = N / D *
-// 2^exponent. V and W may have either sign.
+// Holds one determinant per invocation at first, then D, V, W and N of each candidate. The ray hits the triangle at
+// t = N / D * 2^exponent. V and W may have either sign.
 var<workgroup> determinants: array<Int192, 64>;
 var<workgroup> candidate_results: array<CandidateResult, 16>;
-// Number of open rays of this submission, and whether a ray of this round has more notes.
+// Number of undecided rays of this submission, and whether a ray of this round has more candidates.
 var<workgroup> undecided_count: u32;
 var<workgroup> has_more: u32;
 
-// Returns the number of open rays, the same for all invocations of a workgroup.
+// Returns word `word` of `counts`, a number of undecided rays, to all invocations of the workgroup.
 fn load_undecided_count(local: u32, word: u32) -> u32 {
     if local == 0u { undecided_count = atomicLoad(&counts[word]); }
     return workgroupUniformLoad(&undecided_count);
 }
 
-// Returns the note `count` after the first of a list.
+// Returns the candidate `count` places after the first of a list.
 fn candidate_after(list: u32, count: u32) -> u32 {
     var candidate = list;
     for (var i = 0u; i < count && candidate != NO_CANDIDATE; i += 1u) { candidate = occluded[candidate_at(candidate) + 1u]; }
     return candidate;
 }
 
-// Decides up to four notes of each ray, from `list` on, and stores the results in `candidate_results`. The ray's line must be set. All
+// Decides the first four candidates of `list`, and stores the results in `candidate_results`. The ray's line must be set. All
 // invocations of the workgroup must call it.
 fn decide_candidates(list: u32, local: u32) {
     let candidate = candidate_after(list, (local / 4u) % 4u);
@@ -144,10 +144,10 @@ fn decide_candidates(list: u32, local: u32) {
     workgroupBarrier();
 }
 
-// The rest of a list, and whether all lists of the workgroup are finished.
+// The candidates that remain, and whether all lists of the workgroup are finished.
 struct RemainingList { list: u32, all_done: bool }
 
-// Returns the notes after the next four. All invocations of the workgroup must call it.
+// Returns the list after its first four candidates. All invocations of the workgroup must call it.
 fn remaining_candidates(list: u32, local: u32) -> RemainingList {
     if local == 0u { has_more = 0u; }
     workgroupBarrier();

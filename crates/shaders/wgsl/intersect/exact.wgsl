@@ -1,4 +1,4 @@
-// The intersector `exact`: the part that rounded arithmetic decides.
+// The intersector `exact`, first pass: rounded arithmetic with error bounds decides most rays.
 
 import package::geometry::node::NO_LEAF;
 import package::geometry::queries::direction_of_ray;
@@ -12,13 +12,13 @@ import package::lib::counters::{HIT_COUNT, UNDECIDED_OFFSET, UNDECIDED_RAYS};
 import package::lib::params::params;
 import package::traversal::traverse::find_any;
 
-// Closest-hit search. It decides most rays. The others are left to the kernels `resolve_exact_*`, with notes of their candidates.
+// Closest-hit search. The kernels `resolve_exact_*` resolve undecided rays from their candidates.
 
-// Start of an interval that does not exist.
+// Lower end of an interval that does not exist.
 const NO_INTERVAL: f32 = 3.4028234663852886e38;
 
-// `bound` is the least upper end of all sure hits' intervals. `leaf` is the hit with that interval, which begins at `low`.
-// `other_low` is where the first interval of all other candidates begins.
+// The best hit so far. The t of each hit is known up to an interval. `bound` is the least upper end among certain hits, and `low`
+// the lower end of that interval. `leaf` is the triangle. `other_low` is the least lower end of all other candidates.
 struct ExactBest { bound: f32, low: f32, other_low: f32, leaf: u32, candidates: u32 }
 
 fn exact_initial_best(ray: PreparedRay) -> ExactBest {
@@ -32,7 +32,7 @@ fn exact_direction_of(i: u32) -> vec3<u32> { return rays[2u * i + 1u].xyz; }
 @else
 fn exact_direction_of(i: u32) -> vec3<u32> { return bitcast<vec3<u32>>(direction_of_ray(i)); }
 
-// Nodes with an entry beyond this are skipped.
+// Returns the distance beyond which nodes are skipped.
 fn exact_search_limit(best: ExactBest) -> f32 { return best.bound; }
 
 fn exact_intersect_leaf_closest(ray: PreparedRay, leaf: u32, best: ExactBest) -> ExactBest {
@@ -57,7 +57,7 @@ fn exact_nearest_t(ray: PreparedRay, leaf: u32) -> f32 {
     return select(0.0, classified.low, classified.low > 0.0);
 }
 
-// Returns the hit of a leaf's triangle if it is sure.
+// Returns the hit of a leaf's triangle if it is certain.
 fn exact_intersect_single(ray: PreparedRay, leaf: u32) -> ExactBest {
     let nothing = exact_initial_best(ray);
     let classified = classify(ray, corners_of(leaf));
@@ -81,17 +81,17 @@ fn exact_hit_of(i: u32, ray: PreparedRay, best: ExactBest) -> vec4<u32> {
     return reported.hit;
 }
 
-// Appends a ray to the list of open rays. Hits beyond `bound` are not searched for.
+// Appends a ray to the list of undecided rays. Its hit is not beyond `bound`.
 fn append_undecided(i: u32, bound: f32, candidates: u32) -> vec4<u32> {
     occluded[params.search.undecided_rays_at + atomicAdd(&counts[UNDECIDED_RAYS], 1u)] = i;
     return vec4<u32>(bitcast<u32>(bound), candidates, UNDECIDED_HIT, 0u);
 }
 
-// Returns whether the ray was left open.
+// Returns whether the ray is undecided.
 fn exact_is_undecided(hit: vec4<u32>) -> bool { return hit.z == UNDECIDED_HIT; }
 
-// Any-hit search. If no triangle is surely hit but some may be, the ray is left to the kernels `resolve_exact_*`, with notes of
-// those triangles.
+// Any-hit search. If no triangle is certainly hit but some may be, the kernels `resolve_exact_*` resolve the ray from these
+// candidates.
 
 var<private> candidates: u32 = NO_CANDIDATE;
 
@@ -109,8 +109,8 @@ fn exact_trace_any(ray: PreparedRay, ignore: u32) -> bool {
     return find_any(ray, ignore);
 }
 
-// Writes whether a ray hit anything. A hit increments word `count` of `counts`. An open ray is appended with its notes to the
-// list at `undecided_shadows_at`, whose length is word `count + UNDECIDED_OFFSET`.
+// Writes whether a ray hit anything. A hit increments word `count` of `counts`. An undecided ray is appended to the list at
+// `undecided_shadows_at`, whose length is word `count + UNDECIDED_OFFSET`.
 fn exact_store_occluded(i: u32, is_hit: bool, count: u32) {
     if is_hit {
         occluded[i] = 1u;

@@ -41,7 +41,7 @@ var<private> coarse_exponent: i32;
 // 1 / d per axis, with d pushed away from zero.
 var<private> coarse_inverse: vec3<f32>;
 
-// Prepares the filter for the line that is set.
+// Prepares the filter for the current line.
 fn prepare_coarse_filter() {
     coarse_exponent = max_exponent_field(NO_FIELD, line.direction, 0) - 127;
     if coarse_exponent == 1 - 127 {
@@ -53,7 +53,7 @@ fn prepare_coarse_filter() {
 }
 
 // Returns whether the line may hit a box, in scaled units, before `bound` (as bits) and not entirely before t_min. A plane at
-// zero may represent a coordinate below 2^-64, which counts as zero.
+// zero may represent a coordinate below 2^-64, which is replaced by zero.
 fn may_hit_box(low: vec3<u32>, high: vec3<u32>, bound: u32) -> bool {
     // An empty box.
     if low.x == 0x7f800000u { return false; }
@@ -83,7 +83,7 @@ fn may_hit_box(low: vec3<u32>, high: vec3<u32>, bound: u32) -> bool {
     return leaves >= begin - 1.0e-5 * abs(begin) - 1.0e-30 && enters <= end + 1.0e-5 * abs(end) + 1.0e-30;
 }
 
-// Returns on which side of an edge the line surely passes, else 0. Each product carries at most seven roundings, and values that
+// Returns the side of an edge on which the line certainly passes, or 0 if that is undecided. Each product carries at most seven roundings, and values that
 // a device flushes lose less than 2^-110.
 fn coarse_side(p: vec3<f32>, q: vec3<f32>) -> i32 {
     let d = coarse_direction;
@@ -118,14 +118,14 @@ var<private> best: ExactIntersection;
 var<private> best_t: u32;
 var<private> best_triangle: u32;
 
-// Returns the slot that the first hit so far does not use.
+// Returns the slot that `best` does not use.
 fn unused_slot() -> u32 { return select(0u, 1u, best_triangle != NO_TRIANGLE && best.numerator == INTERSECTIONS_OFFSET); }
 
-// Returns whether the rule is that of `watertight`: the ray's start moves by an infinitely small amount, and rounded t orders
+// Returns whether hits are those of `watertight`: the ray's origin is moved by an infinitely small amount, and rounded t orders
 // hits.
 fn perturbs_origin() -> bool { return params.extremes.rule == 1u; }
 
-// Offers a triangle as a hit. Returns whether it is hit within the limits.
+// Tests a triangle, and updates the best hit. Returns whether it is hit within the limits.
 fn test_extreme_triangle(triangle: u32) -> bool {
     let points = points_of(triangle);
     if surely_misses(points) { return false; }
@@ -144,7 +144,7 @@ fn test_extreme_triangle(triangle: u32) -> bool {
     return true;
 }
 
-// Traverses the tree for the line that is set and ignores triangle `ignore`. Stops at the first hit if `any` is set.
+// Traverses the tree along the current line, without triangle `ignore`. Stops at the first hit if `any` is set.
 fn traverse_extreme(ignore: u32, any: bool) {
     best_triangle = NO_TRIANGLE;
     atomicAdd(&counts[UNDECIDED_RAYS], 1u);
@@ -180,7 +180,7 @@ fn traverse_extreme(ignore: u32, any: bool) {
     }
 }
 
-// Returns the closest hit along the line that is set. If `any` is set, returns some hit with only its triangle.
+// Returns the closest hit along the current line. If `any` is set, returns any hit, with only its triangle.
 fn closest_extreme_hit(any: bool) -> vec4<u32> {
     traverse_extreme(NO_TRIANGLE, any);
     if best_triangle == NO_TRIANGLE { return MISS; }
@@ -190,7 +190,7 @@ fn closest_extreme_hit(any: bool) -> vec4<u32> {
     return vec4<u32>(best_t, weights, best_triangle);
 }
 
-// Returns whether the line that is set hits any triangle except `ignore`.
+// Returns whether the current line hits any triangle except `ignore`.
 fn any_extreme_hit(ignore: u32) -> bool {
     traverse_extreme(ignore, true);
     return best_triangle != NO_TRIANGLE;

@@ -1,4 +1,4 @@
-// Kernels for extreme rays.
+// Kernels that trace extreme rays, which all other kernels treat as misses: see "Extreme rays" in docs/design/hits.md.
 
 import package::geometry::queries::{is_invalid_ray, query_ray, set_line_of_query};
 import package::geometry::range::{is_measured_extreme, makes_rays_extreme};
@@ -56,7 +56,7 @@ fn hit_point(origin: vec3<u32>, direction: vec3<u32>, hit: vec4<u32>, points: ar
     return HitPoint(p, multiply_saturated(0x35400000u, largest_within));
 }
 
-// Returns on which side of a triangle's plane a point is.
+// Returns the side of a triangle's plane on which a point is.
 fn side_of(points: array<vec3<u32>, 3>, point: vec3<u32>) -> i32 {
     set_line(point, vec3<u32>(0x3f800000u, 0u, 0u), 0u, 0x7f800000u, 0);
     prepare_line();
@@ -105,15 +105,15 @@ fn is_in_extreme_shadow(origin: vec3<u32>, direction: vec3<u32>, hit: vec4<u32>)
     return any_extreme_hit(hit.w);
 }
 
-// Returns whether any ray may be left to these kernels. For explicit rays, the search recorded that. For a camera's rays, the host
-// decided it, unless only the buffer `range` holds the answer.
+// Returns whether any ray may be extreme. For explicit rays, the search recorded it. For a camera's rays, the host knows it,
+// unless only the buffer `range` holds it.
 fn may_have_extreme_rays() -> bool {
     if params.extreme == 1u || range_makes_rays_extreme() { return true; }
     if params.width > 0u { return params.extreme != 2u; }
     return atomicLoad(&counts[FOUND_EXTREME]) > 0u;
 }
 
-// Returns whether a ray is left to these kernels. All rays of a camera are.
+// Returns whether a ray is extreme by parameters alone. All rays of a camera then are.
 fn is_extreme_by_params(i: u32) -> bool { return params.width > 0u || is_extreme(query_ray(i).origin); }
 
 // Returns whether the measured range makes rays extreme. The search ran without that range.
@@ -131,11 +131,11 @@ fn is_extreme_ray(i: u32) -> bool {
 @else
 fn is_extreme_ray(i: u32) -> bool { return is_extreme_by_params(i); }
 
-// The closest hits of extreme rays, or whether there is any hit if `answer_words` is 1. An answer has `answer_words` words.
+// The closest hits of extreme rays, four words each. If `answer_words` is 1: whether each ray hits anything.
 
 @group(0) @binding(next) var<storage, read_write> answers: array<u32>;
 
-// If the host did not know which rays are extreme, other kernels have already answered and counted all rays.
+// If the host did not know which rays are extreme, other kernels have already traced and counted all rays.
 fn discount_hit(i: u32) {
     let last = answers[params.extremes.answer_words * (i + 1u) - 1u];
     let was_hit = select(last != NO_TRIANGLE, last == 1u, params.extremes.answer_words == 1u);

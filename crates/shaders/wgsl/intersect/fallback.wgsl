@@ -1,4 +1,4 @@
-// Resolves rays that candidate notes do not decide: each traverses the tree again.
+// Resolves rays that their candidates do not decide. Each ray traverses the tree again.
 
 import package::geometry::node::{LEAF, NO_LEAF, NO_NODE, child_row, first_triangle_of, second_triangle_of};
 import package::geometry::queries::{prepared_query_ray, query_ray, set_line_of_query};
@@ -18,14 +18,14 @@ import package::lib::buffers::{counts, hits, nodes, occluded, records};
 import package::lib::counters::{FALLBACK_OFFSET, HIT_COUNT, UNDECIDED_RAYS, UNDECIDED_SHADOWS};
 import package::lib::params::params;
 
-// One invocation per ray traverses the tree and decides each candidate. The stacks are in `occluded`, after the notes.
+// One invocation per ray traverses the tree and decides each candidate. The stacks are in `occluded`, after the candidates.
 
 const STACK_SIZE: u32 = 64u;
 
 fn stack_offset(worker: u32) -> u32 { return 2u * params.search.undecided_rays_at + 3u * params.search.candidate_capacity + STACK_SIZE * worker; }
 
-// Resolves the open rays assigned to this invocation's place. Each kernel has its own `fallback_ray`. One invocation in 16 has a
-// place, so it is alone in its vector on software drivers.
+// Resolves the undecided rays of this invocation, if it is a worker. Each kernel has its own `fallback_ray`. One invocation in 16
+// is a worker, so that each has its own vector on software drivers.
 fn resolve_assigned_rays(local: u32, group: u32, word: u32) {
     let worker = 4u * group + local / 16u;
     if local % 16u != 0u || worker >= params.search.fallback_workers || atomicLoad(&counts[word + FALLBACK_OFFSET]) == 0u { return; }
@@ -40,7 +40,7 @@ fn intersects_child(ray: PreparedRay, row: u32, bound: f32) -> bool {
     return intersects_box(ray, nodes[row], nodes[row + 1u], bound);
 }
 
-// Returns where the list of open rays begins.
+// Returns where the list of undecided rays begins.
 @if(fallback_rays)
 fn undecided_list_at() -> u32 { return params.search.undecided_rays_at; }
 @else
@@ -108,7 +108,7 @@ fn traverse_candidates(worker: u32, ray: PreparedRay, bound: f32) {
 
 // Closest-hit rays.
 
-// Decides a leaf's triangle and offers it as the first hit.
+// Decides a leaf's triangle, and updates the first hit.
 fn decide_closest(leaf: u32) {
     let triangle = records[3u * leaf].w;
     let points = points_of(triangle);
@@ -122,7 +122,7 @@ fn decide_closest(leaf: u32) {
     if intersection.is_hit { _ = accept_if_first(solved.result, triangle, intersection, false); }
 }
 
-// Writes the hit of the ray at a place. The ray's line must be set.
+// Writes the hit of a worker's ray. The ray's line must be set.
 fn fallback_closest(worker: u32, i: u32, ray: PreparedRay) {
     prepare_line();
     set_shear_view(ray);
@@ -143,8 +143,8 @@ fn fallback_closest(worker: u32, i: u32, ray: PreparedRay) {
 var<private> ignored_triangle: u32;
 var<private> found_any: bool;
 
-// Writes whether the ray at a place hits anything except triangle `ignore`. If it does, increments word `count` of `counts`. The
-// ray's line must be set.
+// Writes whether a worker's ray hits anything except triangle `ignore`. A hit increments word `count` of `counts`. The ray's line
+// must be set.
 fn fallback_any(worker: u32, i: u32, ray: PreparedRay, ignore: u32, count: u32) {
     ignored_triangle = ignore;
     prepare_line();
@@ -154,7 +154,7 @@ fn fallback_any(worker: u32, i: u32, ray: PreparedRay, ignore: u32, count: u32) 
     write_any_hit(i, found_any, count);
 }
 
-// Resolves the ray at a place.
+// Resolves ray `i`.
 @if(fallback_rays)
 fn fallback_ray(worker: u32, i: u32) {
     set_line_of_query(i);
@@ -172,7 +172,7 @@ fn fallback_ray(worker: u32, i: u32) {
     fallback_any(worker, i, shadow_ray(segment), hits[i].w, 3u);
 }
 
-// Closest hits of rays that `resolve_exact_rays` or `resolve_exact_hits_and_shadows` left open.
+// Closest hits of rays that `resolve_exact_rays` or `resolve_exact_hits_and_shadows` left undecided.
 //
 // Variants: intersector(exact), arithmetic.
 // Parameters: search.
@@ -181,7 +181,7 @@ fn fallback_rays(@builtin(local_invocation_index) local: u32, @builtin(workgroup
     resolve_assigned_rays(local, group.x + group.y * groups.x, UNDECIDED_RAYS);
 }
 
-// Any-hit answers of explicit rays that `resolve_exact_any_rays` left open.
+// Any-hit queries of explicit rays that `resolve_exact_any_rays` left undecided.
 //
 // Variants: intersector(exact).
 // Parameters: search.
@@ -190,7 +190,7 @@ fn fallback_any_rays(@builtin(local_invocation_index) local: u32, @builtin(workg
     resolve_assigned_rays(local, group.x + group.y * groups.x, UNDECIDED_RAYS);
 }
 
-// Shadow rays that `resolve_exact_shadow_rays` or `shadow_remaining` left open.
+// Shadow rays that `resolve_exact_shadow_rays` or `shadow_remaining` left undecided.
 //
 // Variants: intersector(exact).
 // Parameters: search.

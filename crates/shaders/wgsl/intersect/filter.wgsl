@@ -1,4 +1,4 @@
-// The filter of intersector `exact`, in rounded arithmetic.
+// The filter of intersector `exact`: classifies triangles as hit, missed or undecided, in rounded arithmetic.
 
 import package::geometry::ray::{PreparedRay, relative_to_origin, unpermute};
 import package::geometry::record::Corners;
@@ -6,8 +6,8 @@ import package::geometry::units::power_of_two;
 import package::intersect::sheared::span_of_depths;
 import package::lib::ieee::{add, mul};
 
-// A triangle as seen along a ray, in the device's own arithmetic, with error bounds: "The filter" in
-// docs/design/exact-arithmetic.md.
+// A triangle in a ray's sheared coordinates, with error bounds: "The filter" in docs/design/exact-arithmetic.md. The device may
+// fuse these operations and divide inexactly.
 
 // 2^-60: bounds the effect of counting small numbers as zero.
 const SMALL: f32 = 8.673617379884035e-19;
@@ -23,7 +23,7 @@ fn set_shear_view(ray: PreparedRay) {
     shear_view.up = unpermute(vec3<f32>(0.0, 1.0, -ray.shear_y), ray.axis);
     // 4.01 * 2^-24 of the sheared part, and 2^-37, below which a component of the direction became zero.
     shear_view.errors_per_depth = 2.3901462554931640625e-7 * abs(vec2<f32>(ray.shear_x, ray.shear_y)) + 7.3e-12;
-    // The slack is 17 * 2^-24 * D of the root.
+    // `max_padding` is 17 * 2^-24 * D of the root.
     shear_view.max_errors = shear_view.errors_per_depth * (986896.0 * ray.max_padding) + SMALL;
 }
 
@@ -62,7 +62,7 @@ fn surely_inside(sheared: ShearedTriangle, error_bound: f32) -> bool { return mi
 
 // Decisions of the filter: "The filter" in docs/design/exact-arithmetic.md.
 
-// Whether a triangle may be hit, and whether it surely is. If it is hit, its exact t is in low ..= high.
+// Whether a triangle may be hit, and whether it certainly is. If it is hit, its exact t is in low ..= high.
 struct Classified { possible: bool, certain: bool, low: f32, high: f32 }
 
 const MISSED: Classified = Classified(false, false, 0.0, 0.0);
@@ -112,7 +112,7 @@ fn classify_closely(ray: PreparedRay, corners: Corners, sheared: ShearedTriangle
 
 // Returns whether every t of a span, rounded once in the ray's own units, is within the ray's limits. A float beyond t_min is at
 // least the next float, and rounding is monotone, so the limits themselves serve where t is normal. Subnormal numbers have fewer
-// digits than scaled ones, so distances below 2^-125 or beyond 2^127 stay open.
+// digits than scaled ones, so distances below 2^-125 or beyond 2^127 stay undecided.
 fn rounds_within(ray: PreparedRay, span: vec2<f32>) -> bool {
     let smallest = power_of_two(max(ray.exponent - 125, -99));
     let largest = power_of_two(ray.exponent + 127);

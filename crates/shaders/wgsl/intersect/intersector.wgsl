@@ -49,7 +49,7 @@ import package::traversal::traverse::find_any;
 @if(WATERTIGHT || EXACT)
 @publish import package::intersect::sheared::{sheared_inverse_for as inverse_for};
 
-// Whether extreme rays are misses here, because the kernels `extreme_*` answer them. The textbook intersectors trace them like
+// Whether extreme rays are misses here, because the kernels `extreme_*` trace them. The textbook intersectors trace them like
 // all other rays, without guarantees.
 @if(WATERTIGHT || EXACT)
 const DEFERS_EXTREME_RAYS: bool = true;

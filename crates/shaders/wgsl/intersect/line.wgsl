@@ -7,7 +7,7 @@ import package::lib::integers::{
     to_sign_magnitude, unit_of, words,
 };
 
-// The ray's line. Corners are multiplied by 2^-shift before they are intersected.
+// A ray as an exact line. Corners are multiplied by 2^-shift before they are intersected.
 struct Line { origin: vec3<u32>, direction: vec3<u32>, t_min: u32, t_max: u32, shift: i32, unit: i32, bits: i32, len: u32 }
 
 // t = numerator / denominator * 2^exponent. The denominator is positive.
@@ -125,8 +125,8 @@ fn store_determinant(to: u32, side: u32, len: Lengths) {
     triple(to, select(DIRECTION_OFFSET, CORNERS_OFFSET, last), select(line.len, len.coordinate, last), ends.first, ends.second, len);
 }
 
-// Computes the crossing of the line with a closed triangle, at any t, in one of two slots. If `perturbs` is set, the line's start is
-// first moved by an infinitely small amount.
+// Intersects the line with a closed triangle, at any t, and stores the result in slot 0 or 1. If `perturbs` is set, the line's
+// start is first moved by an infinitely small amount.
 fn intersect_exactly(corners: array<vec3<u32>, 3>, slot: u32, perturbs: bool) -> ExactIntersection {
     let stored = store_corners(corners);
     let numbers = INTERSECTIONS_OFFSET + 56u * slot;
@@ -135,7 +135,7 @@ fn intersect_exactly(corners: array<vec3<u32>, 3>, slot: u32, perturbs: bool) ->
     return result;
 }
 
-// Computes U, V and W, whose signs decide and whose sum is the denominator; then N, the numerator.
+// Computes U, V and W, whose signs decide the hit and whose sum is the denominator. Then computes N, the numerator.
 fn compute_determinants(result: ExactIntersection, len: Lengths, perturbs: bool) -> bool {
     var positive = false;
     var negative = false;
@@ -184,7 +184,7 @@ fn perturbed_edge_sign(side: u32, len: Lengths) -> i32 {
 // Returns whether a rounded t, as bits, is within the ray's limits.
 fn is_within_limits(t: u32) -> bool { return ordered(t) > ordered(line.t_min) && ordered(t) < ordered(line.t_max); }
 
-// Returns the order of two crossings along the line: -1, 0 or 1.
+// Returns the order of two intersections along the line: -1, 0 or 1.
 fn compare_intersections(a: ExactIntersection, b: ExactIntersection) -> i32 {
     let sign_a = sign_of_number(a.numerator, a.len);
     let sign_b = sign_of_number(b.numerator, b.len);

@@ -1,4 +1,4 @@
-// Resolves the rays that intersector `exact` left open, by their candidate notes. All workgroups share the list of rays.
+// Resolves the rays that intersector `exact` left undecided, from their candidates. All workgroups share the list of rays.
 
 import package::geometry::node::NO_LEAF;
 import package::geometry::queries::{query_ray, set_line_of_query};
@@ -18,14 +18,14 @@ import package::lib::params::params;
 
 // The first hit among a ray's candidates so far.
 
-// Where the ray hits it, and an approximate distance if known.
+// Its exact intersection, and an approximate distance if known.
 var<private> first_intersection: ExactIntersection;
 var<private> first_approximate_t: Approximation;
 var<private> first_has_approximation: bool;
 var<private> first_leaf: u32;
 var<private> first_triangle: u32;
 
-// Returns the slot that the first hit so far does not use.
+// Returns the slot that `first_intersection` does not use.
 fn free_slot() -> u32 { return select(0u, 1u, first_leaf != NO_LEAF && first_intersection.numerator == INTERSECTIONS_OFFSET); }
 
 fn store_intersection(exponent: i32, n: Int192, d: Int192) -> ExactIntersection {
@@ -35,8 +35,8 @@ fn store_intersection(exponent: i32, n: Int192, d: Int192) -> ExactIntersection 
     return intersection;
 }
 
-// Keeps a triangle that is hit at `intersection` if it precedes all others: least t, then least index. `has_approximation` is set if an approximate
-// distance is known. Returns whether it was kept.
+// Makes a triangle the first hit if it precedes the current one: least t, then least index. `has_approximation` is set if an
+// approximate distance is known. Returns whether it became the first hit.
 fn accept_if_first(result: CandidateResult, triangle: u32, intersection: ExactIntersection, has_approximation: bool) -> bool {
     if first_leaf != NO_LEAF {
         var order = 0;
@@ -52,15 +52,15 @@ fn accept_if_first(result: CandidateResult, triangle: u32, intersection: ExactIn
     return true;
 }
 
-// Closest hits by notes.
+// Closest hits from candidates.
 
-// In place of a leaf: the notes do not decide.
+// Replaces a leaf: the candidates do not decide the ray.
 const UNDECIDED_LEAF: u32 = 0xfffffffeu;
 
 // The first hit so far, as it is written: t and both weights are rounded once.
 var<private> first_hit: vec4<u32>;
 
-// Offers the hits of four notes, from place `at` on. Returns false if a note needs longer integers.
+// Updates the first hit with four results, from index `at` on. Returns false if a candidate needs longer integers.
 fn accept_results(at: u32) -> bool {
     for (var k = at; k < at + 4u; k += 1u) {
         let result = candidate_results[k];
@@ -78,8 +78,8 @@ fn accept_results(at: u32) -> bool {
     return true;
 }
 
-// Returns the leaf of a ray's first hit, or UNTOLD. Only the ray's first invocation receives it. All invocations of the workgroup
-// must call it.
+// Returns the leaf of a ray's first hit, NO_LEAF, or UNDECIDED_LEAF, to the ray's first invocation only. All invocations of the
+// workgroup must call it.
 fn first_of_candidates(list: u32, local: u32) -> u32 {
     first_leaf = NO_LEAF;
     var is_decided = true;
@@ -92,7 +92,7 @@ fn first_of_candidates(list: u32, local: u32) -> u32 {
     return select(UNDECIDED_LEAF, first_leaf, is_decided);
 }
 
-// Writes the hit of one ray if its notes decide it.
+// Writes the hit of one ray if its candidates decide it. `leaf` is the result of `first_of_candidates`.
 fn resolve_exact_closest(i: u32, leaf: u32) {
     if leaf == UNDECIDED_LEAF || hits[i].y == UNDECIDED {
         atomicAdd(&counts[UNDECIDED_RAYS + FALLBACK_OFFSET], 1u);
@@ -106,7 +106,7 @@ fn resolve_exact_closest(i: u32, leaf: u32) {
     atomicAdd(&counts[HIT_COUNT], 1u);
 }
 
-// The list of rays with open closest hits, shared by workgroups.
+// The list of rays with undecided closest hits, shared by `group_count` workgroups.
 
 fn resolve_exact_hits(local: u32, group_index: u32, group_count: u32) {
     let undecided_count = load_undecided_count(local, UNDECIDED_RAYS);
@@ -124,11 +124,12 @@ fn resolve_exact_hits(local: u32, group_index: u32, group_count: u32) {
     }
 }
 
-// Any-hit queries by notes.
+// Any-hit queries from candidates.
 
-// The result of a ray's notes, for the ray's first invocation. All invocations of the workgroup must call `any_hit_of_candidates`.
+// Whether a candidate is hit, and whether one needs longer integers.
 struct AnyHitResult { is_hit: bool, needs_fallback: bool }
 
+// Returns the result to the ray's first invocation only. All invocations of the workgroup must call it.
 fn any_hit_of_candidates(list: u32, local: u32) -> AnyHitResult {
     var result = AnyHitResult();
     var remaining = RemainingList(list, false);
@@ -145,7 +146,7 @@ fn any_hit_of_candidates(list: u32, local: u32) -> AnyHitResult {
     return result;
 }
 
-// Writes whether one ray, whose line is set, hits anything, if its notes decide it. A hit increments word `count` of `counts`.
+// Writes whether one ray hits anything, if its candidates decide it. A hit increments word `count` of `counts`.
 fn resolve_exact_any(i: u32, count: u32, result: AnyHitResult) {
     if !result.is_hit && (result.needs_fallback || occluded[i] == UNDECIDED) {
         atomicAdd(&counts[count + UNDECIDED_OFFSET + FALLBACK_OFFSET], 1u);
@@ -154,15 +155,15 @@ fn resolve_exact_any(i: u32, count: u32, result: AnyHitResult) {
     write_any_hit(i, result.is_hit, count);
 }
 
-// Sets a query's line.
+// Sets the line of the any-hit query `i`: an explicit ray or a shadow ray.
 @if(resolve_exact_any_rays)
 fn set_line_of_any_hit_query(i: u32) { set_line_of_query(i); }
 @else
 fn set_line_of_any_hit_query(i: u32) { set_line_of_segment(shadow_segment_of_hit(hits[i], query_ray(i).origin)); }
 
-// The list of open any-hit queries, shared by workgroups.
+// The list of undecided any-hit queries, shared by `group_count` workgroups.
 //
-// Word `count` of `counts` counts hits. Word `count + UNDECIDED_OFFSET` is the number of open queries.
+// Word `count` of `counts` counts hits. Word `count + UNDECIDED_OFFSET` is the number of undecided queries.
 fn resolve_exact_any_hits(local: u32, group_index: u32, group_count: u32, count: u32) {
     let undecided_count = load_undecided_count(local, count + UNDECIDED_OFFSET);
     for (var begin = RAYS_PER_WORKGROUP * group_index; begin < undecided_count; begin += RAYS_PER_WORKGROUP * group_count) {
@@ -179,7 +180,7 @@ fn resolve_exact_any_hits(local: u32, group_index: u32, group_count: u32, count:
     }
 }
 
-// Any-hit answers of explicit rays that `any_rays` left open.
+// Any-hit queries of explicit rays that `any_rays` left undecided.
 //
 // Variants: intersector(exact).
 // Parameters: search.
@@ -189,7 +190,7 @@ fn resolve_exact_any_rays(@builtin(local_invocation_index) local: u32, @builtin(
     resolve_exact_any_hits(local, group_index, groups.x * groups.y, HIT_COUNT);
 }
 
-// Shadow rays that `shadow_rays` left open.
+// Shadow rays that `shadow_rays` left undecided.
 //
 // Variants: intersector(exact).
 // Parameters: search.
@@ -199,7 +200,7 @@ fn resolve_exact_shadow_rays(@builtin(local_invocation_index) local: u32, @built
     resolve_exact_any_hits(local, group_index, groups.x * groups.y, OCCLUDED_COUNT);
 }
 
-// Closest hits that `trace_camera` or `trace_rays` left open. A fixed number of workgroups shares the list.
+// Closest hits that `trace_camera` or `trace_rays` left undecided. A fixed number of workgroups shares the list.
 //
 // Variants: intersector(exact).
 // Parameters: search.

@@ -1,4 +1,4 @@
-// Resolves the rays that `trace_and_shadow_camera` left open: hits and shadow rays at once, then the remaining shadow rays.
+// Resolves the rays that `trace_and_shadow_camera` left undecided: hits and shadow rays at once, then the remaining shadow rays.
 
 import package::geometry::node::{LEAF, NO_NODE, child_row, first_triangle_of, second_triangle_of};
 import package::geometry::queries::{direction_of_ray, eye, prepared_query_ray};
@@ -18,13 +18,12 @@ import package::lib::buffers::{counts, hits, nodes, occluded, records};
 import package::lib::counters::{CANDIDATE_COUNT, OCCLUDED_COUNT, UNDECIDED_RAYS, UNDECIDED_SHADOWS};
 import package::lib::params::params;
 
-// Any-hit search for one ray by a workgroup of 64, in which each invocation takes one node at a time. With few rays, an
-// invocation waits for memory at every node. On an H200 with some hundred rays this takes less than half the time of one
-// invocation per ray.
+// Any-hit search for one ray by a workgroup of 64. Each invocation processes one node at a time. A single invocation per ray would
+// wait for memory at every node. On an H200 with a few hundred rays, the workgroup takes less than half of that time.
 
-// In place of the first note: a triangle is surely hit.
+// Replaces the first candidate: a triangle is certainly hit.
 const CERTAIN_HIT: u32 = 0xfffffffdu;
-// Capacity for waiting nodes.
+// Capacity of the queue of nodes to visit.
 const QUEUE_CAPACITY: u32 = 1024u;
 
 var<workgroup> queue: array<u32, QUEUE_CAPACITY>;
@@ -32,7 +31,7 @@ var<workgroup> queue_length: atomic<u32>;
 var<workgroup> first_candidate: atomic<u32>;
 var<workgroup> candidate_count: atomic<u32>;
 var<workgroup> found_certain_hit: atomic<u32>;
-// Of this round: number of waiting nodes, and whether the search has ended.
+// Length of the queue at the start of this round, and the state of the search: see `load_round_state`.
 var<workgroup> round_state: vec2<u32>;
 // Result of the search.
 var<workgroup> search_result: u32;
@@ -52,7 +51,7 @@ fn test_triangle(ray: PreparedRay, leaf: u32, ignore: u32) {
     if classified.certain { atomicStore(&found_certain_hit, 1u); } else if classified.possible { add_candidate(leaf); }
 }
 
-// Tests a leaf's triangles, or queues a node's children.
+// Tests a leaf's triangles, or enqueues a node's children.
 fn visit_node(ray: PreparedRay, node: u32, ignore: u32) {
     if (node & LEAF) == 0u {
         let row = child_row(node);
@@ -65,7 +64,7 @@ fn visit_node(ray: PreparedRay, node: u32, ignore: u32) {
     if second != NO_NODE { test_triangle(ray, first_triangle_of(second), ignore); }
 }
 
-// Tests all boxes of one level at once, which saves the rounds for the levels above.
+// Starts with all boxes of one level, which saves the rounds for the levels above.
 fn begin_search(is_traced: bool, ray: PreparedRay, local: u32) {
     if local == 0u {
         atomicStore(&queue_length, 0u);
@@ -81,7 +80,7 @@ fn begin_search(is_traced: bool, ray: PreparedRay, local: u32) {
     }
 }
 
-// Returns the number of waiting nodes and the state of the search: 1 if it has ended, 2 if it gave up for lack of space.
+// Returns the length of the queue and the state of the search: 1 if it has ended, 2 if the queue may overflow, else 0.
 fn load_round_state(local: u32) -> vec2<u32> {
     if local == 0u {
         let queued = atomicLoad(&queue_length);
@@ -91,8 +90,8 @@ fn load_round_state(local: u32) -> vec2<u32> {
     return workgroupUniformLoad(&round_state);
 }
 
-// Returns NO_NOTE if nothing is hit, MET, TOO_MANY, or the first note of the triangles that may be hit. All invocations of the
-// workgroup must call it.
+// Returns NO_CANDIDATE if nothing is hit, CERTAIN_HIT, UNDECIDED, or a list of the triangles that may be hit. All invocations of
+// the workgroup must call it.
 fn search_any_together(is_traced: bool, ray: PreparedRay, ignore: u32, local: u32) -> u32 {
     set_shear_view(ray);
     begin_search(is_traced, ray, local);
@@ -120,15 +119,15 @@ fn result_of_search(ray: PreparedRay, gave_up: bool) -> u32 {
     return select(atomicLoad(&first_candidate), UNDECIDED, gave_up || has_overflowed);
 }
 
-// Shadows of an open hit's candidates, computed before the hit is resolved.
+// Shadows of an undecided hit's candidates, computed before the hit is resolved.
 
-// Number of candidates per ray that are considered, and of workgroups that share a ray's candidates.
+// Number of candidates per ray that are considered, and number of workgroups that share a ray's candidates.
 const MAX_CANDIDATES: u32 = 8u;
 const CANDIDATES_AT_ONCE: u32 = 4u;
-// With more open rays, tracing shadow rays for all candidates takes longer than waiting for the hits (an H200).
+// With more undecided rays, tracing shadow rays for all candidates takes longer than waiting for the hits (an H200).
 const MAX_RAYS: u32 = 512u;
 
-// Result of a search along a segment to the light, and of its notes.
+// Result of a search along a segment to the light, and the exact result of its candidates.
 struct ShadowSearch { outcome: u32, of_candidates: AnyHitResult }
 
 // All invocations of the workgroup must call it.
@@ -141,13 +140,13 @@ fn trace_segment(segment: ShadowSegment, ignore: u32, local: u32) -> ShadowSearc
     return search;
 }
 
-// Returns the result of a search and its notes: 0, 1 or TOO_MANY.
+// Returns 1 if the segment is occluded, 0 if not, or UNDECIDED.
 fn shadow_of_search(search: ShadowSearch) -> u32 {
     if search.outcome == CERTAIN_HIT || search.of_candidates.is_hit { return 1u; }
     return select(0u, UNDECIDED, search.outcome == UNDECIDED || search.of_candidates.needs_fallback);
 }
 
-// Returns the shadow of an open ray's hit, after the hit was resolved: 0, 1, or TOO_MANY if it is not known yet.
+// Returns the precomputed shadow of a resolved hit: 0, 1 or UNDECIDED.
 fn precomputed_shadow(i: u32, hit: vec4<u32>) -> u32 {
     if hit.w == 0xffffffffu { return 0u; }
     var candidate = list_or_empty(occluded[i]);
@@ -158,12 +157,11 @@ fn precomputed_shadow(i: u32, hit: vec4<u32>) -> u32 {
     return UNDECIDED;
 }
 
-// Resolves all rays that `trace_and_shadow_camera` left open. One group of workgroups shares the hits, a second one the shadow
-// rays. If open hits are few, the other workgroups trace the shadow rays of their candidates, so that these need not wait for the
-// hits.
+// Resolves all rays that `trace_and_shadow_camera` left undecided. A first set of workgroups shares the hits, a second set the
+// shadow rays. If few hits are undecided, the other workgroups trace the shadow rays of their candidates at the same time.
 
-// Stores in a candidate's note whether its segment to the light is occluded. This stays unknown if about 48 bits do not decide
-// how the hit is rounded. The result is only valid if the candidate turns out to be the hit.
+// Stores whether a candidate's segment to the light is occluded. It stays UNDECIDED if `round_hit` cannot round the hit. The result
+// is only valid if the candidate proves to be the hit.
 fn precompute_shadow(i: u32, candidate: u32, local: u32) {
     let rounded = round_hit(prepared_query_ray(i), occluded[candidate_at(candidate)], bitcast<vec3<u32>>(direction_of_ray(i)));
     if !rounded.certain { return; }
@@ -200,10 +198,10 @@ fn resolve_exact_hits_and_shadows(@builtin(local_invocation_index) local: u32, @
     }
 }
 
-// Shadow rays of hits that `trace_and_shadow_camera` left open, after the hits were resolved. Takes the results that
+// Shadow rays of hits that `trace_and_shadow_camera` left undecided, after the hits were resolved. Uses the results that
 // `resolve_exact_hits_and_shadows` stored with candidates. The other shadow rays are traced by one workgroup each.
 
-// Writes the result of a search, or appends the ray to the list of open shadow rays.
+// Writes the result of a search, or appends the ray to the list of undecided shadow rays.
 fn store_shadow(i: u32, search: ShadowSearch) {
     let outcome = search.outcome;
     if outcome == CERTAIN_HIT || outcome == NO_CANDIDATE {

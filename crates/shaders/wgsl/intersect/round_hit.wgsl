@@ -10,7 +10,7 @@ import package::lib::double_float::{
 import package::lib::ieee::{add, division_remainder, divisor, mul, sub};
 import package::lib::params::params;
 
-// A hit to write, valid if `certain`.
+// A hit, valid if `certain`.
 struct RoundedHit { hit: vec4<u32>, certain: bool }
 
 // 2^-44: bounds the error of an edge function, relative to the magnitudes of its two products.
@@ -82,7 +82,7 @@ fn has_zero(v: vec3<f32>) -> bool { return any(v == vec3<f32>(0.0)); }
 
 fn exact_difference(corners: vec3<f32>, start: f32) -> DoubleFloat3 { return two_sum(corners, vec3<f32>(-start)); }
 
-// Returns the prepared direction including small components, which filters take as zero.
+// Returns the scaled direction with the small components that `PreparedRay` replaces by zero.
 fn unflushed_direction(given: vec3<u32>, exponent: i32) -> vec3<f32> {
     return vec3<f32>(scale_bits(given.x, exponent), scale_bits(given.y, exponent), scale_bits(given.z, exponent));
 }

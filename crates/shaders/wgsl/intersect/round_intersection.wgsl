@@ -9,14 +9,14 @@ import package::lib::integers::{
     compare_magnitudes, to_sign_magnitude, words,
 };
 
-// Computes the crossing of the line with a closed triangle in one of two slots. Its rounded t must be within the ray's limits.
+// Intersects the line with a closed triangle, and stores the result in slot 0 or 1. Its rounded t must be within the ray's limits.
 fn intersect_within_limits(corners: array<vec3<u32>, 3>, slot: u32) -> ExactIntersection {
     let result = intersect_exactly(corners, slot, false);
     if !result.is_hit || !is_within_limits(rounded_t(result)) { return NO_INTERSECTION; }
     return result;
 }
 
-// Returns a crossing's t, rounded once to a float, as bits. A zero is positive.
+// Returns an intersection's t, rounded once to a float, as bits. A zero is positive.
 fn rounded_t(intersection: ExactIntersection) -> u32 {
     let bits_n = bit_length(intersection.numerator, intersection.len);
     if bits_n == 0 { return 0u; }

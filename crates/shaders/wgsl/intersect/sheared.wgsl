@@ -9,7 +9,7 @@ import package::lib::buffers::records;
 import package::lib::ieee::{add, mul, sub};
 import package::lib::params::params;
 
-// A hit at t / det with weights v / det and w / det. The division is deferred until it matters.
+// A hit at t / det with weights v / det and w / det. The division is deferred until it is needed.
 struct UndividedHit { t: f32, v: f32, w: f32, det: f32 }
 
 // A triangle's corners in the ray's axis order (kx, ky, kz), grouped by axis.
@@ -80,7 +80,7 @@ fn undivided_hit(edges: Edges) -> UndividedHit {
 
 // The test of a triangle's own box, without a division where that suffices: see "Own boxes" in docs/design/hits.md.
 
-// The device's own reciprocal suffices: boxes decide hits only where a hit is kept.
+// The device's own reciprocal suffices. Hits use `rounded_inverse` instead.
 fn sheared_inverse_for(ray: PreparedRay) -> vec3<f32> { return 1.0 / each_away_from_zero(ray.direction); }
 
 struct Box { low: vec3<f32>, high: vec3<f32> }

@@ -65,7 +65,7 @@ struct TextbookBest { t: f32, u: f32, v: f32, triangle: u32 }
 
 fn textbook_initial_best(ray: PreparedRay) -> TextbookBest { return TextbookBest(ray.t_max, 0.0, 0.0, 0xffffffffu); }
 
-// Nodes with an entry beyond this are skipped.
+// Returns the distance beyond which nodes are skipped.
 fn textbook_search_limit(best: TextbookBest) -> f32 { return best.t; }
 
 // Tests the leaf's triangle. Keeps it if it precedes the best hit by t, then by index.
@@ -85,7 +85,7 @@ fn textbook_hit_of(i: u32, ray: PreparedRay, best: TextbookBest) -> vec4<u32> {
     return vec4<u32>(t, bitcast<u32>(best.u), bitcast<u32>(best.v), best.triangle);
 }
 
-// No hit is left open.
+// Every hit is decided.
 fn textbook_is_undecided(hit: vec4<u32>) -> bool { return false; }
 
 // Rasterization: the hit of one triangle.

@@ -70,7 +70,7 @@ struct WatertightBest { low: f32, high: f32, leaf: u32 }
 
 fn watertight_initial_best(ray: PreparedRay) -> WatertightBest { return WatertightBest(ray.t_max, ray.t_max, NO_LEAF); }
 
-// Nodes with an entry beyond this are skipped.
+// Returns the distance beyond which nodes are skipped.
 fn watertight_search_limit(best: WatertightBest) -> f32 { return best.high; }
 
 // Tests the leaf's triangle. Keeps it if it precedes the best hit by t, then by index.
@@ -109,7 +109,7 @@ fn watertight_hit_of(i: u32, ray: PreparedRay, best: WatertightBest) -> vec4<u32
     return vec4<u32>(in_ray_units(t, ray.exponent), bitcast<vec2<u32>>(weights), corners.triangle);
 }
 
-// No hit is left open.
+// Every hit is decided.
 fn watertight_is_undecided(hit: vec4<u32>) -> bool { return false; }
 
 // Any-hit search: returns whether the ray hits a leaf's triangle.

@@ -19,7 +19,7 @@
 @else
 @group(0) @binding(next) var<storage, read_write> hits: array<vec4<u32>>;
 
-// Per ray: 1 if it hits anything. With intersector `exact` also candidate notes: see intersect/candidates.wgsl.
+// Per ray: 1 if it hits anything. `exact` also stores candidates here: see intersect/candidates.wgsl.
 @if(shade)
 @group(0) @binding(next) var<storage, read> occluded: array<u32>;
 @else

@@ -7,17 +7,17 @@ const OCCLUDED_COUNT: u32 = 3u;
 const ROOT_AREA: u32 = 5u;
 const UNDECIDED_RAYS: u32 = 7u;
 const UNDECIDED_SHADOWS: u32 = 8u;
-// From the word that counts hits or blocked hits to the number of open queries that may add to it.
+// Added to HIT_COUNT or OCCLUDED_COUNT: the number of undecided queries of that kind.
 const UNDECIDED_OFFSET: u32 = 5u;
 const CANDIDATE_COUNT: u32 = 9u;
-// From a number of open queries to the number of those that notes do not decide.
+// Added to a number of undecided queries: the number that candidates do not decide, which `fallback_*` resolves.
 const FALLBACK_OFFSET: u32 = 3u;
 const TILE_COUNT: u32 = 12u;
 const LARGE_TRIANGLE_COUNT: u32 = 13u;
 const TEST_COUNT: u32 = 14u;
 // 1 if rasterization was incomplete.
 const RASTER_INCOMPLETE: u32 = 15u;
-// 1 if a ray was left to `extreme_*`.
+// 1 if a search met an extreme ray, which `extreme_*` traces.
 const FOUND_EXTREME: u32 = 16u;
-// 2 if sizes differ so much that boxes are padded by their own distance, else 1. A hint for later submissions.
+// 2 if coordinates differ so much in size that boxes are padded by their own distance, else 1. A hint for later submissions.
 const SIZE_SPREAD: u32 = 17u;

@@ -1,4 +1,5 @@
-// Numbers of about 48 bits as exact sums of two floats. The second is at most half a last place of the first (Dekker 1971).
+// Double-float arithmetic: numbers of about 48 bits as unevaluated sums of two floats (Dekker 1971). The second float is at most
+// half a unit in the last place of the first.
 
 import package::lib::ieee::{add, mul, sub, upper_bits};
 
@@ -9,14 +10,14 @@ fn add_each(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> { return vec3<f32>(add(a.x,
 fn sub_each(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> { return vec3<f32>(sub(a.x, b.x), sub(a.y, b.y), sub(a.z, b.z)); }
 fn mul_each(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> { return vec3<f32>(mul(a.x, b.x), mul(a.y, b.y), mul(a.z, b.z)); }
 
-// Returns the exact sum (Knuth).
+// Returns the exact sum (Knuth's TwoSum).
 fn two_sum(a: vec3<f32>, b: vec3<f32>) -> DoubleFloat3 {
     let sum = add_each(a, b);
     let b_rounded = sub_each(sum, a);
     return DoubleFloat3(sum, add_each(sub_each(a, sub_each(sum, b_rounded)), sub_each(b, b_rounded)));
 }
 
-// Returns the exact sum if the first number is zero or the larger in magnitude.
+// Returns the exact sum if `a` is zero or not smaller in magnitude than `b` (Dekker's FastTwoSum).
 fn fast_two_sum(a: vec3<f32>, b: vec3<f32>) -> DoubleFloat3 {
     let sum = add_each(a, b);
     return DoubleFloat3(sum, sub_each(b, sub_each(sum, a)));

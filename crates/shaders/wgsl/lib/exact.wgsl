@@ -2,8 +2,7 @@
 
 import package::lib::ieee::{decode_float, round_quotient};
 
-// Exact signs, unaffected by rounding.
-
+// A product of two 24-bit numbers, as two parts of 24 bits.
 struct Product48 { high: u32, low: u32 }
 
 // Returns the exact product of two 24-bit numbers.

@@ -1,4 +1,4 @@
-// Integers of 64, 128 and 192 bits in two's complement, held in registers. They suffice for the coordinates of nearly all
+// Integers of 64, 128 and 192 bits in two's complement, in registers. They suffice for the coordinates of nearly all
 // triangles and rays: real models need 42 to 45 bits.
 
 import package::lib::ieee::round_quotient;

@@ -1,4 +1,4 @@
-// Integers long enough for any f32 input, in limbs of 32 bits.
+// Multi-word integers for any f32 input, in limbs of 32 bits.
 //
 // A number is a sign word (1 if negative) followed by its magnitude, least significant limb first. While it accumulates, it is a
 // two's complement of the length in use and its sign word is unused. The length is derived from the actual exponents, so that
@@ -15,7 +15,7 @@ const COORDINATE_STRIDE: u32 = 10u;
 const CORNERS_OFFSET: u32 = 0u;
 const DIRECTION_OFFSET: u32 = 90u;
 const CROSS_OFFSET: u32 = 120u;
-// Numerators and denominators of two crossings, 28 words each.
+// Numerators and denominators of two intersections, 28 words each.
 const INTERSECTIONS_OFFSET: u32 = 140u;
 const ONE_OFFSET: u32 = 254u;
 const PRODUCTS_OFFSET: u32 = 256u;

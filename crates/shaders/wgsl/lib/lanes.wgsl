@@ -1,5 +1,5 @@
-// Communication between 32 invocations that search together: a subgroup for the entry points `*_by_subgroups` (condition
-// SUBGROUPS), else a workgroup.
+// Communication within a group of 32 invocations: a subgroup for the entry points `*_by_subgroups` (condition SUBGROUPS), else a
+// workgroup.
 
 // The versions for a workgroup. They contain no loops: some drivers end long loops early, one vector of invocations at a time.
 // The other invocations would then wait at the barrier forever.

@@ -1,29 +1,29 @@
 // Parameters of a dispatch: those that all kernels share, and one struct of the kernel's own.
 
-// Kernels that search along rays, and those that resolve the rays that `exact` left open.
+// Kernels that trace rays, and those that resolve the rays that `exact` left undecided.
 struct SearchParams {
-    // Where the lists of open rays and of open shadow rays begin in `occluded`. Both have the number of rays as their capacity.
+    // Where the lists of undecided rays and of undecided shadow rays begin in `occluded`. Each has space for all rays.
     undecided_rays_at: u32,
     undecided_shadows_at: u32,
-    // Number of invocations that resolve rays one by one: see fallback.wgsl.
+    // Number of invocations that each resolve one ray after another: see fallback.wgsl.
     fallback_workers: u32,
-    // Capacity for candidate notes: see candidates.wgsl.
+    // Maximum number of candidates: see candidates.wgsl.
     candidate_capacity: u32,
-    // `resolve_exact_hits_and_shadows`: number of workgroups that share each of its two lists.
+    // `resolve_exact_hits_and_shadows`: number of workgroups for each of its two lists.
     workgroups_per_list: u32,
 }
 
 // Kernels that rasterize.
 struct RasterParams {
-    // Capacity for tiles: see cover.wgsl.
+    // Maximum number of tiles: see cover.wgsl.
     tile_capacity: u32,
 }
 
-// Kernels that answer extreme rays.
+// Kernels that trace extreme rays.
 struct ExtremesParams {
-    // 0 for the rule of `exact`, 1 for that of `watertight`.
+    // The intersector whose hits are computed: 0 for `exact`, 1 for `watertight`.
     rule: u32,
-    // Number of words of each answer.
+    // Number of words of each result.
     answer_words: u32,
 }
 
@@ -35,10 +35,10 @@ struct MeasureParams {
 
 // Kernels that compute records and boxes of treelets.
 struct TreeletsParams {
-    // Index of the first treelet; or the word of `topology` where the list of treelets begins, if `uses_list` is 1.
+    // Index of the first treelet. If `uses_list` is 1: the word of `topology` where the list of treelets begins.
     first: u32,
     uses_list: u32,
-    // Total number of treelets, for dispatches that reach the root. Otherwise 0.
+    // Total number of treelets if the dispatch reaches the root, else 0.
     treelet_count: u32,
     // Word of `counts` for the sum of areas.
     sum_counter: u32,
@@ -79,9 +79,9 @@ struct PhaseParams {
     // Where the clusters begin before and after the phase.
     source_at: u32,
     target_at: u32,
-    // Number of clusters by which tiles begin early.
+    // Number of clusters by which each tile begins before a multiple of the tile size.
     tile_offset: u32,
-    // Number of clusters that each tile leaves.
+    // Number of clusters to which each tile is reduced.
     clusters_per_tile: u32,
     // Maximum number of rounds that search for nearest neighbours.
     search_rounds: u32,
@@ -89,11 +89,11 @@ struct PhaseParams {
 
 // `count_answers`.
 struct AnswerParams {
-    // Number of words of an answer, the word to test, and its value for a miss.
+    // Number of words of a result, the word to test, and its value for a miss.
     words: u32,
     word: u32,
     miss: u32,
-    // Word of `counts` for the number of answers that are not a miss.
+    // Word of `counts` for the number of results that are not a miss.
     counter: u32,
 }
 
@@ -116,12 +116,12 @@ struct Params {
     // Number of elements of this dispatch.
     count: u32,
     node_count: u32,
-    // Always 0, which the compiler must not know.
+    // Always 0. Unknown to the compiler, so it prevents optimizations across it.
     zero: u32,
     // Row of the first box where a workgroup's search starts, and the number of these boxes.
     start_row: u32,
     start_count: u32,
-    // `extreme`: 1 if all rays are extreme, 2 if only the buffer `range` holds the answer.
+    // `extreme`: 1 if all rays are extreme, 2 if only the buffer `range` holds whether they are.
     // `tiny`: 1 if rays that start near the origin are extreme (geometry/units.wgsl).
     extreme: u32,
     tiny: u32,
@@ -143,7 +143,7 @@ struct Params {
     wide_root: u32,
     // Bound on the distance of a pixel's ray from the pixel's middle, in pixels, with a margin.
     pixel_margin: f32,
-    // Largest scene extent that the offset of shadow rays takes into account, in scaled units: geom::Range.
+    // Upper bound on the scene extent from which the offset of shadow rays is computed, in scaled units: geom::Range.
     clearance: f32,
     // The kernel's own parameters, which a comment above its entry point names.
     @if(SEARCH) @align(16) search: SearchParams,

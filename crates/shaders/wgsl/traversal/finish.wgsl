@@ -11,7 +11,7 @@ fn write_hit_and_shadow(i: u32, ray: PreparedRay, best: BestHit, eye: vec3<f32>)
     let hit = hit_of(i, ray, best);
     hits[i] = hit;
     if is_undecided(hit) {
-        // `resolve_exact_hits_and_shadows` reads the ray's notes here.
+        // `resolve_exact_hits_and_shadows` reads the ray's candidates here.
         occluded[i] = hit.y;
         return;
     }

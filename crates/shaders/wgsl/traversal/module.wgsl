@@ -12,9 +12,9 @@ import package::traversal::traverse::find_closest;
 // triangle's index among those of all meshes. The distance of a miss is infinite.
 struct AbvhHit { t: f32, u: f32, v: f32, triangle: u32 }
 
-// In place of a triangle: the ray hits nothing.
+// Replaces a triangle index: the ray hits nothing.
 const ABVH_MISS: u32 = 0xffffffffu;
-// In place of a triangle: the ray is extreme. Only the library's queries answer it.
+// Replaces a triangle index: the ray is extreme. Only the library's queries trace such rays.
 const ABVH_EXTREME: u32 = 0xfffffffeu;
 
 // Returns whether the ray needs exact arithmetic, which this module does not contain.

@@ -12,7 +12,7 @@ import package::visibility::outline::{BLOCK, UNBOUNDED};
 // A packet covers 8 x 4 pixels. Its rays, one per invocation, traverse the wide tree together: see docs/design/packets.md.
 // Coverage decides which triangles are tested, never which one is hit. All 32 invocations must call these functions together.
 
-// In place of a lane that was already visited. Greater than all depths.
+// Key of a lane that was already visited. Greater than all depths.
 const VISITED: u32 = 0xffffffffu;
 // Greater than every finite depth.
 const FARTHEST_DEPTH: u32 = 0x7f800000u;
@@ -24,7 +24,7 @@ fn overlaps_packet(coverage: vec4<u32>, corner: vec2<u32>, depth: u32) -> bool {
     return all(first <= corner + vec2<u32>(7u, 3u)) && all(last >= corner) && coverage.z <= depth;
 }
 
-// Returns the key by which lanes are visited: the nearest depth, with the lane's index in the lowest five bits.
+// Returns the key that orders visits to lanes: the nearest depth, with the lane's index in the lowest five bits.
 fn visit_key(coverage: vec4<u32>, is_valid: bool, corner: vec2<u32>, depth: u32, lane: u32) -> u32 {
     return select(VISITED, (coverage.z & 0x7fffffe0u) | lane, is_valid && overlaps_packet(coverage, corner, depth));
 }
@@ -74,7 +74,7 @@ fn depth_per_t(ray: PreparedRay) -> f32 {
     return bitcast<f32>(u32(127 + shift) << 23u);
 }
 
-// State of a search: a wide node, and for this invocation's lane its child and the key by which lanes are visited.
+// State of a search: a wide node, and the child and visit key of this invocation's lane.
 struct Lanes { node: u32, child: u32, key: u32 }
 
 fn row_of_lane(node: u32, lane: u32) -> u32 { return (node >> 6u) + min(lane, (node & 63u) - 1u); }
@@ -84,7 +84,7 @@ fn load_lanes(node: u32, corner: vec2<u32>, depth: u32, lane: u32) -> Lanes {
     return Lanes(node, child.w, visit_key(child, lane < (node & 63u), corner, depth, lane));
 }
 
-// Searches closest hits from the root's lanes on. Inactive rays find nothing.
+// Returns the closest hits of a packet, from the root's lanes on. Inactive rays hit nothing.
 fn find_closest_in_packet(root: Lanes, corner: vec2<u32>, lane: u32, is_active: bool, ray: PreparedRay) -> BestHit {
     let depth_of_t = depth_per_t(ray);
     var best = initial_best(ray);

@@ -30,12 +30,12 @@ fn cleanse(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups
     store_point(9u * triangle + 6u, select(point, c, is_hittable));
 }
 
-// Answers to rays, `words` words each.
+// Results of rays, `words` words each.
 @group(0) @binding(next) var<storage, read> answers: array<u32>;
 
 var<workgroup> sum: atomic<u32>;
 
-// Counts the rays whose answer is not a miss, with one atomic addition per workgroup, so that the trace itself need not count.
+// Counts the rays whose result is not a miss, with one atomic addition per workgroup, so that the trace itself need not count.
 // See AnswerParams in lib/params.wgsl.
 
 // Parameters: answer.

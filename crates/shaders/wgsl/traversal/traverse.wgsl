@@ -27,7 +27,7 @@ fn slab_interval(ray: PreparedRay, low: vec4<u32>, high: vec4<u32>, bound: f32) 
     return vec2<f32>(max(s.x, ray.t_min), min(s.y, bound));
 }
 
-// Closest hit. The intersector defines what is kept of each leaf.
+// Closest-hit search. The intersector defines `BestHit`.
 
 // Descends one node. If both children are met, pushes the farther one.
 fn traverse_node(ray: PreparedRay, node: u32, best: f32, stack: ptr<function, array<u32, 64>>, depth: ptr<function, u32>) -> u32 {

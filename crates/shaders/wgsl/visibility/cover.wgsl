@@ -30,7 +30,7 @@ fn store_tile(at: u32, leaf: u32, corner: vec2<i32>, pixels: u32) {
     covers[LARGE_CAPACITY + at] = vec4<u32>(leaf, u32(corner.x) | (u32(corner.y) << 16u), pixels, 0u);
 }
 
-// Where the tiles of a workgroup begin, and those of an invocation.
+// Indices of the first tile of a workgroup and of an invocation.
 struct TileRange { first: u32, own_first: u32 }
 
 fn allocate_tiles(tiles: u32, tests: u32, local: u32) -> TileRange {
@@ -58,7 +58,7 @@ fn allocate_tiles(tiles: u32, tests: u32, local: u32) -> TileRange {
 // Largest number of tiles that one invocation writes for a triangle.
 const MAX_TILES: i32 = 32;
 
-// Number of tiles of an outline, approximate number of tests, and the pixels of a single tile. An empty single tile is not kept.
+// Number of tiles of an outline, approximate number of tests, and the pixels of a single tile. An empty single tile is dropped.
 struct TileCounts { tiles: u32, tests: u32, pixels: u32 }
 
 const NO_TILES: TileCounts = TileCounts(0u, 0u, 0u);

@@ -29,10 +29,10 @@ const PROJECTION_ERROR: f32 = 9.5367431640625e-7;
 @else
 const PROJECTION_ERROR: f32 = 2.1457672119140625e-6;
 
-// Beyond this many pixels, coverage is not computed.
+// Distance from the picture, in pixels, beyond which coverage is not computed.
 const MAX_OFFSCREEN_PIXELS: f32 = 16384.0;
 
-// Returns D of the root, at least 2^-38. Compared with that, coordinates that count as zero are negligible.
+// Returns D of the root, at least 2^-38. Compared with that, coordinates that are replaced by zero are negligible.
 fn coverage_max_distance(origin: vec3<f32>) -> f32 { return max(root_relative_to(origin).max_distance, 3.637978807091713e-12); }
 
 fn l1_norm(v: vec3<f32>) -> f32 { return abs(v.x) + abs(v.y) + abs(v.z); }

@@ -13,7 +13,7 @@ import package::lib::params::{element, params};
 import package::visibility::cover::{KEYS_PER_PIXEL, LARGE_CAPACITY};
 
 // Per pixel with `watertight`: t of the first hit as bits, above the index of its triangle; all ones if nothing is hit. The other
-// intersectors keep the least two t of each pixel, each above its leaf. A last element is all ones if rasterization was complete.
+// intersectors store the least two t of each pixel, each above its leaf. A last element is all ones if rasterization was complete.
 @if(clear_visibility)
 @group(0) @binding(next) var<storage, read_write> visibility: array<vec4<u32>>;
 @else
@@ -46,7 +46,7 @@ fn nth_bit(bits: u32, n: u32) -> u32 {
     return search_half(search_half(search_half(search_half(search_half(BitSearch(bits, n, 0u), 16u), 8u), 4u), 2u), 1u).at;
 }
 
-// Tests a pixel's ray and keeps its hit if it precedes the best one by t, then by index.
+// Tests a pixel's ray, and stores its hit if it precedes the best one by t, then by index.
 @if(WATERTIGHT)
 fn test_pixel(leaf: u32, pixel: vec2<u32>, root: RelativeRoot) {
     let ray = camera_ray(pixel_direction(pixel), eye(), root);
@@ -59,8 +59,8 @@ fn test_pixel(leaf: u32, pixel: vec2<u32>, root: RelativeRoot) {
     atomicMin(&visibility[pixel.y * params.width + pixel.x], key);
 }
 
-// Tests a pixel's ray and keeps its hit if it is one of the first two. Each atomic minimum passes the greater of both elements on to
-// the second place. So every element but the least arrives there.
+// Tests a pixel's ray, and stores its hit if it is one of the first two. The greater operand of each atomic minimum on the first
+// key is passed to the second one. So every key except the least reaches the second one.
 @else
 fn test_pixel(leaf: u32, pixel: vec2<u32>, root: RelativeRoot) {
     let ray = camera_ray(pixel_direction(pixel), eye(), root);
