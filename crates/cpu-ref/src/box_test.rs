@@ -10,6 +10,8 @@ pub const PAD: f32 = 17.0 / 16_777_216.0;
 /// Upper bound of `D`, `2^80`, so that no product is infinite. `D` is the largest distance on one axis from the ray's
 /// origin to a corner of the box.
 pub const FARTHEST: f32 = f32::from_bits((127 + 80) << 23);
+/// Lower bound of `D`, `2^-38`. Compared with this, coordinates that are replaced by zero are negligible.
+pub const NEAREST: f32 = f32::from_bits((127 - 38) << 23);
 /// Bound on distances up to which every product of the watertight test is finite, `2^60`.
 pub const CALM: f32 = f32::from_bits((127 + 60) << 23);
 
@@ -50,7 +52,7 @@ impl BoxRay {
             let [lower, upper] = [&bounds.min, &bounds.max].map(|p| from_origin(p, axis).abs());
             farthest = farthest.max(lower).max(upper);
         }
-        let slack = farthest.min(FARTHEST) * PAD;
+        let slack = farthest.clamp(NEAREST, FARTHEST) * PAD;
         let (mut entry, mut exit) = (self.t_min, f32::INFINITY);
         for axis in 0..3 {
             let r = self.inverse[axis];

@@ -36,7 +36,7 @@ mod tree;
 
 pub use crate::backend::CpuBackend;
 pub use accelerator::{Accelerator, reserve};
-pub use box_test::{CALM, FARTHEST, PAD, SMALLEST};
+pub use box_test::{CALM, FARTHEST, NEAREST, PAD, SMALLEST};
 pub use bvh2::Bvh2;
 pub use exact::{DEPTH, SHEAR, SMALL};
 pub use extreme::is_extreme;

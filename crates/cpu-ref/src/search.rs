@@ -2,7 +2,7 @@
 
 use crate::geometry::Geometry;
 use crate::intersect::RoundedTest;
-use crate::scale::{PreparedRay, Scale, flushed};
+use crate::scale::{LEAST, PreparedRay, Scale, flushed};
 use crate::tree::{TreeTraversal, VisitedTriangle};
 use backend::Intersector;
 use geom::exact::Line;
@@ -53,7 +53,8 @@ impl RaySearch<'_> {
             if let Some(hit) = hit.filter(|hit| hit.is_before(&best)) {
                 best = hit;
             }
-            Some(best.t)
+            // Boxes before `LEAST` may contain a hit at zero with a lower index.
+            Some(best.t.max(LEAST))
         });
         let t = ray.unscaled(best.t);
         best.is_hit().then_some(Hit { t, ..best })

@@ -5,7 +5,7 @@ use crate::simd::{Lanes, each, set_lanes};
 use crate::tree::{Bvh8, LANES};
 use crate::units::flushed;
 use cpu_ref::intersect::has_equal_signs;
-use cpu_ref::{FARTHEST, PAD};
+use cpu_ref::{FARTHEST, NEAREST, PAD};
 
 /// Rays prepared for the test, one per lane, or one ray in all lanes.
 /// Axes are in the order `kx, ky, kz`, which all lanes share, as they share the signs of directions.
@@ -80,7 +80,7 @@ pub(crate) fn slack<L: Lanes>([x, y, z]: &[[L; 2]; 3]) -> L {
     let below = x[0].abs().max(y[0].abs()).max(z[0].abs());
     let above = x[1].abs().max(y[1].abs()).max(z[1].abs());
     let reach = below.max(above);
-    L::splat(PAD).mul(reach.min(L::splat(FARTHEST)))
+    L::splat(PAD).mul(reach.max(L::splat(NEAREST)).min(L::splat(FARTHEST)))
 }
 
 /// `kx, ky, kz`, indexed by `kz`.

@@ -11,6 +11,7 @@ use crate::rays::{Group, MOST_RAYS};
 use crate::simd::{Halves, Isa, Lanes, PlaneVector, each, set_lanes};
 use crate::tree::{BoxPlanes, Bvh8, LANES, NOWHERE, TriangleBlock, place};
 use crate::walk::{BoxTest, MetBoxes, TraversalStack, Visitor, walk};
+use cpu_ref::scale::LEAST;
 use geom::Hit;
 use std::marker::PhantomData;
 
@@ -304,7 +305,7 @@ impl<L: Lanes, T: LaneTest> PacketSearch<L> for ClosestOfPacket<'_, L, T> {
 
     #[inline(always)]
     fn bound(&self) -> L {
-        self.hits.t
+        self.hits.t.max(L::splat(LEAST))
     }
 }
 

@@ -4,7 +4,7 @@ use crate::simd::{Lanes, Plain, PlaneVector, each};
 use crate::tiles::Tiles;
 use crate::units::{flushed, scaled};
 use cpu_ref::scale::{LEAST_COMPONENT, PreparedRay, Scale};
-use cpu_ref::{CALM, FARTHEST, PAD, SMALLEST};
+use cpu_ref::{CALM, FARTHEST, NEAREST, PAD, SMALLEST};
 use geom::{Aabb, Camera, Ray};
 
 /// Number of rays of the widest packet.
@@ -256,7 +256,7 @@ impl<L: Lanes> OneRay<'_, L> {
 /// Computes `D` of the root box for each lane.
 #[inline(always)]
 fn farthest<L: Lanes>(origin: &[L; 3], root: &Aabb) -> L {
-    let mut farthest = L::splat(0.0);
+    let mut farthest = L::splat(NEAREST);
     for (axis, &o) in origin.iter().enumerate() {
         for plane in [root.min[axis], root.max[axis]] {
             farthest = farthest.max(L::splat(plane).sub(o).abs());

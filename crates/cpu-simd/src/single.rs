@@ -6,6 +6,7 @@ use crate::rays::OneRay;
 use crate::simd::{Isa, Lanes, PlaneVector, set_lanes};
 use crate::tree::{Bvh8, LANES, Link, NOWHERE, place};
 use crate::walk::{BoxTest, DEEPEST, NodeRay, TraversalStack, Visitor, walk};
+use cpu_ref::scale::LEAST;
 use geom::Hit;
 use std::marker::PhantomData;
 
@@ -35,7 +36,7 @@ impl<I: Isa, R: Lanes, T: LaneTest> Visitor<I> for ClosestOfRay<'_, R, T> {
         if let Some(hits) = T::intersect(&ray, &OfBlock { tree, block }, best) {
             self.take(block, &hits);
         }
-        Some(self.best.hit.t)
+        Some(self.best.hit.t.max(LEAST))
     }
 }
 

@@ -2,6 +2,7 @@
 
 mod exact;
 mod hard;
+mod rounding;
 
 use integration::scenes::{DEMOS, REAL};
 use integration::trial;
@@ -17,6 +18,7 @@ fn main() -> ExitCode {
         trials.push(scene.trial("rays_match_the_oracle", exact::rays));
     }
     trials.extend(hard::trials());
+    trials.extend(rounding::trials());
     trials.push(trial("odd_scenes", exact::odd_scenes));
     libtest_mimic::run(&arguments, trials).exit_code()
 }

@@ -5,7 +5,7 @@ use crate::simd::{Isa, Lanes, Level, Plain, VectorWork};
 use crate::tree::{BoxPlanes, EMPTY, LANES, set_bounds};
 use crate::walk::{BoxTest, NodeRay};
 use cpu_ref::scale::{PreparedRay, Scale};
-use cpu_ref::{FARTHEST, PAD};
+use cpu_ref::{FARTHEST, NEAREST, PAD};
 use geom::{Aabb, Point, Ray};
 use proptest::prelude::*;
 
@@ -53,7 +53,7 @@ fn strict(ray: &OneRay<'_, impl Lanes>, bounds: &Aabb) -> [f32; 2] {
     let group = ray.group;
     let away = |axis: usize, plane: f32| (plane - ray.at(&group.origin[axis])).abs();
     let ends = (0..3).flat_map(|i| [away(i, bounds.min[i]), away(i, bounds.max[i])]);
-    let slack = PAD * ends.fold(0.0, f32::max).min(FARTHEST);
+    let slack = PAD * ends.fold(NEAREST, f32::max).min(FARTHEST);
     let mut span = [ray.at(&group.limits[0]), f32::INFINITY];
     for axis in 0..3 {
         let [o, r] = [&group.origin, &group.inverse].map(|of| ray.at(&of[axis]));

@@ -125,7 +125,10 @@ fn projected(params: Params, camera: &Camera) -> Option<Params> {
     let doubt = |axis, pixels| largest * (size(axis) + pixels * size(depth)) * (-22_f64).exp2();
     let margin = doubt(column, width).max(doubt(row, height));
     let scaled = [column, row, depth].map(|row| (row * exponent.exp2()).as_vec3().to_array());
-    let is_usual = exponent.abs() < 64.0 && margin < 0.25;
+    // In units of 2^-24 of the largest depth, how far rounded directions move the depth of a hit: see "Depths" in
+    // docs/design/packets.md.
+    let depth_error = 3.0 * largest * size(depth);
+    let is_usual = exponent.abs() < 64.0 && margin < 0.25 && depth_error <= 10.0;
     let is_seen = scaled.as_flattened().iter().all(|x| x.abs() < 1.0e9);
     let is_small = camera.width.max(camera.height) <= LONGEST;
     let [column, row, depth] = scaled;

@@ -6,7 +6,8 @@ import package::lib::buffers::nodes;
 import package::lib::ieee::{Divisor, add, decode_float, divide_normal, divisor, mul, sub};
 import package::lib::params::params;
 
-// The corners of the root box relative to a ray's origin, and the largest magnitude among their coordinates: D of the root.
+// The corners of the root box relative to a ray's origin, and D of the root: the largest magnitude among their coordinates, at
+// least 2^-38.
 struct RelativeRoot { low: vec3<f32>, high: vec3<f32>, max_distance: f32 }
 
 fn root_relative_to(origin: vec3<f32>) -> RelativeRoot {
@@ -15,11 +16,16 @@ fn root_relative_to(origin: vec3<f32>) -> RelativeRoot {
     let to_low = vec3<f32>(sub(low.x, origin.x), sub(low.y, origin.y), sub(low.z, origin.z));
     let to_high = vec3<f32>(sub(high.x, origin.x), sub(high.y, origin.y), sub(high.z, origin.z));
     let distances = max(abs(to_low), abs(to_high));
-    return RelativeRoot(to_low, to_high, max(distances.x, max(distances.y, distances.z)));
+    return RelativeRoot(to_low, to_high, max(MIN_DISTANCE, max(distances.x, max(distances.y, distances.z))));
 }
 
 // 2^80.
 const MAX_DISTANCE: f32 = 1.2089258196146292e24;
+// 2^-38. Compared with this D, coordinates that are replaced by zero are negligible.
+const MIN_DISTANCE: f32 = 3.637978807091713e-12;
+
+// Limits D of a box, so that no padding is infinite or less than the error of coordinates that are replaced by zero.
+fn limit_distance(d: f32) -> f32 { return min(max(d, MIN_DISTANCE), MAX_DISTANCE); }
 
 // Shared by all ray tests: directions pushed away from zero, signs, and the hit of a miss.
 
@@ -128,7 +134,7 @@ fn prepare_ray_at_scale(origin: vec3<f32>, direction: vec3<u32>, t_min: u32, t_m
     ray.t_max = flushed(scale_bits(t_max, ray.exponent));
 
     let max_distance = root.max_distance;
-    // 17 * 2^-24 * D, and D is at most 2^80.
+    // 17 * 2^-24 * D.
     ray.max_padding = mul(1.01327896118164062e-6, min(max_distance, MAX_DISTANCE));
     ray.depth_padding = select(mul(ray.max_padding, abs(ray.shear_z)), bitcast<f32>(0x7f800000u | params.zero), max_distance >= MAX_DISTANCE);
     ray.inverse = inverse_for(ray);
@@ -186,7 +192,7 @@ fn loose_planes_own_padding(ray: PreparedRay, low: vec3<f32>, high: vec3<f32>) -
     let to_high = high - ray.origin;
     let distances = max(abs(to_low), abs(to_high));
     // 32 * 2^-24
-    let padding = 1.9073486328125e-6 * min(max_component(distances), MAX_DISTANCE) * abs(ray.inverse);
+    let padding = 1.9073486328125e-6 * limit_distance(max_component(distances)) * abs(ray.inverse);
     let near = select(to_low, to_high, negative) * ray.inverse - padding;
     return Planes(near, select(to_high, to_low, negative) * ray.inverse + padding);
 }
@@ -224,7 +230,7 @@ fn padded_slab(ray: PreparedRay, inverse: vec3<f32>, low: vec3<f32>, high: vec3<
     let near = relative_to_origin(ray, select(low, high, negative));
     let far = relative_to_origin(ray, select(high, low, negative));
     // 17 * 2^-24
-    let margin = mul(1.01327896118164062e-6, min(max_component(max(abs(near), abs(far))), MAX_DISTANCE));
+    let margin = mul(1.01327896118164062e-6, limit_distance(max_component(max(abs(near), abs(far)))));
     let padding = vec3<f32>(mul(margin, abs(inverse.x)), mul(margin, abs(inverse.y)), mul(margin, abs(inverse.z)));
     let n = vec3<f32>(
         sub(mul(near.x, inverse.x), padding.x), sub(mul(near.y, inverse.y), padding.y), sub(mul(near.z, inverse.z), padding.z),

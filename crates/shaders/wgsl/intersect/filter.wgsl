@@ -99,7 +99,8 @@ fn classify_closely(ray: PreparedRay, corners: Corners, sheared: ShearedTriangle
     // Minima may hide a NaN; the sum does not.
     let det = add(add(sheared.u, sheared.v), sheared.w);
     let magnitude = abs(det);
-    let is_conclusive = magnitude > 8.0 * error_bound && magnitude < DECIDABLE_LIMIT && magnitude > 7.888609052210118e-31;
+    // From 2^-62 on, products that underflow are within the bound of t.
+    let is_conclusive = magnitude > 8.0 * error_bound && magnitude < DECIDABLE_LIMIT && magnitude > 2.168404344971009e-19;
     var span = vec2<f32>(DECIDABLE_LIMIT, -DECIDABLE_LIMIT);
     if is_conclusive { span = loose_span(sheared, depths * ray.shear_z, det, error_bound); }
     if !(abs(span.x) < DECIDABLE_LIMIT && abs(span.y) < DECIDABLE_LIMIT) {

@@ -1,7 +1,7 @@
 // Sheared triangles (Woop, Benthin, Wald 2013) and their intersection: see docs/design/hits.md.
 
 import package::geometry::ray::{
-    PreparedRay, are_negative, clamp_to_span, each_away_from_zero, max_component, min_component, padded_slab,
+    MIN_DISTANCE, PreparedRay, are_negative, clamp_to_span, each_away_from_zero, max_component, min_component, padded_slab,
     rounded_inverse, unpermute,
 };
 import package::geometry::units::flushed;
@@ -60,7 +60,7 @@ fn loose_own_pad(ray: PreparedRay, edges: Edges) -> f32 {
     let across = max(max(abs(edges.a.x), abs(edges.a.y)), max(max(abs(edges.b.x), abs(edges.b.y)), max(abs(edges.c.x), abs(edges.c.y))));
     let along = max(abs(edges.a.along), max(abs(edges.b.along), abs(edges.c.along)));
     // 20 * 2^-24
-    return 1.1920928955078125e-6 * (across + along) * abs(ray.shear_z);
+    return 1.1920928955078125e-6 * max(across + along, MIN_DISTANCE) * abs(ray.shear_z);
 }
 
 // A triangle's sheared corners and edge functions.

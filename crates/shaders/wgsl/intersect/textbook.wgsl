@@ -65,8 +65,8 @@ struct TextbookBest { t: f32, u: f32, v: f32, triangle: u32 }
 
 fn textbook_initial_best(ray: PreparedRay) -> TextbookBest { return TextbookBest(ray.t_max, 0.0, 0.0, 0xffffffffu); }
 
-// Returns the distance beyond which nodes are skipped.
-fn textbook_search_limit(best: TextbookBest) -> f32 { return best.t; }
+// Returns the distance beyond which nodes are skipped. Nodes before 2^-100 may contain a hit at 0.
+fn textbook_search_limit(best: TextbookBest) -> f32 { return max(best.t, 7.888609052210118e-31); }
 
 // Tests the leaf's triangle. Keeps it if it precedes the best hit by t, then by index.
 fn textbook_intersect_leaf_closest(ray: PreparedRay, leaf: u32, best: TextbookBest) -> TextbookBest {

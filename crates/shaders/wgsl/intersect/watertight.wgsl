@@ -70,6 +70,9 @@ struct WatertightBest { low: f32, high: f32, leaf: u32 }
 
 fn watertight_initial_best(ray: PreparedRay) -> WatertightBest { return WatertightBest(ray.t_max, ray.t_max, NO_LEAF); }
 
+// Returns the best hit so far at `t`. A hit below 2^-100 counts as one at 0, and nodes before 2^-100 may contain others.
+fn watertight_best_at(t: f32, leaf: u32) -> WatertightBest { return WatertightBest(t, max(t, 7.888609052210118e-31), leaf); }
+
 // Returns the distance beyond which nodes are skipped.
 fn watertight_search_limit(best: WatertightBest) -> f32 { return best.high; }
 
@@ -86,15 +89,15 @@ fn watertight_intersect_leaf_closest(ray: PreparedRay, leaf: u32, best: Watertig
     if signs_are_exact(e) && begins_after_t_min(ray, span.x) && is_thin && span.y < best.low { return WatertightBest(span.x, span.y, leaf); }
     let t = distance_to(ray, corners, e);
     if !(t > ray.t_min && t < ray.t_max) || t > best.high { return best; }
-    if best.leaf == NO_LEAF || t < best.low { return WatertightBest(t, t, leaf); }
+    if best.leaf == NO_LEAF || t < best.low { return watertight_best_at(t, leaf); }
     let previous = permuted_corners(ray, best.leaf);
     return watertight_earlier(t, leaf, distance_to(ray, previous, edges_of(ray, previous)), best.leaf);
 }
 
 // Returns the hit that comes first, by t, then by index.
 fn watertight_earlier(t: f32, leaf: u32, other_t: f32, other: u32) -> WatertightBest {
-    if t < other_t || (t == other_t && records[3u * leaf].w < records[3u * other].w) { return WatertightBest(t, t, leaf); }
-    return WatertightBest(other_t, other_t, other);
+    if t < other_t || (t == other_t && records[3u * leaf].w < records[3u * other].w) { return watertight_best_at(t, leaf); }
+    return watertight_best_at(other_t, other);
 }
 
 // Returns the hit to write for a ray, with t in the ray's own units.

@@ -1,10 +1,11 @@
 // Rasterization, first step: writes the pixels that each triangle may cover, as tiles. See docs/design/visibility-buffer.md.
 
 import package::geometry::queries::eye;
+import package::geometry::ray::root_relative_to;
 import package::lib::buffers::{counts, covers};
 import package::lib::counters::{LARGE_TRIANGLE_COUNT, TEST_COUNT, TILE_COUNT};
 import package::lib::params::{element, params};
-import package::visibility::outline::{Outline, coverage_max_distance, loose_tile_mask, outline_of, without_edges};
+import package::visibility::outline::{Outline, loose_tile_mask, outline_of, without_edges};
 
 // The buffer `covers` during rasterization, in rows of 16 bytes. First one row per triangle that was too large for `cover_small`:
 // its leaf. Then the tiles: a leaf, the first of 8 x 4 pixels (column and row, 16 bits each), and a bit for each pixel that the
@@ -95,7 +96,7 @@ fn cover_small(@builtin(local_invocation_index) local: u32, @builtin(global_invo
     let leaf = element(id, groups, 256u);
     let origin = eye();
     var outline = without_edges(vec2<i32>(0), vec2<i32>(-1));
-    if leaf < params.count { outline = outline_of(leaf, origin, coverage_max_distance(origin)); }
+    if leaf < params.count { outline = outline_of(leaf, origin, root_relative_to(origin).max_distance); }
     let tile_counts = count_tiles(outline, leaf);
     let first = allocate_tiles(tile_counts.tiles, tile_counts.tests, local).own_first;
     if tile_counts.tiles == 0u || first + tile_counts.tiles > params.raster.tile_capacity { return; }
@@ -110,7 +111,7 @@ const GROUP_PIXELS: vec2<i32> = vec2<i32>(128, 32);
 // Writes the tiles of a large triangle that one of `groups_per_triangle` workgroups is responsible for.
 fn store_share(leaf: u32, local: u32, first: i32, groups_per_triangle: i32) {
     let origin = eye();
-    let outline = outline_of(leaf, origin, coverage_max_distance(origin));
+    let outline = outline_of(leaf, origin, root_relative_to(origin).max_distance);
     let blocks = (outline.last - outline.first + GROUP_PIXELS) / GROUP_PIXELS;
     for (var k = first; k < blocks.x * blocks.y; k += groups_per_triangle) {
         let corner = outline.first + GROUP_PIXELS * vec2<i32>(k % blocks.x, k / blocks.x) + vec2<i32>(8 * i32(local & 15u), 4 * i32(local >> 4u));

@@ -1,6 +1,6 @@
 // Coverage of the picture by a triangle.
 
-import package::geometry::ray::{MAX_DISTANCE, max_component, min_component, root_relative_to};
+import package::geometry::ray::{MAX_DISTANCE, max_component, min_component};
 import package::geometry::record::{corners_of, is_unhittable};
 import package::lib::buffers::records;
 import package::lib::params::params;
@@ -32,8 +32,13 @@ const PROJECTION_ERROR: f32 = 2.1457672119140625e-6;
 // Distance from the picture, in pixels, beyond which coverage is not computed.
 const MAX_OFFSCREEN_PIXELS: f32 = 16384.0;
 
-// Returns D of the root, at least 2^-38. Compared with that, coordinates that are replaced by zero are negligible.
-fn coverage_max_distance(origin: vec3<f32>) -> f32 { return max(root_relative_to(origin).max_distance, 3.637978807091713e-12); }
+// Bounds the error of a depth, and of the depth of a hit, in the same units. 16 * 2^-24.
+@if(EXACT)
+const DEPTH_ERROR: f32 = 9.5367431640625e-7;
+
+// 36 * 2^-24.
+@else
+const DEPTH_ERROR: f32 = 2.1457672119140625e-6;
 
 fn l1_norm(v: vec3<f32>) -> f32 { return abs(v.x) + abs(v.y) + abs(v.z); }
 
@@ -78,9 +83,15 @@ fn is_outside(least_and_most: vec2<f32>, axis: vec3<f32>, size: u32, max_distanc
     return max_distance < MAX_DISTANCE && (least_and_most.x > error_bound || least_and_most.y < -error_bound);
 }
 
-// Returns the nearest depth of something whose computed depth is `depth`; at least 0.
+// Returns the least depth of the corners of a box. `low` and `high` are relative to the eye.
+fn box_depth(low: vec3<f32>, high: vec3<f32>) -> f32 {
+    let least = min(params.depth * low, params.depth * high);
+    return least.x + least.y + least.z;
+}
+
+// Returns the least depth of hits within something whose computed depth is `depth`; at least 0.
 fn nearest_depth(depth: f32, max_distance: f32) -> f32 {
-    let least = depth - PROJECTION_ERROR * max_distance * l1_norm(params.depth);
+    let least = depth - DEPTH_ERROR * max_distance * l1_norm(params.depth);
     return select(0.0, least, least > 0.0);
 }
 

@@ -1,13 +1,13 @@
 // Projects each triangle, and each box of the wide tree, to the pixels that it covers: see docs/design/packets.md.
 
 import package::geometry::queries::eye;
-import package::geometry::ray::{MAX_DISTANCE, max_component, min_component};
+import package::geometry::ray::{MAX_DISTANCE, max_component, min_component, root_relative_to};
 import package::geometry::record::is_unhittable;
 import package::lib::buffers::{covers, nodes, records, topology};
 import package::lib::params::{element, params};
 import package::visibility::outline::{
-    EMPTY_SPAN, FULL_SPAN, NO_COVERAGE, UNBOUNDED, Projected, coverage_max_distance, is_precise, is_triangle_outside,
-    loose_pixel_span, loose_project, near_limit, nearest_depth, project_box, project_own_box,
+    EMPTY_SPAN, FULL_SPAN, NO_COVERAGE, Projected, UNBOUNDED, box_depth, is_precise, is_triangle_outside, loose_pixel_span,
+    loose_project, near_limit, nearest_depth, project_box, project_own_box,
 };
 
 // A bound for every row of pixels, in 256ths of a pixel: `at` in row `first`, plus `slope` per row. Covered pixels begin after it
@@ -94,7 +94,13 @@ fn project_triangle(leaf: u32, origin: vec3<f32>, max_distance: f32) {
     let inverse = 1.0 / depths;
     let across = loose_project(params.column, x, y, z, inverse, max_distance);
     let down = loose_project(params.row, x, y, z, inverse, max_distance);
-    let begin = nearest_depth(min_component(depths), max_distance);
+    @if(EXACT) let depth = min_component(depths);
+    // The computed t of a needle may be anywhere in the triangle's own box.
+    @else let depth = box_depth(
+        vec3<f32>(min_component(x), min_component(y), min_component(z)),
+        vec3<f32>(max_component(x), max_component(y), max_component(z)),
+    );
+    let begin = nearest_depth(depth, max_distance);
     if !(min_component(depths) > near_limit(max_distance) && is_precise(across) && is_precise(down)) {
         let all = select(FULL_SPAN, EMPTY_SPAN, is_triangle_outside(x, y, z, depths, max_distance));
         write_triangle(leaf, all, all, select(0.0, begin, max_distance < MAX_DISTANCE), no_lines());
@@ -122,7 +128,7 @@ fn project(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups
     let i = element(id, groups, 128u);
     if i >= params.count { return; }
     let origin = eye();
-    let max_distance = coverage_max_distance(origin);
+    let max_distance = root_relative_to(origin).max_distance;
     if i < params.wide_lanes {
         project_lane(i, origin, max_distance);
     } else {

@@ -1,0 +1,220 @@
+//! Rays and triangles at which an error bound decides whether a hit is found: "What a hit is", `docs/design/hits.md`.
+
+use crate::exact::check;
+use backend::{Backend, Hits, Intersector, QueryKind, Rays};
+use conformance::oracle::Oracle;
+use conformance::stage::triangles;
+use geom::{Animation, Camera, Point, Ray};
+use integration::stage::Stage;
+use libtest_mimic::Trial;
+use std::sync::Arc;
+
+type Opened = backend::Result<Box<dyn Backend>>;
+
+/// Creates the tests of each device, ignored if the device is absent.
+pub(crate) fn trials() -> Vec<Trial> {
+    let open: [(&str, fn() -> Opened); 4] = [
+        ("cpu-ref", || {
+            Ok(Box::new(cpu_ref::CpuBackend::new(Some(2))?))
+        }),
+        ("cpu", || Ok(Box::new(cpu_simd::open(Some(2))?))),
+        ("vulkan", || {
+            Ok(Box::new(gpu_vulkan::open(&Default::default())?))
+        }),
+        ("wgpu", || {
+            Ok(Box::new(gpu_wgpu::open(&Default::default())?))
+        }),
+    ];
+    let tests: [(&str, fn(Box<dyn Backend>)); 4] = [
+        ("boxes_near_the_origin_lose_no_exact_hit", near_the_origin),
+        ("small_determinants_decide_no_distance", small_determinants),
+        ("ties_at_zero_go_to_the_lowest_triangle", ties_at_zero),
+        (
+            "needles_in_a_picture_equal_single_rays",
+            needles_in_a_picture,
+        ),
+    ];
+    let mut trials = Vec::new();
+    for (name, open) in open {
+        let why = open().err().map(|e| e.to_string());
+        for (property, test) in tests {
+            let run = move || {
+                test(open()?);
+                Ok(())
+            };
+            let trial = Trial::test(format!("{property}_on_{name}"), run);
+            trials.push(
+                trial
+                    .with_ignored_flag(why.is_some())
+                    .with_kind(why.clone().unwrap_or_default()),
+            );
+        }
+    }
+    trials
+}
+
+fn still(corners: &[[Point; 3]]) -> Arc<Animation> {
+    let count = corners.len() as u32;
+    let triangles = (0..count).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]);
+    Arc::new(Animation::new(vec![corners.concat()], triangles.collect()).unwrap())
+}
+
+/// Keeps the scene's scale at 1, away from all rays.
+const FAR: [Point; 3] = [[1.0, 5.0, 5.0], [1.0, 6.0, 5.0], [1.0, 5.0, 6.0]];
+
+fn against_the_oracle(backend: Box<dyn Backend>, corners: &[[Point; 3]], rays: &[Ray]) {
+    let animation = still(corners);
+    let oracle = Oracle::new(triangles(&animation, 0.0));
+    let mut stage = Stage::over(backend, &animation, Intersector::Exact);
+    let expected = check(&mut stage, &oracle, 0.0, rays);
+    assert!(expected.iter().any(Option::is_some), "no ray hits anything");
+}
+
+/// The box of this triangle is so near to the ray's start that its padding would be less than the coordinates that
+/// count as zero.
+fn near_the_origin(backend: Box<dyn Backend>) {
+    let (step, width) = ((-47_f32).exp2(), (-64_f32).exp2());
+    let x = (-24_f32).exp2() + step;
+    let near = [
+        [x, 0.99 * width, -0.9 * width],
+        [x, 0.99 * width, 0.9 * width],
+        [x, -0.9 * width, 0.0],
+    ];
+    let ray = Ray::new([x - step, 0.0, 0.0], [1.0, 0.95 * (-17_f32).exp2(), 0.0]);
+    against_the_oracle(backend, &[FAR, near], &[ray]);
+}
+
+/// Products of this triangle's edge functions and depths underflow. The rays end or begin just before its plane.
+fn small_determinants(backend: Box<dyn Backend>) {
+    let (size, start) = ((-50_f32).exp2(), (-16_f32).exp2());
+    let depth = start * (-23_f32).exp2();
+    let z = start + depth;
+    let near = [
+        [-1.1 * size, -1.3 * size, z],
+        [1.5 * size, -0.7 * size, z],
+        [0.1 * size, 1.6 * size, z],
+    ];
+    let rays = (0..400_u16).map(|i| {
+        let place = |factor: f32| 0.2 * size * (2.0 * (f32::from(i) * factor).fract() - 1.0);
+        let limit = depth * (1.0 - (-6.0 - f32::from(i % 15)).exp2());
+        let (t_min, t_max) = if i % 2 == 1 {
+            (-1.0, limit)
+        } else {
+            (limit, f32::INFINITY)
+        };
+        Ray {
+            origin: [place(0.618_034), place(0.754_877), start],
+            t_min,
+            direction: [0.0, 0.0, 1.0],
+            t_max,
+        }
+    });
+    against_the_oracle(backend, &[FAR, near], &rays.collect::<Vec<_>>());
+}
+
+/// A ray from within two triangles, both hit at zero. The first one's box begins behind the ray's start, at a distance
+/// that rounds to zero.
+fn ties_at_zero(mut backend: Box<dyn Backend>) {
+    let first = [
+        [-2.052_907_2e-19, 1.577_45e-19, 1.084_211e-19],
+        [8.673_616_9e-19, 3.835_551_2e-19, 2.997_596_0e-19],
+        [6.458_097_3e-19, -7.241_718_1e-20, 4.677_732_7e-19],
+    ];
+    let (half, z) = ((-61_f32).exp2(), (-63_f32).exp2());
+    let second = [[-half, -half, z], [half, -half, z], [0.0, half, z]];
+    let ray = Ray {
+        origin: [0.0, 0.0, z],
+        t_min: -1.0,
+        direction: [0.912_534_53, 0.478_212_48, 1.0],
+        t_max: 1.0,
+    };
+    for corners in [
+        [first, FAR, second],
+        [first, second, FAR],
+        [second, first, FAR],
+    ] {
+        let mut stage = Stage::over(backend, &still(&corners), Intersector::MollerTrumbore);
+        stage.plant(0.0);
+        let hit = stage.closest(0.0, &[ray]).closest[0];
+        assert_eq!((hit.triangle, hit.t), (0, 0.0), "{corners:?}");
+        backend = stage.into_backend();
+    }
+}
+
+const EYE: Point = [0.3, 0.2, 0.1];
+
+/// A camera that looks askew to all axes.
+fn askew() -> Camera {
+    Camera {
+        eye: EYE,
+        width: 128,
+        height: 64,
+        corner: [1.444_566_4, 0.718_117_5, -0.253_380_92],
+        across: [-0.012_069_59, 0.0, 0.013_410_66],
+        down: [0.001_971_94, -0.017_846_08, 0.001_774_75],
+    }
+}
+
+fn direction(camera: &Camera, [x, y]: [f32; 2]) -> Point {
+    [0, 1, 2].map(|i| camera.corner[i] + x * camera.across[i] + y * camera.down[i])
+}
+
+/// Needles just behind a wall. Rounding decides where along a needle a ray hits it, and so may place a hit before the
+/// wall, nearer than all corners of the needle.
+fn needles(camera: &Camera) -> Arc<Animation> {
+    let at = |pixel: [f32; 2], depth: f32| -> Point {
+        let d = direction(camera, pixel);
+        [0, 1, 2].map(|i| EYE[i] + depth * d[i])
+    };
+    let [a, b, c, d] = [
+        [-300.0, -200.0],
+        [428.0, -200.0],
+        [428.0, 264.0],
+        [-300.0, 264.0],
+    ]
+    .map(|pixel| at(pixel, 1.0));
+    let mut corners = vec![[a, b, c], [a, c, d]];
+    for i in 0..1900_u16 {
+        let spread = |factor: f32| (f32::from(i) * factor).fract();
+        let middle = [
+            (128.0 * spread(0.618_034)).floor() + 0.5,
+            (64.0 * spread(0.754_877)).floor() + 0.5,
+        ];
+        let (sine, cosine) = (std::f32::consts::TAU * spread(0.569_84)).sin_cos();
+        let length = 2.0 + 14.0 * spread(0.414_214);
+        let along = |by: f32| at([middle[0] + by * cosine, middle[1] + by * sine], 1.000_02);
+        let end = along(length * (0.5 + 0.5 * spread(0.302_776)));
+        // Within a few units in the last place of the end.
+        let ulps = [i % 5, i / 5 % 5, i / 25 % 5].map(|k| i32::from(k) - 2);
+        let beside =
+            [0, 1, 2].map(|k: usize| f32::from_bits(end[k].to_bits().wrapping_add_signed(ulps[k])));
+        corners.push([along(-length), end, beside]);
+    }
+    still(&corners)
+}
+
+fn needles_in_a_picture(backend: Box<dyn Backend>) {
+    let camera = askew();
+    let animation = needles(&camera);
+    let trace = |stage: &mut Stage, rays: Rays<'_>| -> Hits {
+        stage.plant(0.0);
+        stage.trace(0.0, rays, QueryKind::Closest)
+    };
+    let rays: Vec<Ray> = camera.rays().collect();
+    let mut reference = Stage::new(&animation, Intersector::Watertight, 2);
+    let expected = trace(&mut reference, Rays::List(&rays)).closest;
+    let needles = expected.iter().filter(|h| h.is_hit() && h.triangle > 1);
+    let count = needles.count();
+    assert!(count > 100, "only {count} needles are hit");
+    let mut stage = Stage::over(backend, &animation, Intersector::Watertight);
+    let light = [0.0, 5.0, 0.0];
+    stage.plant(0.0);
+    let kind = QueryKind::ClosestAndShadow { light };
+    let found = stage.trace(0.0, Rays::Camera(&camera), kind).closest;
+    let other = expected.iter().zip(&found).position(|(a, b)| a != b);
+    assert!(
+        other.is_none(),
+        "pixel {other:?}: {:?}",
+        other.map(|i| (expected[i], found[i]))
+    );
+}
