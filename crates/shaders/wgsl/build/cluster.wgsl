@@ -9,8 +9,8 @@
 // With n leaves, merge m (counted over all phases) makes inner node n - 2 - m, and its two clusters become adjacent children. The
 // last merge makes the root. A cluster is a node that is not stored yet: its box and its traversal reference.
 //
-// Each round adds at most one level to the tree. The host bounds the number of rounds: after params.phase.search_rounds rounds, neighbours
-// merge in pairs.
+// Each round adds at most one level to the tree. The host bounds the number of rounds: after params.phase.search_rounds rounds,
+// neighbours merge in pairs.
 
 import package::geometry::node::{LEAF, TWO_TRIANGLES, child_row};
 import package::lib::buffers::{costs, nodes};
@@ -69,14 +69,14 @@ fn half_area_of(low: vec3<f32>, high: vec3<f32>) -> f32 {
 // differs in the lowest bits. Both sides of a pair then rank it equally, the best pair is always mutual, and equal boxes merge in
 // pairs.
 fn nearest_to(i: u32, count: u32) -> u32 {
-    let own = load_cluster(i);
+    let current = load_cluster(i);
     var best = i;
     var least = 0xffffffffu;
     let end = min(i + SEARCH_RADIUS + 1u, count);
     for (var j = max(i, SEARCH_RADIUS) - SEARCH_RADIUS; j < end; j += 1u) {
         if j == i { continue; }
         let other = load_cluster(j);
-        let area = bitcast<u32>(half_area_of(min(own.low, other.low), max(own.high, other.high)));
+        let area = bitcast<u32>(half_area_of(min(current.low, other.low), max(current.high, other.high)));
         if area < least || (area == least && (i ^ j) < (i ^ best)) {
             best = j;
             least = area;
@@ -130,16 +130,16 @@ struct RoundResult { cluster: Cluster, place: u32, area: f32 }
 fn result_of_round(i: u32, count: u32, merges: u32, inner: u32) -> RoundResult {
     if i >= count { return RoundResult(Cluster(), CLUSTER_TILE, 0.0); }
     let rank = merged_before(i);
-    let own = load_cluster(i);
+    let current = load_cluster(i);
     let j = nearest_of(i);
     let place = i - min(rank, merges);
-    if j == i || nearest_of(j) != i { return RoundResult(own, place, 0.0); }
-    if j < i { return RoundResult(own, select(place, CLUSTER_TILE, rank < merges), 0.0); }
+    if j == i || nearest_of(j) != i { return RoundResult(current, place, 0.0); }
+    if j < i { return RoundResult(current, select(place, CLUSTER_TILE, rank < merges), 0.0); }
     let merge_index = merged_before(j);
-    if merge_index >= merges { return RoundResult(own, place, 0.0); }
+    if merge_index >= merges { return RoundResult(current, place, 0.0); }
     let other = load_cluster(j);
-    let area = half_area_of(own.low, own.high) + half_area_of(other.low, other.high);
-    return RoundResult(merge(own, other, inner - merge_index), place, area);
+    let area = half_area_of(current.low, current.high) + half_area_of(other.low, other.high);
+    return RoundResult(merge(current, other, inner - merge_index), place, area);
 }
 
 // Runs one round. Returns the half areas of the clusters that this invocation merged.

@@ -6,7 +6,7 @@ import package::geometry::triangle::{corner, is_finite, is_flat};
 import package::geometry::units::scaled_point;
 import package::lib::buffers::{counts, records};
 import package::lib::counters::{DEGENERATE_COUNT, INACTIVE_COUNT};
-import package::lib::params::{element, params};
+import package::lib::params::{element_index, params};
 
 // The triangles of the leaves, in the order of the curve.
 @group(0) @binding(next) var<storage, read> sorted: array<u32>;
@@ -19,9 +19,9 @@ const INACTIVE: u32 = 1u;
 const DEGENERATE: u32 = 2u;
 
 // Returns the state of a triangle, given its corners in scene units and in scaled units.
-fn triangle_state(given_a: vec3<u32>, given_b: vec3<u32>, given_c: vec3<u32>, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> u32 {
-    if !(is_finite(given_a) && is_finite(given_b) && is_finite(given_c)) { return INACTIVE; }
-    return select(HITTABLE, DEGENERATE, is_flat(given_a, given_b, given_c, a, b, c));
+fn triangle_state(scene_a: vec3<u32>, scene_b: vec3<u32>, scene_c: vec3<u32>, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> u32 {
+    if !(is_finite(scene_a) && is_finite(scene_b) && is_finite(scene_c)) { return INACTIVE; }
+    return select(HITTABLE, DEGENERATE, is_flat(scene_a, scene_b, scene_c, a, b, c));
 }
 
 // Writes triangle records and the clusters that `cluster` merges, in leaf order.
@@ -29,22 +29,22 @@ fn triangle_state(given_a: vec3<u32>, given_b: vec3<u32>, given_c: vec3<u32>, a:
 // Variants: intersector.
 @compute @workgroup_size(128)
 fn cluster_leaves(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let leaf = element(id, groups, 128u);
+    let leaf = element_index(id, groups, 128u);
     if leaf >= params.count { return; }
     let triangle = sorted[leaf];
-    let given_a = corner(triangle, 0u);
-    let given_b = corner(triangle, 1u);
-    let given_c = corner(triangle, 2u);
-    let a = scaled_point(given_a);
-    let b = scaled_point(given_b);
-    let c = scaled_point(given_c);
+    let scene_a = corner(triangle, 0u);
+    let scene_b = corner(triangle, 1u);
+    let scene_c = corner(triangle, 2u);
+    let a = scaled_point(scene_a);
+    let b = scaled_point(scene_b);
+    let c = scaled_point(scene_c);
     let record = record_of(triangle, a, b, c);
     store_triangle_index(leaf, triangle);
     records[3u * leaf] = record.first;
     records[3u * leaf + 1u] = record.second;
     records[3u * leaf + 2u] = record.third;
 
-    let state = triangle_state(given_a, given_b, given_c, a, b, c);
+    let state = triangle_state(scene_a, scene_b, scene_c, a, b, c);
     var low = vec3<u32>(0x7f800000u);
     var high = vec3<u32>(0xff800000u);
     if state == HITTABLE {

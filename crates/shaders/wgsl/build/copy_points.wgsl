@@ -1,6 +1,6 @@
 // Copies positions from a buffer of the program to a key frame, word by word.
 
-import package::lib::params::{element, params};
+import package::lib::params::{element_index, params};
 
 @group(0) @binding(next) var<storage, read> lent: array<u32>;
 @group(0) @binding(next) var<storage, read_write> key_frame: array<u32>;
@@ -8,6 +8,6 @@ import package::lib::params::{element, params};
 // Parameters: points.
 @compute @workgroup_size(128)
 fn copy_points(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let i = element(id, groups, 128u);
+    let i = element_index(id, groups, 128u);
     if i < params.count { key_frame[params.points.target_at + i] = lent[params.points.source_at + i]; }
 }

@@ -2,7 +2,7 @@
 
 import package::lib::exact::{soft_add, soft_multiply};
 import package::lib::ieee::{add, mul, sub};
-import package::lib::params::{element, params};
+import package::lib::params::{element_index, params};
 
 @group(0) @binding(next) var<storage, read> earlier: array<vec4<u32>>;
 @group(0) @binding(next) var<storage, read> later: array<vec4<u32>>;
@@ -46,7 +46,7 @@ fn is_finite_bits(x: u32) -> bool { return (x & 0x7f800000u) != 0x7f800000u; }
 // Loaded with every scene.
 @compute @workgroup_size(128)
 fn interpolate(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    var i = element(id, groups, 128u);
+    var i = element_index(id, groups, 128u);
     if i >= params.count { return; }
     if params.interpolation.uses_list == 1u { i = moving_rows[i]; }
     let a = earlier[i];

@@ -3,7 +3,7 @@
 import package::geometry::triangle::corner;
 import package::geometry::units::{is_finite_point, scaled_point};
 import package::lib::buffers::positions;
-import package::lib::params::{element, params};
+import package::lib::params::{element_index, params};
 
 // Bounding boxes of parts of the scene, two rows each.
 @if(bounds)
@@ -85,10 +85,10 @@ fn key_of(point: vec3<f32>, cell: vec3<f32>) -> u32 {
 
 // Triangles with a vertex that is not finite come last.
 fn key_of_triangle(triangle: u32) -> u32 {
-    let given = array<vec3<u32>, 3>(corner(triangle, 0u), corner(triangle, 1u), corner(triangle, 2u));
-    let a = scaled_point(given[0]);
-    let b = scaled_point(given[1]);
-    let c = scaled_point(given[2]);
+    let corners = array<vec3<u32>, 3>(corner(triangle, 0u), corner(triangle, 1u), corner(triangle, 2u));
+    let a = scaled_point(corners[0]);
+    let b = scaled_point(corners[1]);
+    let c = scaled_point(corners[2]);
     if !(is_finite_point(a) && is_finite_point(b) && is_finite_point(c)) { return 0xffffffffu; }
     let center = 0.5 * min(min(a, b), c) + 0.5 * max(max(a, b), c);
     return key_of(center - lows[0], highs[0] - lows[0]);
@@ -103,7 +103,7 @@ fn morton(
     // Reads each part twice: there are 128 parts and 256 invocations.
     let part = local & 127u;
     reduce_box(local, boxes[2u * part].xyz, boxes[2u * part + 1u].xyz);
-    let i = element(id, groups, 256u);
+    let i = element_index(id, groups, 256u);
     if i >= params.count { return; }
     let triangle = live[i];
     keys[i] = key_of_triangle(triangle);

@@ -24,7 +24,7 @@ var<workgroup> sums: array<u32, 256>;
 
 // Returns the inclusive prefix sum of `x` (Hillis, Steele 1986). sums[255] holds the total until the next call. Must be called by
 // all invocations, in uniform control flow.
-fn scan_group(local: u32, x: u32) -> u32 {
+fn group_inclusive_scan(local: u32, x: u32) -> u32 {
     workgroupBarrier();
     sums[local] = x;
     workgroupBarrier();
@@ -44,7 +44,7 @@ fn digit_of(key: u32) -> u32 { return (key >> params.sort.shift) & 255u; }
 
 // Radix sort, first step of a digit: counts each value in each tile.
 
-var<workgroup> tally: array<atomic<u32>, 256>;
+var<workgroup> digit_counts: array<atomic<u32>, 256>;
 
 // Parameters: sort.
 @compute @workgroup_size(256)
@@ -55,14 +55,14 @@ fn sort_count(
 ) {
     let tile = group.x + group.y * groups.x;
     let tiles = tiles_of(params.count);
-    atomicStore(&tally[local], 0u);
+    atomicStore(&digit_counts[local], 0u);
     workgroupBarrier();
     for (var batch = 0u; batch < 8u; batch += 1u) {
         let i = tile * TILE + batch * 256u + local;
-        if i < params.count { atomicAdd(&tally[digit_of(keys[params.sort.source_at + i])], 1u); }
+        if i < params.count { atomicAdd(&digit_counts[digit_of(keys[params.sort.source_at + i])], 1u); }
     }
     workgroupBarrier();
-    if tile < tiles { digits[local * tiles + tile] = atomicLoad(&tally[local]); }
+    if tile < tiles { digits[local * tiles + tile] = atomicLoad(&digit_counts[local]); }
 }
 
 // Radix sort, second step of a digit: one workgroup per value computes how often it occurs in the tiles before each tile, and in
@@ -78,7 +78,7 @@ fn sort_scan(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id)
         let tile = first + local;
         var count = 0u;
         if tile < tiles { count = digits[row + tile]; }
-        let sum = scan_group(local, count);
+        let sum = group_inclusive_scan(local, count);
         if tile < tiles { digits[row + tile] = before + sum - count; }
         before += sums[255];
     }
@@ -122,7 +122,7 @@ fn sort_scatter(
     let tile = group.x + group.y * groups.x;
     let tiles = tiles_of(params.count);
     let total = digits[256u * tiles + local];
-    let smaller = scan_group(local, total) - total;
+    let smaller = group_inclusive_scan(local, total) - total;
     next_places[local] = smaller + digits[local * tiles + min(tile, tiles - 1u)];
     for (var w = 0u; w < 8u; w += 1u) { atomicStore(&holders[256u * w + local], 0u); }
     workgroupBarrier();

@@ -6,7 +6,7 @@ import package::lib::params::params;
 
 // Number of words of a treelet's entry.
 const ENTRY_WORDS: u32 = 12u;
-// Words of an entry: see treelet().
+// Words of an entry: see `load_treelet`.
 const LEAF_COUNT_IN_ENTRY: u32 = 1u;
 const INNER_AT_IN_ENTRY: u32 = 2u;
 const INNER_COUNT_IN_ENTRY: u32 = 3u;
@@ -31,13 +31,13 @@ struct Treelet {
 }
 
 // Returns the treelet at `index` of a dispatch.
-fn treelet_at(index: u32) -> u32 {
+fn treelet_of_dispatch(index: u32) -> u32 {
     let at = params.treelets.first + index;
     if params.treelets.uses_list == 1u { return topology[at]; }
     return at;
 }
 
-fn treelet(treelet_index: u32) -> Treelet {
+fn load_treelet(treelet_index: u32) -> Treelet {
     let at = ENTRY_WORDS * treelet_index;
     return Treelet(
         topology[at], topology[at + 1u], topology[at + 2u], topology[at + 3u], topology[at + 4u],

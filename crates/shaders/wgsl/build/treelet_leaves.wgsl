@@ -3,8 +3,8 @@
 import package::build::costs::sum_of_group;
 import package::build::interpolate::{blend, blend_native, needs_exact_blend};
 import package::build::treelet::{
-    ENTRY_WORDS, LEAF_COUNT_IN_ENTRY, LEAVES, inner_word, merge_boxes, refit_treelet, store_box, store_leaf_reference,
-    treelet, treelet_at, treelet_nodes, write_treelet,
+    ENTRY_WORDS, LEAF_COUNT_IN_ENTRY, LEAVES, inner_word, load_treelet, merge_boxes, refit_treelet, store_box,
+    store_leaf_reference, treelet_nodes, treelet_of_dispatch, write_treelet,
 };
 import package::build::treelet_refit::{finish_and_climb, prefetch_parent};
 import package::geometry::node::{LEAF, TWO_TRIANGLES};
@@ -13,7 +13,7 @@ import package::geometry::triangle::{is_degenerate, is_finite, point_of, surely_
 import package::geometry::units::scaled_point;
 import package::lib::buffers::{costs, counts, records, topology, triangles};
 import package::lib::counters::{DEGENERATE_COUNT, INACTIVE_COUNT};
-import package::lib::params::{element, params};
+import package::lib::params::{element_index, params};
 
 @group(0) @binding(next) var<storage, read> earlier: array<u32>;
 @group(0) @binding(next) var<storage, read> later: array<u32>;
@@ -33,7 +33,7 @@ const SHARED: u32 = 0x80000000u;
 // Loaded with every scene.
 @compute @workgroup_size(256)
 fn gather_corners(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let i = element(id, groups, 256u);
+    let i = element_index(id, groups, 256u);
     if i >= params.count { return; }
     if i < params.treelets.treelet_count { costs[params.treelets.treelet_count + i] = 0u; }
     let triangle = topology[params.leaf_triangles_at + i / 3u] & ~SHARED;
@@ -118,7 +118,7 @@ fn reload_corners(vertices: vec3<u32>) -> SceneCorners {
 
 // Writes a treelet whose boxes are complete. All invocations of the workgroup must call it.
 fn finish_treelet(treelet_index: u32, local: u32, area: f32) {
-    write_treelet(treelet(treelet_index), local);
+    write_treelet(load_treelet(treelet_index), local);
     let sum = sum_of_group(local, area);
     if local == 0u { costs[treelet_index] = sum; }
 }
@@ -181,7 +181,7 @@ fn merge_leaf_pair(local: u32, leaf: u32) -> f32 {
 
 // Must be called by all invocations, in uniform control flow.
 fn build_treelet(local: u32, index: u32) {
-    let treelet_index = treelet_at(index);
+    let treelet_index = treelet_of_dispatch(index);
     let leaf = topology[ENTRY_WORDS * treelet_index] + local;
     let is_leaf = local < topology[ENTRY_WORDS * treelet_index + LEAF_COUNT_IN_ENTRY];
     let packed_inner = inner_word(treelet_index, local);
@@ -193,7 +193,7 @@ fn build_treelet(local: u32, index: u32) {
         store_triangle_index(leaf, word & ~SHARED);
         if write_leaf(local, leaf, word & ~SHARED) && has_zero_area(leaf) { store_empty(local, leaf, DEGENERATE_COUNT); }
     }
-    let t = treelet(treelet_index);
+    let t = load_treelet(treelet_index);
     workgroupBarrier();
     var area = 0.0;
     if (word & SHARED) != 0u { area = merge_leaf_pair(local, leaf); }

@@ -2,8 +2,8 @@
 
 import package::build::costs::{GROUP, half_area, partial_sums, sum_of_group};
 import package::build::treelet::{
-    ENTRY_WORDS, LEAVES, PARENT_IN_ENTRY, ROOT_ROW_IN_ENTRY, SIBLINGS_IN_ENTRY, Treelet, high_of, inner_word, low_of,
-    refit_treelet, row_of, store_box, store_leaf_reference, treelet, treelet_at, write_treelet,
+    ENTRY_WORDS, LEAVES, PARENT_IN_ENTRY, ROOT_ROW_IN_ENTRY, SIBLINGS_IN_ENTRY, Treelet, high_of, inner_word, load_treelet,
+    low_of, refit_treelet, row_of, store_box, store_leaf_reference, treelet_of_dispatch, write_treelet,
 };
 import package::lib::buffers::{costs, counts, nodes, topology};
 import package::lib::params::params;
@@ -114,8 +114,8 @@ fn refit_treelets(
 ) {
     let index = group.x + group.y * groups.x;
     if index >= params.count { return; }
-    let treelet_index = treelet_at(index);
-    let t = treelet(treelet_index);
+    let treelet_index = treelet_of_dispatch(index);
+    let t = load_treelet(treelet_index);
     let partials = refit_from_roots_below(t, treelet_index, local, params.treelets.treelet_count);
     write_treelet(t, local);
     store_sums(t, treelet_index, local, params.treelets.treelet_count, partials);
@@ -191,7 +191,7 @@ fn finish_and_climb(first: u32, local: u32, area: f32) {
     let sum = sum_of_group(local, area);
     if local == 0u { store_cost(first, sum); }
     let last = params.treelets.treelet_count - 1u;
-    var t = treelet(first);
+    var t = load_treelet(first);
     var treelet_index = first;
     while params.treelets.treelet_count > 1u && treelet_index != last {
         publish_roots(t, local);
@@ -203,7 +203,7 @@ fn finish_and_climb(first: u32, local: u32, area: f32) {
         if treelet_index == NO_PARENT { return; }
         storageBarrier();
         prefetch_parent(treelet_index);
-        t = treelet(treelet_index);
+        t = load_treelet(treelet_index);
         let all = select(0u, params.treelets.treelet_count, treelet_index == last);
         store_sums(t, treelet_index, local, all, refit_from_roots_below(t, treelet_index, local, all));
     }

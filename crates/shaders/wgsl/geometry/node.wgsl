@@ -1,4 +1,5 @@
-// Encoding of node references. An inner node has four rows, which hold the boxes of both children. A leaf has one or two triangles.
+// Encoding of node references. An inner node has four rows, which hold the boxes of both children. A leaf has one or two
+// triangles.
 
 // No leaf.
 const NO_LEAF: u32 = 0xffffffffu;

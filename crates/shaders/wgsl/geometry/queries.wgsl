@@ -115,12 +115,6 @@ fn query_ray(i: u32) -> QueryRay {
     return QueryRay(first, rays[2u * i + 1u], scaled_point(first.xyz));
 }
 
-// Returns t_min and t_max.
-fn limits_of(i: u32) -> vec2<u32> {
-    let ray = query_ray(i);
-    return vec2<u32>(ray.first.w, ray.second.w);
-}
-
 fn prepared_query_ray(i: u32) -> PreparedRay {
     let ray = query_ray(i);
     return prepare_ray(ray.origin, ray.second.xyz, ray.first.w, ray.second.w, root_relative_to(ray.origin));

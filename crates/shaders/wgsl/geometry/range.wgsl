@@ -3,7 +3,7 @@
 import package::geometry::units::{has_extreme_origin, scale_bits};
 import package::lib::buffers::{counts, range};
 import package::lib::counters::SIZE_SPREAD;
-import package::lib::params::{element, params};
+import package::lib::params::{element_index, params};
 
 @group(0) @binding(next) var<storage, read> earlier: array<u32>;
 
@@ -111,7 +111,7 @@ fn measure_range(
         atomicStore(&small_samples, 0u);
     }
     workgroupBarrier();
-    let vertex = element(id, groups, 128u);
+    let vertex = element_index(id, groups, 128u);
     if vertex < params.count { measure(vertex); }
     workgroupBarrier();
     if local == 0u {

@@ -36,7 +36,7 @@ fn corners_of(leaf: u32) -> Corners {
 struct Record { first: vec4<u32>, second: vec4<u32>, third: vec4<u32> }
 
 @if(!WOOP)
-fn row(triangle: u32, a: f32, b: f32, c: f32) -> vec4<u32> {
+fn record_row(triangle: u32, a: f32, b: f32, c: f32) -> vec4<u32> {
     return vec4<u32>(bitcast<vec3<u32>>(vec3<f32>(a, b, c)), triangle);
 }
 
@@ -46,7 +46,7 @@ fn store_triangle_index(leaf: u32, triangle: u32) {}
 
 @if(!WOOP)
 fn record_of(triangle: u32, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> Record {
-    return Record(row(triangle, a.x, b.x, c.x), row(triangle, a.y, b.y, c.y), row(triangle, a.z, b.z, c.z));
+    return Record(record_row(triangle, a.x, b.x, c.x), record_row(triangle, a.y, b.y, c.y), record_row(triangle, a.z, b.z, c.z));
 }
 
 // For `woop`: the rows of Woop's transform. The triangle's index is stored after all rows.
@@ -58,7 +58,7 @@ fn store_triangle_index(leaf: u32, triangle: u32) {
 }
 
 @if(WOOP)
-fn row(vector: vec3<f32>, corner: vec3<f32>) -> vec4<u32> {
+fn record_row(vector: vec3<f32>, corner: vec3<f32>) -> vec4<u32> {
     return bitcast<vec4<u32>>(vec4<f32>(vector, -dot(vector, corner)));
 }
 
@@ -75,5 +75,5 @@ fn record_of(triangle: u32, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> Record 
     let length = sqrt(dot(scaled_normal, scaled_normal));
     let unit = scaled_normal / length;
     let area = length * largest;
-    return Record(row(cross(e2, unit) / area, a), row(cross(unit, e1) / area, a), row(unit, a));
+    return Record(record_row(cross(e2, unit) / area, a), record_row(cross(unit, e1) / area, a), record_row(unit, a));
 }

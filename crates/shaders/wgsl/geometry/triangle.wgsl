@@ -35,16 +35,16 @@ fn flushes_coordinate(before: vec3<u32>, after: vec3<f32>) -> bool {
 // Returns whether a rounded test already shows that three finite corners span an area, as it does for most triangles. The corners
 // are passed in scene units and in scaled units.
 fn surely_has_area(
-    given_a: vec3<u32>, given_b: vec3<u32>, given_c: vec3<u32>, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>,
+    scene_a: vec3<u32>, scene_b: vec3<u32>, scene_c: vec3<u32>, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>,
 ) -> bool {
-    let is_flushed = flushes_coordinate(given_a, a) || flushes_coordinate(given_b, b) || flushes_coordinate(given_c, c);
+    let is_flushed = flushes_coordinate(scene_a, a) || flushes_coordinate(scene_b, b) || flushes_coordinate(scene_c, c);
     return !is_flushed && has_area_when_rounded(a, b, c);
 }
 
 // Returns whether the corners span no area.
-fn is_flat(given_a: vec3<u32>, given_b: vec3<u32>, given_c: vec3<u32>, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> bool {
-    if surely_has_area(given_a, given_b, given_c, a, b, c) { return false; }
-    return is_degenerate(given_a, given_b, given_c);
+fn is_flat(scene_a: vec3<u32>, scene_b: vec3<u32>, scene_c: vec3<u32>, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> bool {
+    if surely_has_area(scene_a, scene_b, scene_c, a, b, c) { return false; }
+    return is_degenerate(scene_a, scene_b, scene_c);
 }
 
 // The exact test for zero area. In units of 2^-149 every coordinate is an integer below 2^277, and a component of the cross

@@ -23,11 +23,11 @@ fn candidate_shadow_at(candidate: u32) -> u32 { return candidate_at(candidate) +
 
 // Allocates a candidate that is in no list yet. Returns UNDECIDED if the buffer is full.
 fn allocate_candidate(leaf: u32) -> u32 {
-    let place = atomicAdd(&counts[CANDIDATE_COUNT], 1u);
-    if place >= params.search.candidate_capacity { return UNDECIDED; }
-    occluded[candidate_at(place + FIRST_CANDIDATE)] = leaf;
-    occluded[candidate_shadow_at(place + FIRST_CANDIDATE)] = UNDECIDED;
-    return place + FIRST_CANDIDATE;
+    let index = atomicAdd(&counts[CANDIDATE_COUNT], 1u);
+    if index >= params.search.candidate_capacity { return UNDECIDED; }
+    occluded[candidate_at(index + FIRST_CANDIDATE)] = leaf;
+    occluded[candidate_shadow_at(index + FIRST_CANDIDATE)] = UNDECIDED;
+    return index + FIRST_CANDIDATE;
 }
 
 // Writes whether a ray hits anything. If it does, increments word `count` of `counts`.

@@ -75,10 +75,10 @@ fn exact_hit_of(i: u32, ray: PreparedRay, best: ExactBest) -> vec4<u32> {
         return append_undecided(i, best.bound, candidates);
     }
     if best.leaf == NO_LEAF { return MISS; }
-    let reported = round_hit(ray, best.leaf, exact_direction_of(i));
-    if !reported.certain { return append_undecided(i, best.bound, prepend_candidate(NO_CANDIDATE, best.leaf)); }
+    let rounded = round_hit(ray, best.leaf, exact_direction_of(i));
+    if !rounded.certain { return append_undecided(i, best.bound, prepend_candidate(NO_CANDIDATE, best.leaf)); }
     atomicAdd(&counts[HIT_COUNT], 1u);
-    return reported.hit;
+    return rounded.hit;
 }
 
 // Appends a ray to the list of undecided rays. Its hit is not beyond `bound`.

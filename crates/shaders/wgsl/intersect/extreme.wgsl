@@ -83,8 +83,8 @@ fn may_hit_box(low: vec3<u32>, high: vec3<u32>, bound: u32) -> bool {
     return leaves >= begin - 1.0e-5 * abs(begin) - 1.0e-30 && enters <= end + 1.0e-5 * abs(end) + 1.0e-30;
 }
 
-// Returns the side of an edge on which the line certainly passes, or 0 if that is undecided. Each product carries at most seven roundings, and values that
-// a device flushes lose less than 2^-110.
+// Returns the side of an edge on which the line certainly passes, or 0 if that is undecided. Each product carries at most seven
+// roundings, and values that a device flushes lose less than 2^-110.
 fn coarse_side(p: vec3<f32>, q: vec3<f32>) -> i32 {
     let d = coarse_direction;
     let plus = p.yzx * q.zxy;

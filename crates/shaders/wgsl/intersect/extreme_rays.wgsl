@@ -14,7 +14,7 @@ import package::lib::exact::{soft_add, soft_multiply};
 import package::lib::integers::{
     INTERSECTIONS_OFFSET, ONE_OFFSET, PRODUCTS_OFFSET, accumulate_product, clear, sign_of_number, to_sign_magnitude,
 };
-import package::lib::params::{element, params};
+import package::lib::params::{element_index, params};
 
 // Shadow rays of extreme rays. The host's counterpart is `shadow_ray` in cpu-ref/src/extreme.rs. All numbers are bits, added and
 // multiplied by IEEE rules, except that the largest finite number replaces infinity.
@@ -165,7 +165,7 @@ fn trace_extreme_ray(i: u32) {
 @compute @workgroup_size(64)
 fn extreme_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     if !may_have_extreme_rays() { return; }
-    for (var i = element(id, groups, 64u); i < params.count; i += 64u * groups.x * groups.y) {
+    for (var i = element_index(id, groups, 64u); i < params.count; i += 64u * groups.x * groups.y) {
         if is_extreme_ray(i) { trace_extreme_ray(i); }
     }
 }
@@ -186,7 +186,7 @@ fn trace_extreme_shadow(i: u32) {
 @compute @workgroup_size(64)
 fn extreme_shadow_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     if !may_have_extreme_rays() { return; }
-    for (var i = element(id, groups, 64u); i < params.count; i += 64u * groups.x * groups.y) {
+    for (var i = element_index(id, groups, 64u); i < params.count; i += 64u * groups.x * groups.y) {
         if is_extreme_ray(i) { trace_extreme_shadow(i); }
     }
 }

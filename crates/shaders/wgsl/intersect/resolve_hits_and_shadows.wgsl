@@ -160,8 +160,8 @@ fn precomputed_shadow(i: u32, hit: vec4<u32>) -> u32 {
 // Resolves all rays that `trace_and_shadow_camera` left undecided. A first set of workgroups shares the hits, a second set the
 // shadow rays. If few hits are undecided, the other workgroups trace the shadow rays of their candidates at the same time.
 
-// Stores whether a candidate's segment to the light is occluded. It stays UNDECIDED if `round_hit` cannot round the hit. The result
-// is only valid if the candidate proves to be the hit.
+// Stores whether a candidate's segment to the light is occluded. It stays UNDECIDED if `round_hit` cannot round the hit. The
+// result is only valid if the candidate proves to be the hit.
 fn precompute_shadow(i: u32, candidate: u32, local: u32) {
     let rounded = round_hit(prepared_query_ray(i), occluded[candidate_at(candidate)], bitcast<vec3<u32>>(direction_of_ray(i)));
     if !rounded.certain { return; }

@@ -61,17 +61,17 @@ struct RoundedQuotient { value: f32, certain: bool }
 
 // Divides n by d, both sums of two floats. `error` bounds the error of the quotient before its own roundings.
 fn round_quotient_once(n: vec2<f32>, d: vec2<f32>, error: f32) -> RoundedQuotient {
-    let by = divisor(d.x);
-    let guess = mul(n.x, by.inverse);
-    let q = add(guess, mul(division_remainder(n.x, guess, by), by.inverse));
-    let rest = add(division_remainder(n.x, q, by), sub(n.y, mul(q, d.y)));
-    let more = mul(rest, by.inverse);
-    let value = add(q, more);
-    let remainder = sub(more, sub(value, q));
+    let d_divisor = divisor(d.x);
+    let guess = mul(n.x, d_divisor.inverse);
+    let q = add(guess, mul(division_remainder(n.x, guess, d_divisor), d_divisor.inverse));
+    let remainder = add(division_remainder(n.x, q, d_divisor), sub(n.y, mul(q, d.y)));
+    let correction = mul(remainder, d_divisor.inverse);
+    let value = add(q, correction);
+    let residual = sub(correction, sub(value, q));
     // 2^-43
     let error_bound = error + 1.1368683772161603e-13 * abs(value);
-    let low = add(value, sub(remainder, error_bound));
-    let high = add(value, add(remainder, error_bound));
+    let low = add(value, sub(residual, error_bound));
+    let high = add(value, add(residual, error_bound));
     // 2^-75, below which parts underflow, and 2^100.
     let magnitude = abs(n.x);
     let is_usual = magnitude > 2.6469779601696886e-23 && magnitude < 1.2676506002282294e30;
@@ -83,17 +83,17 @@ fn has_zero(v: vec3<f32>) -> bool { return any(v == vec3<f32>(0.0)); }
 fn exact_difference(corners: vec3<f32>, start: f32) -> DoubleFloat3 { return two_sum(corners, vec3<f32>(-start)); }
 
 // Returns the scaled direction with the small components that `PreparedRay` replaces by zero.
-fn unflushed_direction(given: vec3<u32>, exponent: i32) -> vec3<f32> {
-    return vec3<f32>(scale_bits(given.x, exponent), scale_bits(given.y, exponent), scale_bits(given.z, exponent));
+fn unflushed_direction(direction: vec3<u32>, exponent: i32) -> vec3<f32> {
+    return vec3<f32>(scale_bits(direction.x, exponent), scale_bits(direction.y, exponent), scale_bits(direction.z, exponent));
 }
 
-// Rounds the hit of a triangle that is surely hit by a ray with the direction `given`.
-fn round_hit(ray: PreparedRay, leaf: u32, given: vec3<u32>) -> RoundedHit {
+// Rounds the hit of a triangle that is surely hit by a ray with the direction `direction`.
+fn round_hit(ray: PreparedRay, leaf: u32, direction: vec3<u32>) -> RoundedHit {
     let corners = permuted_corners(ray, leaf);
     let x = exact_difference(corners.x, ray.permuted_origin.x);
     let y = exact_difference(corners.y, ray.permuted_origin.y);
     let z = exact_difference(corners.z, ray.permuted_origin.z);
-    let d = permute(unflushed_direction(given, -ray.exponent - params.scale_exponent), ray.axis);
+    let d = permute(unflushed_direction(direction, -ray.exponent - params.scale_exponent), ray.axis);
     let p = shear_exactly(x, z, d.x, d.z);
     let q = shear_exactly(y, z, d.y, d.z);
     let edges = exact_edges(p, q);

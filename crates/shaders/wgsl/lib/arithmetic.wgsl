@@ -2,7 +2,7 @@
 
 import package::lib::exact::sign_of_difference;
 import package::lib::ieee::{add, divide, mul, sub};
-import package::lib::params::{element, params};
+import package::lib::params::{element_index, params};
 
 @group(0) @binding(1) var<storage, read> operands: array<vec4<u32>>;
 @group(0) @binding(2) var<storage, read_write> results: array<vec4<u32>>;
@@ -21,7 +21,7 @@ fn count_iterations(i: u32) {
 
 @compute @workgroup_size(128)
 fn arithmetic(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let i = element(id, groups, 128u);
+    let i = element_index(id, groups, 128u);
     if i >= params.count { return; }
     let x = bitcast<vec4<f32>>(operands[i]);
     let sum = add(mul(x.x, x.y), mul(x.z, x.w));

@@ -2,7 +2,7 @@
 
 import package::geometry::triangle::{corner, is_finite};
 import package::lib::buffers::counts;
-import package::lib::params::{element, params};
+import package::lib::params::{element_index, params};
 
 @group(0) @binding(next) var<storage, read_write> cleansed: array<u32>;
 
@@ -18,7 +18,7 @@ fn store_point(at: u32, v: vec3<u32>) {
 
 @compute @workgroup_size(128)
 fn cleanse(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let triangle = element(id, groups, 128u);
+    let triangle = element_index(id, groups, 128u);
     if triangle >= params.count { return; }
     let a = corner(triangle, 0u);
     let b = corner(triangle, 1u);
@@ -47,7 +47,7 @@ fn count_answers(
 ) {
     if local == 0u { atomicStore(&sum, 0u); }
     workgroupBarrier();
-    let i = element(id, groups, 128u);
+    let i = element_index(id, groups, 128u);
     if i < params.count {
         if answers[i * params.answer.words + params.answer.word] != params.answer.miss { atomicAdd(&sum, 1u); }
     }

@@ -7,7 +7,7 @@ import package::geometry::units::scaled_point;
 import package::intersect::intersector::{hit_of, store_occluded, trace_any};
 import package::lib::buffers::{hits, rays};
 import package::lib::counters::{HIT_COUNT, OCCLUDED_COUNT};
-import package::lib::params::{element, params};
+import package::lib::params::{element_index, params};
 import package::traversal::finish::{write_hit_and_shadow, write_miss};
 import package::traversal::traverse::find_closest;
 
@@ -37,7 +37,7 @@ fn trace_camera(@builtin(local_invocation_index) local: u32, @builtin(workgroup_
 // Parameters: search.
 @compute @workgroup_size(128)
 fn trace_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let i = element(id, groups, 128u);
+    let i = element_index(id, groups, 128u);
     if i >= params.count { return; }
     if is_skipped(i) {
         hits[i] = MISS;
@@ -53,7 +53,7 @@ fn trace_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgro
 // Parameters: search.
 @compute @workgroup_size(128)
 fn any_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let i = element(id, groups, 128u);
+    let i = element_index(id, groups, 128u);
     if i >= params.count { return; }
     var is_hit = false;
     if !is_skipped(i) { is_hit = trace_any(explicit_ray(i), 0xffffffffu); }
@@ -87,7 +87,7 @@ fn trace_and_shadow_camera(@builtin(local_invocation_index) local: u32, @builtin
 // Parameters: search.
 @compute @workgroup_size(128)
 fn shadow_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let i = element(id, groups, 128u);
+    let i = element_index(id, groups, 128u);
     if i >= params.count { return; }
     let hit = hits[i];
     var is_shadowed = false;

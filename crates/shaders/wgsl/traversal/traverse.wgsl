@@ -5,9 +5,9 @@ import package::geometry::ray::{PreparedRay, loose_planes, loose_slab};
 import package::intersect::intersector::{BestHit, initial_best, intersect_leaf_any, intersect_leaf_closest, search_limit};
 import package::lib::buffers::nodes;
 
-// Returns where a ray enters and leaves a node's box before `bound`. The box is met if x <= y. Requires that t_min is not negative.
-// Compares bits as integers: non-negative floats compare as their bits do, and negative values are behind the ray in either order.
-// Devices find the greatest of three integers in one instruction (an H200: rays 4 % faster).
+// Returns where a ray enters and leaves a node's box before `bound`. The box is met if x <= y. Requires that t_min is not
+// negative. Compares bits as integers: non-negative floats compare as their bits do, and negative values are behind the ray in
+// either order. Devices find the greatest of three integers in one instruction (an H200: rays 4 % faster).
 
 @if(!(trace_rays || any_rays || MODULE))
 fn slab_interval(ray: PreparedRay, low: vec4<u32>, high: vec4<u32>, bound: f32) -> vec2<i32> {

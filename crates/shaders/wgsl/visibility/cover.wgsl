@@ -4,7 +4,7 @@ import package::geometry::queries::eye;
 import package::geometry::ray::root_relative_to;
 import package::lib::buffers::{counts, covers};
 import package::lib::counters::{LARGE_TRIANGLE_COUNT, TEST_COUNT, TILE_COUNT};
-import package::lib::params::{element, params};
+import package::lib::params::{element_index, params};
 import package::visibility::outline::{Outline, loose_tile_mask, outline_of, without_edges};
 
 // The buffer `covers` during rasterization, in rows of 16 bytes. First one row per triangle that was too large for `cover_small`:
@@ -93,7 +93,7 @@ fn store_tiles(outline: Outline, leaf: u32, first: u32) {
 // Parameters: raster.
 @compute @workgroup_size(256)
 fn cover_small(@builtin(local_invocation_index) local: u32, @builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let leaf = element(id, groups, 256u);
+    let leaf = element_index(id, groups, 256u);
     let origin = eye();
     var outline = without_edges(vec2<i32>(0), vec2<i32>(-1));
     if leaf < params.count { outline = outline_of(leaf, origin, root_relative_to(origin).max_distance); }

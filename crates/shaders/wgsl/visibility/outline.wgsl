@@ -78,9 +78,9 @@ fn is_box_outside_along(low: vec3<f32>, high: vec3<f32>, axis: vec3<f32>, size: 
 }
 
 // Decides by two bounds, both times depth: the least projected coordinate minus the picture's size, and the greatest one.
-fn is_outside(least_and_most: vec2<f32>, axis: vec3<f32>, size: u32, max_distance: f32) -> bool {
+fn is_outside(min_and_max: vec2<f32>, axis: vec3<f32>, size: u32, max_distance: f32) -> bool {
     let error_bound = PROJECTION_ERROR * max_distance * (l1_norm(axis) + f32(size) * l1_norm(params.depth));
-    return max_distance < MAX_DISTANCE && (least_and_most.x > error_bound || least_and_most.y < -error_bound);
+    return max_distance < MAX_DISTANCE && (min_and_max.x > error_bound || min_and_max.y < -error_bound);
 }
 
 // Returns the least depth of the corners of a box. `low` and `high` are relative to the eye.
@@ -146,8 +146,9 @@ fn project_own_box(leaf: u32, origin: vec3<f32>, max_distance: f32) -> BoxCovera
 
 // A triangle's outline in the picture, slightly enlarged: see docs/design/visibility-buffer.md.
 
-// The rectangle of pixels is empty if `first` is after `last`. Each edge bounds every row of pixels: at `at` in the first row, plus
-// `slope` per row. On side -1 covered pixels begin there, on side 1 they end. `covered` is the approximate number of covered pixels.
+// The rectangle of pixels is empty if `first` is after `last`. Each edge bounds every row of pixels: at `at` in the first row,
+// plus `slope` per row. On side -1 covered pixels begin there, on side 1 they end. `covered` is the approximate number of
+// covered pixels.
 struct Outline { first: vec2<i32>, last: vec2<i32>, at: vec3<f32>, slope: vec3<f32>, side: vec3<f32>, covered: f32 }
 
 fn without_edges(first: vec2<i32>, last: vec2<i32>) -> Outline {

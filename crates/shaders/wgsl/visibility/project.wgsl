@@ -4,7 +4,7 @@ import package::geometry::queries::eye;
 import package::geometry::ray::{MAX_DISTANCE, max_component, min_component, root_relative_to};
 import package::geometry::record::is_unhittable;
 import package::lib::buffers::{covers, nodes, records, topology};
-import package::lib::params::{element, params};
+import package::lib::params::{element_index, params};
 import package::visibility::outline::{
     EMPTY_SPAN, FULL_SPAN, NO_COVERAGE, Projected, UNBOUNDED, box_depth, is_precise, is_triangle_outside, loose_pixel_span,
     loose_project, near_limit, nearest_depth, project_box, project_own_box,
@@ -125,7 +125,7 @@ fn project_lane(lane: u32, origin: vec3<f32>, max_distance: f32) {
 // Variants: intersector.
 @compute @workgroup_size(128)
 fn project(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let i = element(id, groups, 128u);
+    let i = element_index(id, groups, 128u);
     if i >= params.count { return; }
     let origin = eye();
     let max_distance = root_relative_to(origin).max_distance;

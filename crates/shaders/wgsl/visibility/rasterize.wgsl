@@ -9,7 +9,7 @@ import package::intersect::watertight::{distance_to, surely_misses_triangle};
 import package::lib::buffers::{counts, covers};
 import package::lib::counters::{LARGE_TRIANGLE_COUNT, RASTER_INCOMPLETE, TEST_COUNT, TILE_COUNT};
 import package::lib::lanes::{count_at_most, group_inclusive_sum, group_shuffle};
-import package::lib::params::{element, params};
+import package::lib::params::{element_index, params};
 import package::visibility::cover::{KEYS_PER_PIXEL, LARGE_CAPACITY};
 
 // Per pixel with `watertight`: t of the first hit as bits, above the index of its triangle; all ones if nothing is hit. The other
@@ -22,7 +22,7 @@ import package::visibility::cover::{KEYS_PER_PIXEL, LARGE_CAPACITY};
 // Clears the visibility buffer, two words of 64 bits per invocation: see docs/design/visibility-buffer.md.
 @compute @workgroup_size(128)
 fn clear_visibility(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let i = element(id, groups, 128u);
+    let i = element_index(id, groups, 128u);
     if i < params.count { visibility[i] = vec4<u32>(0xffffffffu); }
 }
 

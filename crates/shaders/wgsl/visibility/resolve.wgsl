@@ -68,7 +68,8 @@ fn resolve_pixel(i: u32, ray: PreparedRay, is_complete: bool, origin: vec3<f32>)
     store_occluded(i, is_occluded(shadow_segment(a, b, c, hit, origin), triangle), OCCLUDED_COUNT);
 }
 
-// Writes the hit and the shadow of ray `i`. The first leaf has the hit if its hit is certain and its interval ends before all others begin.
+// Writes the hit and the shadow of ray `i`. The first leaf has the hit if its hit is certain and its interval ends before all
+// others begin.
 @else
 fn resolve_pixel(i: u32, ray: PreparedRay, is_complete: bool, origin: vec3<f32>) {
     var best = initial_best(ray);
