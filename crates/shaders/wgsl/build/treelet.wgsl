@@ -54,7 +54,12 @@ fn low_of(index: u32) -> vec4<u32> {
 }
 
 fn high_of(index: u32) -> vec4<u32> {
-    return vec4<u32>(treelet_nodes[(index ^ 16u) + 3u * NODE_CAPACITY], treelet_nodes[(index ^ 16u) + 4u * NODE_CAPACITY], treelet_nodes[(index ^ 16u) + 5u * NODE_CAPACITY], 0u);
+    return vec4<u32>(
+        treelet_nodes[(index ^ 16u) + 3u * NODE_CAPACITY],
+        treelet_nodes[(index ^ 16u) + 4u * NODE_CAPACITY],
+        treelet_nodes[(index ^ 16u) + 5u * NODE_CAPACITY],
+        0u,
+    );
 }
 
 fn store_box(index: u32, low: vec3<u32>, high: vec3<u32>) {
@@ -91,7 +96,9 @@ var<workgroup> inner_words: array<u32, GROUP>;
 
 // Returns the word of this invocation's inner node, or 0 if it has no inner node. Call it early to hide the latency of the reads.
 fn inner_word(treelet_index: u32, local: u32) -> u32 {
-    if local < topology[ENTRY_WORDS * treelet_index + INNER_COUNT_IN_ENTRY] { return topology[topology[ENTRY_WORDS * treelet_index + INNER_AT_IN_ENTRY] + local]; }
+    if local < topology[ENTRY_WORDS * treelet_index + INNER_COUNT_IN_ENTRY] {
+        return topology[topology[ENTRY_WORDS * treelet_index + INNER_AT_IN_ENTRY] + local];
+    }
     return 0u;
 }
 

@@ -81,8 +81,12 @@ fn load_corners(vertices: vec3<u32>) -> SceneCorners {
     let to_a = later_point(vertices.x);
     let to_b = later_point(vertices.y);
     let to_c = later_point(vertices.z);
-    let native = SceneCorners(blend_point_native(from_a, to_a), blend_point_native(from_b, to_b), blend_point_native(from_c, to_c));
-    let rare = any_needs_exact_blend(from_a, to_a, native.a) || any_needs_exact_blend(from_b, to_b, native.b) || any_needs_exact_blend(from_c, to_c, native.c);
+    let native = SceneCorners(
+        blend_point_native(from_a, to_a), blend_point_native(from_b, to_b), blend_point_native(from_c, to_c),
+    );
+    let rare = any_needs_exact_blend(from_a, to_a, native.a)
+        || any_needs_exact_blend(from_b, to_b, native.b)
+        || any_needs_exact_blend(from_c, to_c, native.c);
     if rare { return reload_corners(vertices); }
     return native;
 }

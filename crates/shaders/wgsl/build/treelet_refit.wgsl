@@ -145,7 +145,9 @@ fn words_of_root(row: u32) -> u32 { return 2u * params.treelets.treelet_count + 
 @if(!refit_treelets)
 fn root_low(row: u32) -> vec4<u32> {
     let at = words_of_root(row);
-    return vec4<u32>(atomicLoad(&costs[at]), atomicLoad(&costs[at + 1u]), atomicLoad(&costs[at + 2u]), atomicLoad(&costs[at + 3u]));
+    return vec4<u32>(
+        atomicLoad(&costs[at]), atomicLoad(&costs[at + 1u]), atomicLoad(&costs[at + 2u]), atomicLoad(&costs[at + 3u]),
+    );
 }
 
 @if(!refit_treelets)

@@ -59,7 +59,9 @@ fn measure(vertex: u32) {
     // 2^-32
     if size > 0u && size < in_scene_units(ONE, -32) { atomicAdd(&group_near, 1u); }
     // A sample at the origin is not valid and is stored as infinite.
-    if vertex % params.measure.sample_step == 0u { atomicStore(&range[SAMPLES + vertex / params.measure.sample_step], select(INFINITE, size, size > 0u)); }
+    if vertex % params.measure.sample_step == 0u {
+        atomicStore(&range[SAMPLES + vertex / params.measure.sample_step], select(INFINITE, size, size > 0u));
+    }
 }
 
 // Returns whether the largest coordinate exceeds 2^10 times the lower quartile of the valid samples. It does if it exceeds 2^10

@@ -35,7 +35,9 @@ fn away_from_zero(x: f32) -> f32 {
     return bitcast<f32>((bits & 0x80000000u) | max(bits & 0x7fffffffu, minimum));
 }
 
-fn each_away_from_zero(d: vec3<f32>) -> vec3<f32> { return vec3<f32>(away_from_zero(d.x), away_from_zero(d.y), away_from_zero(d.z)); }
+fn each_away_from_zero(d: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(away_from_zero(d.x), away_from_zero(d.y), away_from_zero(d.z));
+}
 
 fn are_negative(v: vec3<f32>) -> vec3<bool> { return (bitcast<vec3<u32>>(v) >> vec3<u32>(31u)) == vec3<u32>(1u); }
 
@@ -113,7 +115,9 @@ fn prepare_scaled_ray(origin: vec3<f32>, direction: vec3<f32>, root: RelativeRoo
     return prepare_ray_at_scale(origin, bitcast<vec3<u32>>(direction), 0u, 0x3f800000u, root, 0);
 }
 
-fn prepare_ray_at_scale(origin: vec3<f32>, direction: vec3<u32>, t_min: u32, t_max: u32, root: RelativeRoot, scale_exponent: i32) -> PreparedRay {
+fn prepare_ray_at_scale(
+    origin: vec3<f32>, direction: vec3<u32>, t_min: u32, t_max: u32, root: RelativeRoot, scale_exponent: i32,
+) -> PreparedRay {
     var ray: PreparedRay;
     let magnitudes = direction & vec3<u32>(0x7fffffffu);
     let exponent = decode_float(max(magnitudes.x, max(magnitudes.y, magnitudes.z))).exponent - 127;
@@ -136,7 +140,9 @@ fn prepare_ray_at_scale(origin: vec3<f32>, direction: vec3<u32>, t_min: u32, t_m
     let max_distance = root.max_distance;
     // 17 * 2^-24 * D.
     ray.max_padding = mul(1.01327896118164062e-6, min(max_distance, MAX_DISTANCE));
-    ray.depth_padding = select(mul(ray.max_padding, abs(ray.shear_z)), bitcast<f32>(0x7f800000u | params.zero), max_distance >= MAX_DISTANCE);
+    ray.depth_padding = select(
+        mul(ray.max_padding, abs(ray.shear_z)), bitcast<f32>(0x7f800000u | params.zero), max_distance >= MAX_DISTANCE,
+    );
     ray.inverse = inverse_for(ray);
     return with_loose_offsets(ray, max_distance);
 }

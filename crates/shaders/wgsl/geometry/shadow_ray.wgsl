@@ -56,7 +56,10 @@ fn shadow_segment(v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>, hit: vec4<u32>, e
     let triangle_extent = max(abs(e1), abs(e2));
     // The triangle's own size counts too: in a streamed key frame it may exceed the root box of a driver's tree, which only covers
     // earlier key frames.
-    let offset_extent = max(min(max(scene_extent.x, max(scene_extent.y, scene_extent.z)), params.clearance), max(triangle_extent.x, max(triangle_extent.y, triangle_extent.z)));
+    let offset_extent = max(
+        min(max(scene_extent.x, max(scene_extent.y, scene_extent.z)), params.clearance),
+        max(triangle_extent.x, max(triangle_extent.y, triangle_extent.z)),
+    );
     // 4 * 2^-24 and 32 * 2^-24
     let delta = add(mul(2.384185791015625e-7, largest_coordinate), mul(1.9073486328125e-6, offset_extent));
     point = vec3<f32>(
@@ -94,7 +97,9 @@ fn shadow_segment_of_best(best: BestHit, hit: vec4<u32>, eye: vec3<f32>) -> Shad
 
 // The segment from a hit just found to the light, computed from the triangle's vertices.
 @else
-fn shadow_segment_of_best(best: BestHit, hit: vec4<u32>, eye: vec3<f32>) -> ShadowSegment { return shadow_segment_of_hit(hit, eye); }
+fn shadow_segment_of_best(best: BestHit, hit: vec4<u32>, eye: vec3<f32>) -> ShadowSegment {
+    return shadow_segment_of_hit(hit, eye);
+}
 
 // The ray along such a segment.
 

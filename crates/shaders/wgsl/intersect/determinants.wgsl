@@ -30,7 +30,9 @@ fn fixed_vertex(p: vec3<u32>, unit: i32) -> Int64x3 {
 fn fixed_triangle(points: array<vec3<u32>, 3>) -> FixedTriangle {
     let units = unit_range(points);
     if units.y - units.x + 25 > 60 || line.bits > 60 || line.t_min > 0x80000000u { return FixedTriangle(); }
-    return FixedTriangle(true, units.x, fixed_vertex(points[0], units.x), fixed_vertex(points[1], units.x), fixed_vertex(points[2], units.x));
+    return FixedTriangle(
+        true, units.x, fixed_vertex(points[0], units.x), fixed_vertex(points[1], units.x), fixed_vertex(points[2], units.x),
+    );
 }
 
 fn fixed_direction() -> Int64x3 {
@@ -65,7 +67,9 @@ fn solve_determinants(given: CandidateResult, values: Determinants) -> SolvedTri
     }
     // The ray is in the triangle's plane, or the triangle is behind its start.
     if all(signs == vec3<i32>(0)) || sign_192(solved.n) <= 0 { return solved; }
-    solved.result.approximate_t = approximate_quotient(approximate_192(solved.n), approximate_192(solved.d), solved.result.exponent);
+    solved.result.approximate_t = approximate_quotient(
+        approximate_192(solved.n), approximate_192(solved.d), solved.result.exponent,
+    );
     solved.result.t = round_quotient_192(solved.n, solved.d, solved.result.exponent);
     solved.result.is_hit = select(0u, 1u, is_within_limits(solved.result.t));
     return solved;
@@ -133,7 +137,9 @@ fn decide_candidates(list: u32, local: u32) {
     workgroupBarrier();
     if (local & 3u) == 0u {
         if fixed_corners.fits {
-            let all = Determinants(determinants[local], determinants[local + 1u], determinants[local + 2u], determinants[local + 3u]);
+            let all = Determinants(
+                determinants[local], determinants[local + 1u], determinants[local + 2u], determinants[local + 3u],
+            );
             let solved = solve_determinants(result, all);
             result = solved.result;
             determinants[local] = solved.d;

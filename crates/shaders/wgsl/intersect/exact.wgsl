@@ -39,11 +39,17 @@ fn exact_intersect_leaf_closest(ray: PreparedRay, leaf: u32, best: ExactBest) ->
     let classified = classify(ray, corners_of(leaf));
     if !classified.possible || !(classified.low <= best.bound) { return best; }
     if !(classified.certain && classified.high < best.bound) {
-        return ExactBest(best.bound, best.low, min(best.other_low, classified.low), best.leaf, prepend_candidate(best.candidates, leaf));
+        return ExactBest(
+            best.bound, best.low, min(best.other_low, classified.low), best.leaf, prepend_candidate(best.candidates, leaf),
+        );
     }
     // If the intervals overlap, the previous best hit stays a candidate.
-    if best.leaf == NO_LEAF || best.low > classified.high { return ExactBest(classified.high, classified.low, best.other_low, leaf, best.candidates); }
-    return ExactBest(classified.high, classified.low, min(best.other_low, best.low), leaf, prepend_candidate(best.candidates, best.leaf));
+    if best.leaf == NO_LEAF || best.low > classified.high {
+        return ExactBest(classified.high, classified.low, best.other_low, leaf, best.candidates);
+    }
+    return ExactBest(
+        classified.high, classified.low, min(best.other_low, best.low), leaf, prepend_candidate(best.candidates, best.leaf),
+    );
 }
 
 // Rasterization: the hit of one triangle.
@@ -61,7 +67,9 @@ fn exact_nearest_t(ray: PreparedRay, leaf: u32) -> f32 {
 fn exact_intersect_single(ray: PreparedRay, leaf: u32) -> ExactBest {
     let nothing = exact_initial_best(ray);
     let classified = classify(ray, corners_of(leaf));
-    if classified.certain && classified.high < nothing.bound { return ExactBest(classified.high, classified.low, NO_INTERVAL, leaf, NO_CANDIDATE); }
+    if classified.certain && classified.high < nothing.bound {
+        return ExactBest(classified.high, classified.low, NO_INTERVAL, leaf, NO_CANDIDATE);
+    }
     return nothing;
 }
 

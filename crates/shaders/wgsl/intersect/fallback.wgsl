@@ -22,13 +22,17 @@ import package::lib::params::params;
 
 const STACK_SIZE: u32 = 64u;
 
-fn stack_offset(worker: u32) -> u32 { return 2u * params.search.undecided_rays_at + 3u * params.search.candidate_capacity + STACK_SIZE * worker; }
+fn stack_offset(worker: u32) -> u32 {
+    return 2u * params.search.undecided_rays_at + 3u * params.search.candidate_capacity + STACK_SIZE * worker;
+}
 
 // Resolves the undecided rays of this invocation, if it is a worker. Each kernel has its own `fallback_ray`. One invocation in 16
 // is a worker, so that each has its own vector on software drivers.
 fn resolve_assigned_rays(local: u32, group: u32, word: u32) {
     let worker = 4u * group + local / 16u;
-    if local % 16u != 0u || worker >= params.search.fallback_workers || atomicLoad(&counts[word + FALLBACK_OFFSET]) == 0u { return; }
+    if local % 16u != 0u || worker >= params.search.fallback_workers || atomicLoad(&counts[word + FALLBACK_OFFSET]) == 0u {
+        return;
+    }
     let undecided_count = atomicLoad(&counts[word]);
     for (var k = worker; k < undecided_count; k += params.search.fallback_workers) {
         let i = occluded[undecided_list_at() + k];
@@ -115,7 +119,9 @@ fn decide_closest(leaf: u32) {
     let solved = decide_in_one_invocation(leaf, points);
     let is_decided = solved.result.needs_fallback == 0u;
     if is_decided {
-        if solved.result.is_hit == 1u { _ = accept_if_first(solved.result, triangle, store_intersection(solved.result.exponent, solved.n, solved.d), true); }
+        if solved.result.is_hit == 1u {
+            _ = accept_if_first(solved.result, triangle, store_intersection(solved.result.exponent, solved.n, solved.d), true);
+        }
         return;
     }
     let intersection = intersect_within_limits(points, free_slot());
@@ -177,7 +183,11 @@ fn fallback_ray(worker: u32, i: u32) {
 // Variants: intersector(exact), arithmetic.
 // Parameters: search.
 @compute @workgroup_size(64)
-fn fallback_rays(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+fn fallback_rays(
+    @builtin(local_invocation_index) local: u32,
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
     resolve_assigned_rays(local, group.x + group.y * groups.x, UNDECIDED_RAYS);
 }
 
@@ -186,7 +196,11 @@ fn fallback_rays(@builtin(local_invocation_index) local: u32, @builtin(workgroup
 // Variants: intersector(exact).
 // Parameters: search.
 @compute @workgroup_size(64)
-fn fallback_any_rays(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+fn fallback_any_rays(
+    @builtin(local_invocation_index) local: u32,
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
     resolve_assigned_rays(local, group.x + group.y * groups.x, UNDECIDED_RAYS);
 }
 
@@ -195,6 +209,10 @@ fn fallback_any_rays(@builtin(local_invocation_index) local: u32, @builtin(workg
 // Variants: intersector(exact).
 // Parameters: search.
 @compute @workgroup_size(64)
-fn fallback_shadow_rays(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+fn fallback_shadow_rays(
+    @builtin(local_invocation_index) local: u32,
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
     resolve_assigned_rays(local, group.x + group.y * groups.x, UNDECIDED_SHADOWS);
 }

@@ -37,7 +37,9 @@ fn shear_triangle(ray: PreparedRay, corners: Corners) -> ShearedTriangle {
     let x = vec3<f32>(loose_dot(shear_view.across, a), loose_dot(shear_view.across, b), loose_dot(shear_view.across, c));
     let y = vec3<f32>(loose_dot(shear_view.up, a), loose_dot(shear_view.up, b), loose_dot(shear_view.up, c));
     let extent = vec2<f32>(max(abs(x.x), max(abs(x.y), abs(x.z))), max(abs(y.x), max(abs(y.y), abs(y.z))));
-    return ShearedTriangle(a, b, c, extent, loose_edge(x.z, y.z, x.y, y.y), loose_edge(x.x, y.x, x.z, y.z), loose_edge(x.y, y.y, x.x, y.x));
+    return ShearedTriangle(
+        a, b, c, extent, loose_edge(x.z, y.z, x.y, y.y), loose_edge(x.x, y.x, x.z, y.z), loose_edge(x.y, y.y, x.x, y.x),
+    );
 }
 
 // One component of `direction` is 1 and another is 0, so there are at most two roundings, fused or not.
@@ -57,8 +59,13 @@ fn loose_error_bound(extent: vec2<f32>, max_errors: vec2<f32>) -> f32 {
 fn min_edge(sheared: ShearedTriangle) -> f32 { return min(sheared.u, min(sheared.v, sheared.w)); }
 fn max_edge(sheared: ShearedTriangle) -> f32 { return max(sheared.u, max(sheared.v, sheared.w)); }
 
-fn surely_outside(sheared: ShearedTriangle, error_bound: f32) -> bool { return min_edge(sheared) < -error_bound && max_edge(sheared) > error_bound; }
-fn surely_inside(sheared: ShearedTriangle, error_bound: f32) -> bool { return min_edge(sheared) > error_bound || max_edge(sheared) < -error_bound; }
+fn surely_outside(sheared: ShearedTriangle, error_bound: f32) -> bool {
+    return min_edge(sheared) < -error_bound && max_edge(sheared) > error_bound;
+}
+
+fn surely_inside(sheared: ShearedTriangle, error_bound: f32) -> bool {
+    return min_edge(sheared) > error_bound || max_edge(sheared) < -error_bound;
+}
 
 // Decisions of the filter: "The filter" in docs/design/exact-arithmetic.md.
 
@@ -78,7 +85,11 @@ fn classify(ray: PreparedRay, corners: Corners) -> Classified {
 
 // Returns the distances along the main axis.
 fn depths_of(sheared: ShearedTriangle, axis: u32) -> vec3<f32> {
-    return select(select(vec3<f32>(sheared.a.x, sheared.b.x, sheared.c.x), vec3<f32>(sheared.a.y, sheared.b.y, sheared.c.y), axis == 1u), vec3<f32>(sheared.a.z, sheared.b.z, sheared.c.z), axis == 2u);
+    return select(
+        select(vec3<f32>(sheared.a.x, sheared.b.x, sheared.c.x), vec3<f32>(sheared.a.y, sheared.b.y, sheared.c.y), axis == 1u),
+        vec3<f32>(sheared.a.z, sheared.b.z, sheared.c.z),
+        axis == 2u,
+    );
 }
 
 // Returns the error bound for the triangle's own depth.

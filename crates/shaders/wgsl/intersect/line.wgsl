@@ -103,7 +103,9 @@ fn store_corners(corners: array<vec3<u32>, 3>) -> StoredCorners {
     let bits = units.y - units.x + 25;
     let len = Lengths(limbs(bits + 1), limbs(2 * bits + 2), limbs(2 * bits + max(bits, line.bits) + 6));
     for (var v = 0u; v < 9u; v += 1u) {
-        store_difference(CORNERS_OFFSET + COORDINATE_STRIDE * v, len.coordinate, points[v / 3u][v % 3u], line.origin[v % 3u], units.x);
+        store_difference(
+            CORNERS_OFFSET + COORDINATE_STRIDE * v, len.coordinate, points[v / 3u][v % 3u], line.origin[v % 3u], units.x,
+        );
     }
     return StoredCorners(len, units.x);
 }
@@ -122,7 +124,9 @@ fn edge_ends(side: u32) -> EdgeEnds {
 fn store_determinant(to: u32, side: u32, len: Lengths) {
     let ends = edge_ends(side);
     let last = side == 3u;
-    triple(to, select(DIRECTION_OFFSET, CORNERS_OFFSET, last), select(line.len, len.coordinate, last), ends.first, ends.second, len);
+    triple(
+        to, select(DIRECTION_OFFSET, CORNERS_OFFSET, last), select(line.len, len.coordinate, last), ends.first, ends.second, len,
+    );
 }
 
 // Intersects the line with a closed triangle, at any t, and stores the result in slot 0 or 1. If `perturbs` is set, the line's
@@ -172,7 +176,9 @@ fn perturbed_edge_sign(side: u32, len: Lengths) -> i32 {
             let turned = (term & 1u) == 1u;
             let corner = select(ends.second, ends.first, term >= 2u) + select(k, j, turned);
             let flip = select(0u, 1u, turned != (term >= 2u));
-            accumulate_product(PRODUCTS_OFFSET, len.triple, DIRECTION_OFFSET + select(j, k, turned), line.len, corner, len.coordinate, flip);
+            accumulate_product(
+                PRODUCTS_OFFSET, len.triple, DIRECTION_OFFSET + select(j, k, turned), line.len, corner, len.coordinate, flip,
+            );
         }
         to_sign_magnitude(PRODUCTS_OFFSET, len.triple);
         let s = sign_of_number(PRODUCTS_OFFSET, len.triple);
@@ -197,7 +203,15 @@ fn compare_intersections(a: ExactIntersection, b: ExactIntersection) -> i32 {
         let n = select(b.numerator, a.numerator, first);
         // Uses the magnitude. The denominator is positive.
         let flip = words[n];
-        accumulate_product(at, len, n, select(b.len, a.len, first), select(a.denominator, b.denominator, first), select(a.len, b.len, first), flip);
+        accumulate_product(
+            at,
+            len,
+            n,
+            select(b.len, a.len, first),
+            select(a.denominator, b.denominator, first),
+            select(a.len, b.len, first),
+            flip,
+        );
     }
     return sign_a * compare_magnitudes(PRODUCTS_OFFSET, len, a.exponent, PRODUCTS_OFFSET + PRODUCT_STRIDE, len, b.exponent);
 }

@@ -40,7 +40,9 @@ fn store_intersection(exponent: i32, n: Int192, d: Int192) -> ExactIntersection 
 fn accept_if_first(result: CandidateResult, triangle: u32, intersection: ExactIntersection, has_approximation: bool) -> bool {
     if first_leaf != NO_LEAF {
         var order = 0;
-        if has_approximation && first_has_approximation { order = compare_approximations(result.approximate_t, first_approximate_t); }
+        if has_approximation && first_has_approximation {
+            order = compare_approximations(result.approximate_t, first_approximate_t);
+        }
         if order == 0 { order = compare_intersections(intersection, first_intersection); }
         if order > 0 || (order == 0 && triangle > first_triangle) { return false; }
     }
@@ -185,7 +187,11 @@ fn resolve_exact_any_hits(local: u32, group_index: u32, group_count: u32, count:
 // Variants: intersector(exact).
 // Parameters: search.
 @compute @workgroup_size(64)
-fn resolve_exact_any_rays(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+fn resolve_exact_any_rays(
+    @builtin(local_invocation_index) local: u32,
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
     let group_index = group.x + group.y * groups.x;
     resolve_exact_any_hits(local, group_index, groups.x * groups.y, HIT_COUNT);
 }
@@ -195,7 +201,11 @@ fn resolve_exact_any_rays(@builtin(local_invocation_index) local: u32, @builtin(
 // Variants: intersector(exact).
 // Parameters: search.
 @compute @workgroup_size(64)
-fn resolve_exact_shadow_rays(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+fn resolve_exact_shadow_rays(
+    @builtin(local_invocation_index) local: u32,
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
     let group_index = group.x + group.y * groups.x;
     resolve_exact_any_hits(local, group_index, groups.x * groups.y, OCCLUDED_COUNT);
 }
@@ -205,7 +215,11 @@ fn resolve_exact_shadow_rays(@builtin(local_invocation_index) local: u32, @built
 // Variants: intersector(exact).
 // Parameters: search.
 @compute @workgroup_size(64)
-fn resolve_exact_rays(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+fn resolve_exact_rays(
+    @builtin(local_invocation_index) local: u32,
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
     let group_index = group.x + group.y * groups.x;
     resolve_exact_hits(local, group_index, groups.x * groups.y);
 }

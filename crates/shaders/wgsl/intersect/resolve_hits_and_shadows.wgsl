@@ -186,7 +186,11 @@ fn precompute_shadows(local: u32, group_index: u32, group_count: u32) {
 // Variants: intersector(exact), arithmetic.
 // Parameters: search.
 @compute @workgroup_size(64)
-fn resolve_exact_hits_and_shadows(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+fn resolve_exact_hits_and_shadows(
+    @builtin(local_invocation_index) local: u32,
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
     let group_index = group.x + group.y * groups.x;
     let group_count = params.search.workgroups_per_list;
     if group_index < group_count {
@@ -216,7 +220,11 @@ fn store_shadow(i: u32, search: ShadowSearch) {
 // Variants: intersector(exact).
 // Parameters: search.
 @compute @workgroup_size(64)
-fn shadow_remaining(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+fn shadow_remaining(
+    @builtin(local_invocation_index) local: u32,
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
     let group_index = group.x + group.y * groups.x;
     let undecided_count = load_undecided_count(local, UNDECIDED_RAYS);
     for (var k = group_index; k < undecided_count; k += groups.x * groups.y) {

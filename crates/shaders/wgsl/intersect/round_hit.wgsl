@@ -122,8 +122,12 @@ fn round_hit(ray: PreparedRay, leaf: u32, direction: vec3<u32>) -> RoundedHit {
     let determinant = vec2<f32>(det.high.x, det.low.x);
     let weights = edges.value;
     let share = abs(weights.high.yz) * inverse;
-    let u = round_quotient_once(vec2<f32>(weights.high.y, weights.low.y), determinant, (edge_errors.y + error * share.x) * inverse);
-    let v = round_quotient_once(vec2<f32>(weights.high.z, weights.low.z), determinant, (edge_errors.z + error * share.y) * inverse);
+    let u = round_quotient_once(
+        vec2<f32>(weights.high.y, weights.low.y), determinant, (edge_errors.y + error * share.x) * inverse,
+    );
+    let v = round_quotient_once(
+        vec2<f32>(weights.high.z, weights.low.z), determinant, (edge_errors.z + error * share.y) * inverse,
+    );
     let bits = in_ray_units(t.value, ray.exponent);
     let hit = vec4<u32>(bits, bitcast<u32>(u.value), bitcast<u32>(v.value), corners.triangle);
     // The bounds hold if det is far above its error. A subnormal t would be rounded twice.

@@ -30,7 +30,9 @@ fn rounded_t(intersection: ExactIntersection) -> u32 {
         let shift = max(select(-length_difference, length_difference, i == 1u), 0);
         let destination = select(dividend, divisor, i == 1u);
         words[destination] = 0u;
-        for (var k = 0u; k < len; k += 1u) { words[destination + 1u + k] = bits_from(source, intersection.len, 32 * i32(k) - shift); }
+        for (var k = 0u; k < len; k += 1u) {
+            words[destination + 1u + k] = bits_from(source, intersection.len, 32 * i32(k) - shift);
+        }
     }
     var quotient = 0u;
     for (var i = 0u; i < 26u; i += 1u) {
@@ -44,7 +46,9 @@ fn rounded_t(intersection: ExactIntersection) -> u32 {
     if quotient < 0x2000000u {
         magnitude = round_quotient(quotient, sticky, length_difference + intersection.exponent + 126);
     } else {
-        magnitude = round_quotient(quotient >> 1u, sticky || (quotient & 1u) == 1u, length_difference + intersection.exponent + 127);
+        magnitude = round_quotient(
+            quotient >> 1u, sticky || (quotient & 1u) == 1u, length_difference + intersection.exponent + 127,
+        );
     }
     return select(magnitude | (words[intersection.numerator] << 31u), 0u, magnitude == 0u);
 }

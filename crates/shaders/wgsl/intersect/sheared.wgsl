@@ -28,7 +28,12 @@ fn permuted_corners(ray: PreparedRay, leaf: u32) -> PermutedTriangle {
 
 fn shear(ray: PreparedRay, x: f32, y: f32, z: f32) -> Sheared {
     let along = sub(z, ray.permuted_origin.z);
-    return Sheared(sub(sub(x, ray.permuted_origin.x), mul(ray.shear_x, along)), sub(sub(y, ray.permuted_origin.y), mul(ray.shear_y, along)), mul(ray.shear_z, along), along);
+    return Sheared(
+        sub(sub(x, ray.permuted_origin.x), mul(ray.shear_x, along)),
+        sub(sub(y, ray.permuted_origin.y), mul(ray.shear_y, along)),
+        mul(ray.shear_z, along),
+        along,
+    );
 }
 
 fn edge_function(p: Sheared, q: Sheared) -> f32 {
@@ -57,7 +62,9 @@ fn padded_span(pad: f32, a: f32, b: f32, c: f32) -> vec2<f32> {
 // Returns at least the padding of the triangle's own box along the main axis. A corner is at most as far away as its sheared
 // coordinates plus its depth.
 fn loose_own_pad(ray: PreparedRay, edges: Edges) -> f32 {
-    let across = max(max(abs(edges.a.x), abs(edges.a.y)), max(max(abs(edges.b.x), abs(edges.b.y)), max(abs(edges.c.x), abs(edges.c.y))));
+    let across = max(
+        max(abs(edges.a.x), abs(edges.a.y)), max(max(abs(edges.b.x), abs(edges.b.y)), max(abs(edges.c.x), abs(edges.c.y))),
+    );
     let along = max(abs(edges.a.along), max(abs(edges.b.along), abs(edges.c.along)));
     // 20 * 2^-24
     return 1.1920928955078125e-6 * max(across + along, MIN_DISTANCE) * abs(ray.shear_z);

@@ -56,7 +56,9 @@ fn begins_after_t_min(ray: PreparedRay, low: f32) -> bool { return low > max(ray
 fn distance_to(ray: PreparedRay, corners: PermutedTriangle, e: Edges) -> f32 {
     if !signs_are_exact(e) {
         let side = edge_sign(e.u, e.c, e.b);
-        if side == 0 || side != edge_sign(e.v, e.a, e.c) || side != edge_sign(e.w, e.b, e.a) { return bitcast<f32>(0x7f800000u | params.zero); }
+        if side == 0 || side != edge_sign(e.v, e.a, e.c) || side != edge_sign(e.w, e.b, e.a) {
+            return bitcast<f32>(0x7f800000u | params.zero);
+        }
     }
     let c = undivided_hit(e);
     return clamp_to_own_box(ray, corners, divide(c.t, c.det));
@@ -86,7 +88,9 @@ fn watertight_intersect_leaf_closest(ray: PreparedRay, leaf: u32, best: Watertig
     if span.x > best.high || span.y <= ray.t_min { return best; }
     // A long interval would let the search continue far beyond the hit. 8192 pads are 0.008 D.
     let is_thin = span.y - span.x < max(0.125 * span.y, 8192.0 * pad);
-    if signs_are_exact(e) && begins_after_t_min(ray, span.x) && is_thin && span.y < best.low { return WatertightBest(span.x, span.y, leaf); }
+    if signs_are_exact(e) && begins_after_t_min(ray, span.x) && is_thin && span.y < best.low {
+        return WatertightBest(span.x, span.y, leaf);
+    }
     let t = distance_to(ray, corners, e);
     if !(t > ray.t_min && t < ray.t_max) || t > best.high { return best; }
     if best.leaf == NO_LEAF || t < best.low { return watertight_best_at(t, leaf); }

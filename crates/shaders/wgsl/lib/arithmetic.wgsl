@@ -28,6 +28,8 @@ fn arithmetic(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgro
     let difference = sub(add(x.x, x.y), x.x);
     let sign = sign_of_difference(x.x, x.y, x.z, x.w);
     results[2u * i] = vec4<u32>(bitcast<u32>(sum), bitcast<u32>(difference), bitcast<u32>(divide(x.x, x.y)), bitcast<u32>(sign));
-    results[2u * i + 1u] = vec4<u32>(bitcast<vec2<u32>>(loose_quotient_and_sum(x)), 0u, bitcast<u32>(product_rounding_error(x.x, x.y)));
+    results[2u * i + 1u] = vec4<u32>(
+        bitcast<vec2<u32>>(loose_quotient_and_sum(x)), 0u, bitcast<u32>(product_rounding_error(x.x, x.y)),
+    );
     if i == 0u { count_iterations(i); }
 }

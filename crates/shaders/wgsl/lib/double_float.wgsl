@@ -38,7 +38,9 @@ fn two_product(a: vec3<f32>, b: vec3<f32>) -> DoubleFloat3 {
     let b_high = vec3<f32>(upper_bits(b.x), upper_bits(b.y), upper_bits(b.z));
     let a_low = sub_each(a, a_high);
     let b_low = sub_each(b, b_high);
-    let residual = sub_each(sub_each(sub_each(product, mul_each(a_high, b_high)), mul_each(a_low, b_high)), mul_each(a_high, b_low));
+    let residual = sub_each(
+        sub_each(sub_each(product, mul_each(a_high, b_high)), mul_each(a_low, b_high)), mul_each(a_high, b_low),
+    );
     return DoubleFloat3(product, sub_each(mul_each(a_low, b_low), residual));
 }
 

@@ -61,7 +61,9 @@ fn multiply_128(m: vec4<u32>, d: vec2<u32>) -> Int192 {
     let unsigned_product = Int192(vec3<u32>(p0.x, q0.x, q1.x), vec3<u32>(q2.x, q3.x, q3.y));
     let excess_of_m = d & vec2<u32>(sign_mask(m.w));
     let excess_of_d = m & vec4<u32>(sign_mask(d.y));
-    let excess = add_192(Int192(vec3<u32>(0u), vec3<u32>(0u, excess_of_m)), Int192(vec3<u32>(0u, 0u, excess_of_d.x), excess_of_d.yzw));
+    let excess = add_192(
+        Int192(vec3<u32>(0u), vec3<u32>(0u, excess_of_m)), Int192(vec3<u32>(0u, 0u, excess_of_d.x), excess_of_d.yzw),
+    );
     return add_192(unsigned_product, negate_192(excess));
 }
 
@@ -112,7 +114,9 @@ fn to_fixed_point(bits: u32, unit: i32) -> vec2<u32> {
     let shift = u32(unit_of(bits) - unit);
     let bit_shift = shift & 31u;
     let low = mantissa << bit_shift;
-    let magnitude = select(vec2<u32>(low, select(mantissa >> ((32u - bit_shift) & 31u), 0u, bit_shift == 0u)), vec2<u32>(0u, low), shift >= 32u);
+    let magnitude = select(
+        vec2<u32>(low, select(mantissa >> ((32u - bit_shift) & 31u), 0u, bit_shift == 0u)), vec2<u32>(0u, low), shift >= 32u,
+    );
     if (bits >> 31u) == 1u { return negate_64(magnitude); }
     return magnitude;
 }

@@ -130,7 +130,8 @@ fn round_quotient(quotient: u32, sticky: bool, exponent: i32) -> u32 {
 
 fn divide_special(sign: u32, magnitude_a: u32, magnitude_b: u32) -> f32 {
     let inf = 0x7f800000u;
-    let nan = magnitude_a > inf || magnitude_b > inf || (magnitude_a == inf && magnitude_b == inf) || (magnitude_a == 0u && magnitude_b == 0u);
+    let nan = magnitude_a > inf || magnitude_b > inf || (magnitude_a == inf && magnitude_b == inf)
+        || (magnitude_a == 0u && magnitude_b == 0u);
     if nan {
         return bitcast<f32>(0x7fc00000u | (params.zero & 0u));
     }

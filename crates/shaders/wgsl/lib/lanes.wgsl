@@ -16,7 +16,10 @@ fn share_value(x: u32, lane: u32) {
 @if(!SUBGROUPS)
 fn group_min(x: u32, lane: u32) -> u32 {
     share_value(x, lane);
-    let halves = min(min(min(shared_values[0], shared_values[1]), min(shared_values[2], shared_values[3])), min(min(shared_values[4], shared_values[5]), min(shared_values[6], shared_values[7])));
+    let halves = min(
+        min(min(shared_values[0], shared_values[1]), min(shared_values[2], shared_values[3])),
+        min(min(shared_values[4], shared_values[5]), min(shared_values[6], shared_values[7])),
+    );
     workgroupBarrier();
     return min(min(halves.x, halves.y), min(halves.z, halves.w));
 }

@@ -166,6 +166,10 @@ fn trace_packets(@builtin(local_invocation_index) lane: u32, @builtin(workgroup_
 // Variants: intersector, arithmetic, subgroups.
 // Parameters: search.
 @compute @workgroup_size(128)
-fn trace_packets_by_subgroups(@builtin(subgroup_invocation_id) lane: u32, @builtin(subgroup_id) packet: u32, @builtin(workgroup_id) group: vec3<u32>) {
+fn trace_packets_by_subgroups(
+    @builtin(subgroup_invocation_id) lane: u32,
+    @builtin(subgroup_id) packet: u32,
+    @builtin(workgroup_id) group: vec3<u32>,
+) {
     trace_packet(2u * group.xy + vec2<u32>(packet & 1u, packet >> 1u), lane);
 }

@@ -92,7 +92,11 @@ fn store_tiles(outline: Outline, leaf: u32, first: u32) {
 // Variants: intersector.
 // Parameters: raster.
 @compute @workgroup_size(256)
-fn cover_small(@builtin(local_invocation_index) local: u32, @builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+fn cover_small(
+    @builtin(local_invocation_index) local: u32,
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
     let leaf = element_index(id, groups, 256u);
     let origin = eye();
     var outline = without_edges(vec2<i32>(0), vec2<i32>(-1));
@@ -100,7 +104,11 @@ fn cover_small(@builtin(local_invocation_index) local: u32, @builtin(global_invo
     let tile_counts = count_tiles(outline, leaf);
     let first = allocate_tiles(tile_counts.tiles, tile_counts.tests, local).own_first;
     if tile_counts.tiles == 0u || first + tile_counts.tiles > params.raster.tile_capacity { return; }
-    if tile_counts.tiles == 1u { store_tile(first, leaf, outline.first, tile_counts.pixels); } else { store_tiles(outline, leaf, first); }
+    if tile_counts.tiles == 1u {
+        store_tile(first, leaf, outline.first, tile_counts.pixels);
+    } else {
+        store_tiles(outline, leaf, first);
+    }
 }
 
 // Large triangles, over which the workgroups are distributed evenly.
@@ -114,7 +122,8 @@ fn store_share(leaf: u32, local: u32, first: i32, groups_per_triangle: i32) {
     let outline = outline_of(leaf, origin, root_relative_to(origin).max_distance);
     let blocks = (outline.last - outline.first + GROUP_PIXELS) / GROUP_PIXELS;
     for (var k = first; k < blocks.x * blocks.y; k += groups_per_triangle) {
-        let corner = outline.first + GROUP_PIXELS * vec2<i32>(k % blocks.x, k / blocks.x) + vec2<i32>(8 * i32(local & 15u), 4 * i32(local >> 4u));
+        let corner = outline.first + GROUP_PIXELS * vec2<i32>(k % blocks.x, k / blocks.x)
+            + vec2<i32>(8 * i32(local & 15u), 4 * i32(local >> 4u));
         var pixels = 0u;
         if all(corner <= outline.last) { pixels = loose_tile_mask(outline, corner); }
         let range = allocate_tiles(min(pixels, 1u), countOneBits(pixels), local);
@@ -127,7 +136,11 @@ fn store_share(leaf: u32, local: u32, first: i32, groups_per_triangle: i32) {
 // Variants: intersector.
 // Parameters: raster.
 @compute @workgroup_size(128)
-fn cover_large(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+fn cover_large(
+    @builtin(local_invocation_index) local: u32,
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
     let count = atomicLoad(&counts[LARGE_TRIANGLE_COUNT]);
     if count == 0u || count > LARGE_CAPACITY { return; }
     let groups_per_triangle = max(groups.x / count, 1u);

@@ -51,7 +51,9 @@ fn loose_project(axis: vec3<f32>, x: vec3<f32>, y: vec3<f32>, z: vec3<f32>, inve
     return Projected(at - 0.5, error_bound);
 }
 
-fn is_precise(p: Projected) -> bool { return max_component(abs(p.at)) < MAX_OFFSCREEN_PIXELS && max_component(p.error_bound) < 1.0; }
+fn is_precise(p: Projected) -> bool {
+    return max_component(abs(p.at)) < MAX_OFFSCREEN_PIXELS && max_component(p.error_bound) < 1.0;
+}
 
 // Returns the depth below which the error of a depth may exceed a 64th.
 fn near_limit(max_distance: f32) -> f32 { return 64.0 * PROJECTION_ERROR * max_distance * l1_norm(params.depth); }
@@ -61,13 +63,19 @@ fn near_limit(max_distance: f32) -> f32 { return 64.0 * PROJECTION_ERROR * max_d
 fn is_triangle_outside(x: vec3<f32>, y: vec3<f32>, z: vec3<f32>, depths: vec3<f32>, max_distance: f32) -> bool {
     let across = params.column.x * x + params.column.y * y + params.column.z * z;
     let down = params.row.x * x + params.row.y * y + params.row.z * z;
-    return is_outside(vec2<f32>(min_component(across - f32(params.width) * depths), max_component(across)), params.column, params.width, max_distance)
-        || is_outside(vec2<f32>(min_component(down - f32(params.height) * depths), max_component(down)), params.row, params.height, max_distance);
+    return is_outside(
+        vec2<f32>(min_component(across - f32(params.width) * depths), max_component(across)),
+        params.column, params.width, max_distance,
+    ) || is_outside(
+        vec2<f32>(min_component(down - f32(params.height) * depths), max_component(down)),
+        params.row, params.height, max_distance,
+    );
 }
 
 // The same for a box with these corners.
 fn is_box_outside(low: vec3<f32>, high: vec3<f32>, max_distance: f32) -> bool {
-    return is_box_outside_along(low, high, params.column, params.width, max_distance) || is_box_outside_along(low, high, params.row, params.height, max_distance);
+    return is_box_outside_along(low, high, params.column, params.width, max_distance)
+        || is_box_outside_along(low, high, params.row, params.height, max_distance);
 }
 
 fn is_box_outside_along(low: vec3<f32>, high: vec3<f32>, axis: vec3<f32>, size: u32, max_distance: f32) -> bool {
@@ -141,7 +149,9 @@ fn project_box(low: vec3<f32>, high: vec3<f32>, max_distance: f32) -> BoxCoverag
 fn project_own_box(leaf: u32, origin: vec3<f32>, max_distance: f32) -> BoxCoverage {
     if is_unhittable(leaf) { return NO_COVERAGE; }
     let corners = corners_of(leaf);
-    return project_box(min(min(corners.a, corners.b), corners.c) - origin, max(max(corners.a, corners.b), corners.c) - origin, max_distance);
+    return project_box(
+        min(min(corners.a, corners.b), corners.c) - origin, max(max(corners.a, corners.b), corners.c) - origin, max_distance,
+    );
 }
 
 // A triangle's outline in the picture, slightly enlarged: see docs/design/visibility-buffer.md.
@@ -156,7 +166,9 @@ fn without_edges(first: vec2<i32>, last: vec2<i32>) -> Outline {
     return Outline(first, last, vec3<f32>(0.0), vec3<f32>(0.0), vec3<f32>(0.0), size.x * size.y);
 }
 
-fn loose_first_pixel(p: Projected) -> i32 { return i32(max(ceil(min_component(p.at - p.error_bound) - params.pixel_margin), 0.0)); }
+fn loose_first_pixel(p: Projected) -> i32 {
+    return i32(max(ceil(min_component(p.at - p.error_bound) - params.pixel_margin), 0.0));
+}
 
 fn loose_last_pixel(p: Projected, size: u32) -> i32 {
     return i32(clamp(floor(max_component(p.at + p.error_bound) + params.pixel_margin), -1.0, f32(size) - 1.0));

@@ -52,7 +52,9 @@ fn loose_lines(x: Projected, y: Projected, first: f32) -> RowBounds {
     let size = abs(b - a) + abs(c - b) + abs(a - c);
     var lines = no_lines();
     // 2^-21, because coordinates are rounded too.
-    if !(abs(area) > 2.5 * (error_bound + 4.76837158203125e-7 * (max_component(abs(x.at)) + max_component(abs(y.at)))) * (size.x + size.y)) { return lines; }
+    if !(abs(area) > 2.5 * (error_bound + 4.76837158203125e-7 * (max_component(abs(x.at)) + max_component(abs(y.at)))) * (size.x + size.y)) {
+        return lines;
+    }
     let orientation = sign(area);
     let margin = error_bound + params.pixel_margin;
     lines = with_line(lines, loose_line(a, b, orientation, first, margin));

@@ -99,7 +99,9 @@ fn test_tiles_of_team(team: u32, teams: u32, count: u32, lane: u32) {
 
 // Returns whether all tiles were stored and the tests take less time than traversal would.
 fn is_rasterization_complete(tiles: u32, pixels: u32) -> bool {
-    return tiles <= params.raster.tile_capacity && atomicLoad(&counts[LARGE_TRIANGLE_COUNT]) <= LARGE_CAPACITY && atomicLoad(&counts[TEST_COUNT]) <= 2u * pixels;
+    return tiles <= params.raster.tile_capacity
+        && atomicLoad(&counts[LARGE_TRIANGLE_COUNT]) <= LARGE_CAPACITY
+        && atomicLoad(&counts[TEST_COUNT]) <= 2u * pixels;
 }
 
 // Returns the number of tiles to test, the same for all invocations of a workgroup.
@@ -122,7 +124,11 @@ fn load_tile_count(local: u32, group: u32) -> u32 {
 // Variants: intersector, arithmetic.
 // Parameters: raster.
 @compute @workgroup_size(32)
-fn rasterize(@builtin(local_invocation_index) lane: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+fn rasterize(
+    @builtin(local_invocation_index) lane: u32,
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
     test_tiles_of_team(group.x, groups.x, load_tile_count(lane, group.x), lane);
 }
 
@@ -131,6 +137,12 @@ fn rasterize(@builtin(local_invocation_index) lane: u32, @builtin(workgroup_id) 
 // Variants: intersector, arithmetic, subgroups.
 // Parameters: raster.
 @compute @workgroup_size(128)
-fn rasterize_by_subgroups(@builtin(local_invocation_index) local: u32, @builtin(subgroup_invocation_id) lane: u32, @builtin(subgroup_id) team: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+fn rasterize_by_subgroups(
+    @builtin(local_invocation_index) local: u32,
+    @builtin(subgroup_invocation_id) lane: u32,
+    @builtin(subgroup_id) team: u32,
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
     test_tiles_of_team(4u * group.x + team, 4u * groups.x, load_tile_count(local, group.x), lane);
 }
