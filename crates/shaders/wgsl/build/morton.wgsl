@@ -1,4 +1,4 @@
-// Assigns triangles to places on a space-filling curve, by which they are sorted.
+// Computes sort keys of triangles: their positions on a space-filling curve.
 
 import package::geometry::triangle::corner;
 import package::geometry::units::{is_finite_point, scaled_point};

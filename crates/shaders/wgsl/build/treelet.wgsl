@@ -1,4 +1,4 @@
-// A treelet in workgroup memory: see bvh_layout::Treelets.
+// Refits and writes a treelet in workgroup memory: see bvh_layout::Treelets.
 
 import package::build::costs::{GROUP, half_area};
 import package::lib::buffers::{nodes, topology};

@@ -1,4 +1,4 @@
-// Boxes of the treelets above those of triangles: one level per dispatch, or all levels in one dispatch.
+// Computes the boxes of treelets above those of triangles: one level per dispatch, or all levels in one dispatch.
 
 import package::build::costs::{GROUP, half_area, partial_sums, sum_of_group};
 import package::build::treelet::{

@@ -1,4 +1,4 @@
-// The rays of a query: a camera's, one per pixel, or explicit ones.
+// The rays of a query: camera rays, one per pixel, or explicit rays.
 
 import package::geometry::ray::{MAX_DISTANCE, PreparedRay, RelativeRoot, prepare_ray, root_relative_to};
 import package::geometry::units::{is_extreme, is_finite_point, ordered, scaled_point};

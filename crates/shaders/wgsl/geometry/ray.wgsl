@@ -1,4 +1,4 @@
-// Prepared rays, and their box tests.
+// Rays prepared for traversal, and their box tests.
 
 import package::geometry::units::{flushed, scale_bits};
 import package::intersect::intersector::inverse_for;
@@ -27,7 +27,7 @@ const MIN_DISTANCE: f32 = 3.637978807091713e-12;
 // Limits D of a box, so that no padding is infinite or less than the error of coordinates that are replaced by zero.
 fn limit_distance(d: f32) -> f32 { return min(max(d, MIN_DISTANCE), MAX_DISTANCE); }
 
-// Shared by all ray tests: directions pushed away from zero, signs, and the hit of a miss.
+// Directions clamped away from zero, and signs.
 
 fn away_from_zero(x: f32) -> f32 {
     let minimum = 0x21800000u; // 2^-60
@@ -150,7 +150,7 @@ fn prepare_ray_at_scale(
 // Adds the terms that loose_planes needs: see "Inner boxes" in docs/design/hits.md.
 fn with_loose_offsets(given: PreparedRay, max_distance: f32) -> PreparedRay {
     var ray = given;
-    // 32 * 2^-24 * D and 4 * 2^-24 * |o|. From 2^80 on, D is cut, and |o| counts ten times as much instead.
+    // 32 * 2^-24 * D and 4 * 2^-24 * |o|. From 2^80 on, D is limited, and the factor of |o| is ten times as large instead.
     let origin_factor = select(2.384185791015625e-7, 2.384185791015625e-6, max_distance >= MAX_DISTANCE);
     let padding = abs(ray.inverse) * (1.9073486328125e-6 * min(max_distance, MAX_DISTANCE) + origin_factor * abs(ray.origin));
     let scaled_origin = ray.origin * ray.inverse;
@@ -183,7 +183,7 @@ struct Planes { near: vec3<f32>, far: vec3<f32> }
 // Returns planes that enter no later, and leave no earlier, than `padded_slab` finds for any box within. They select nodes and do
 // not decide hits, so the driver may fuse these operations.
 fn loose_planes(ray: PreparedRay, low: vec3<f32>, high: vec3<f32>) -> Planes {
-    // Packets and rasterization never trace at spread moments, and this branch would cost them a tenth of their time.
+    // Packets and rasterization are never used if `params.spread` is 1. This branch would cost them a tenth of their time.
     @if(!(trace_packets || trace_packets_by_subgroups || resolve))
     if params.spread == 1u { return loose_planes_own_padding(ray, low, high); }
     let negative = are_negative(ray.inverse);
@@ -191,7 +191,8 @@ fn loose_planes(ray: PreparedRay, low: vec3<f32>, high: vec3<f32>) -> Planes {
     return Planes(near, select(high, low, negative) * ray.inverse + ray.far_offset);
 }
 
-// The same for coordinates of very different sizes. Pads by the box's own D, which is at least that of any box within.
+// Returns the same for scenes with coordinates of very different sizes. Pads by the box's own D, which is at least that of any box
+// within.
 fn loose_planes_own_padding(ray: PreparedRay, low: vec3<f32>, high: vec3<f32>) -> Planes {
     let negative = are_negative(ray.inverse);
     let to_low = low - ray.origin;
@@ -210,7 +211,7 @@ fn loose_slab(ray: PreparedRay, low: vec3<f32>, high: vec3<f32>) -> vec2<f32> {
     return vec2<f32>(max(n.x, max(n.y, n.z)), min(f.x, min(f.y, f.z)));
 }
 
-// Returns whether a ray meets a node's box before `bound`. The corners are the first three words of each row.
+// Returns whether a ray intersects a node's box before `bound`. The corners are the first three words of each row.
 fn intersects_box(ray: PreparedRay, low: vec4<u32>, high: vec4<u32>, bound: f32) -> bool {
     let s = loose_slab(ray, bitcast<vec3<f32>>(low.xyz), bitcast<vec3<f32>>(high.xyz));
     return s.x <= s.y && s.x <= bound && s.y >= ray.t_min;

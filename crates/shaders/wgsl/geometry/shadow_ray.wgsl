@@ -31,7 +31,7 @@ fn offset_coordinate(p: f32, normal: f32, side: f32, delta: f32) -> f32 {
 // Coordinates of the origin may be below 2^-64, where they are replaced by zero.
 struct ShadowSegment { origin: vec3<f32>, direction: vec3<f32>, is_traced: bool }
 
-// Computes the segment from the corners of the triangle that was hit, all in scaled units. `eye` is the start of the ray.
+// Computes the segment from the corners of the triangle that was hit, all in scaled units. `eye` is the origin of the ray.
 fn shadow_segment(v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>, hit: vec4<u32>, eye: vec3<f32>) -> ShadowSegment {
     let e1 = sub3(v1, v0);
     let e2 = sub3(v2, v0);
@@ -79,7 +79,7 @@ fn scaled_vertex(vertex: u32) -> vec3<f32> {
     return scaled_point(vec3<u32>(positions[at], positions[at + 1u], positions[at + 2u]));
 }
 
-// All in scaled units. `eye` is the start of the ray that hit.
+// Returns the segment in scaled units. `eye` is the origin of the ray that hit.
 fn shadow_segment_of_hit(hit: vec4<u32>, eye: vec3<f32>) -> ShadowSegment {
     let v0 = scaled_vertex(triangles[3u * hit.w]);
     let v1 = scaled_vertex(triangles[3u * hit.w + 1u]);
@@ -87,7 +87,7 @@ fn shadow_segment_of_hit(hit: vec4<u32>, eye: vec3<f32>) -> ShadowSegment {
     return shadow_segment(v0, v1, v2, hit, eye);
 }
 
-// The segment from a hit just found to the light, computed from the corners in the leaf's record.
+// Returns the segment from the best hit to the light, computed from the corners in the leaf's record.
 
 @if(WATERTIGHT || EXACT)
 fn shadow_segment_of_best(best: BestHit, hit: vec4<u32>, eye: vec3<f32>) -> ShadowSegment {
@@ -95,13 +95,13 @@ fn shadow_segment_of_best(best: BestHit, hit: vec4<u32>, eye: vec3<f32>) -> Shad
     return shadow_segment(k.a, k.b, k.c, hit, eye);
 }
 
-// The segment from a hit just found to the light, computed from the triangle's vertices.
+// Returns the segment from the best hit to the light, computed from the triangle's vertices.
 @else
 fn shadow_segment_of_best(best: BestHit, hit: vec4<u32>, eye: vec3<f32>) -> ShadowSegment {
     return shadow_segment_of_hit(hit, eye);
 }
 
-// The ray along such a segment.
+// Prepares the ray along a segment.
 
 fn shadow_ray(segment: ShadowSegment) -> PreparedRay {
     let origin = snapped3(segment.origin);
@@ -109,9 +109,7 @@ fn shadow_ray(segment: ShadowSegment) -> PreparedRay {
     return prepare_scaled_ray(origin, segment.direction, root_relative_to(origin));
 }
 
-// The exact line along such a segment.
-
-// The segment is in scaled units; the corners are not.
+// Sets the exact line of a segment. The segment is in scaled units, but corners are in scene units.
 fn set_line_of_segment(segment: ShadowSegment) {
     set_line(bitcast<vec3<u32>>(segment.origin), bitcast<vec3<u32>>(segment.direction), 0u, 0x3f800000u, params.scale_exponent);
 }

@@ -32,8 +32,8 @@ fn flushes_coordinate(before: vec3<u32>, after: vec3<f32>) -> bool {
     return any((after == vec3<f32>(0.0)) != was_zero);
 }
 
-// Returns whether a rounded test already shows that three finite corners span an area, as it does for most triangles. The corners
-// are passed in scene units and in scaled units.
+// Returns whether a rounded test shows that three finite corners span an area, as it does for most triangles. The corners are
+// passed in scene units and in scaled units.
 fn surely_has_area(
     scene_a: vec3<u32>, scene_b: vec3<u32>, scene_c: vec3<u32>, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>,
 ) -> bool {

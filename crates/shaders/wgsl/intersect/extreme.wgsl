@@ -1,4 +1,4 @@
-// Hits of extreme rays: see "Extreme rays" in docs/design/hits.md.
+// Traversal for extreme rays, with a coarse filter and multi-word integers: see "Extreme rays" in docs/design/hits.md.
 
 import package::geometry::node::{LEAF, NO_NODE, child_row, first_triangle_of, second_triangle_of};
 import package::geometry::ray::{MISS, are_negative, each_away_from_zero};

@@ -1,4 +1,4 @@
-// Exact ray-triangle intersection in integers: the device version of the crate `exact`.
+// Exact ray-triangle intersection in multi-word integers: the device version of `geom::exact`.
 
 import package::geometry::units::ordered;
 import package::lib::integers::{

@@ -1,4 +1,4 @@
-// Rounds exact intersections to floats: the device version of the method `rounded_t` of the crate `exact`.
+// Rounds exact intersections to floats: the device version of `geom::exact`.
 
 import package::intersect::line::{
     NO_INTERSECTION, ExactIntersection, intersect_exactly, is_within_limits, store_corners, store_determinant,

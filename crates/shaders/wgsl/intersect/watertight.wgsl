@@ -1,4 +1,4 @@
-// The intersector `watertight`.
+// The intersector `watertight`: sheared triangles with exact edge signs.
 
 import package::geometry::node::NO_LEAF;
 import package::geometry::ray::{MISS, PreparedRay};
@@ -39,7 +39,7 @@ fn signs_are_exact(e: Edges) -> bool {
     return least >= 7.888609052210118e-31 && sum < 0x7f000000u;
 }
 
-// Returns at least the padding of the triangle's own box along the main axis: that of the root box, except at spread moments.
+// Returns at least the padding of the triangle's own box along the main axis: that of the root box, unless `params.spread` is 1.
 fn own_padding(ray: PreparedRay, e: Edges) -> f32 {
     @if(!(trace_packets || trace_packets_by_subgroups || resolve))
     if params.spread == 1u { return loose_own_pad(ray, e); }

@@ -161,7 +161,7 @@ struct Params {
 
 @group(0) @binding(0) var<uniform> params: Params;
 
-// Returns the element of this invocation, for dispatches of one or two dimensions.
+// Returns the index of this invocation's element, for dispatches of one or two dimensions.
 fn element_index(id: vec3<u32>, groups: vec3<u32>, group_size: u32) -> u32 {
     return id.x + id.y * groups.x * group_size;
 }

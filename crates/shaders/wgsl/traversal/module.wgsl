@@ -1,4 +1,4 @@
-// Single rays for shaders of a program. crates/abvh returns this file as text in which all other names are escaped.
+// Functions that trace single rays for the caller's own shaders: `abvh::shader_module`. All other names are escaped.
 
 import package::geometry::queries::is_invalid_ray;
 import package::geometry::range::is_measured_extreme;

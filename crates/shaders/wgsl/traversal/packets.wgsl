@@ -1,4 +1,4 @@
-// Kernels that trace packets of rays.
+// Kernels that trace camera rays in packets through the wide tree.
 
 import package::geometry::queries::{camera_ray, eye, is_untraceable, pixel_direction};
 import package::geometry::ray::{PreparedRay, root_relative_to};

@@ -7,21 +7,21 @@ import package::lib::counters::{LARGE_TRIANGLE_COUNT, TEST_COUNT, TILE_COUNT};
 import package::lib::params::{element_index, params};
 import package::visibility::outline::{Outline, loose_tile_mask, outline_of, without_edges};
 
-// The buffer `covers` during rasterization, in rows of 16 bytes. First one row per triangle that was too large for `cover_small`:
-// its leaf. Then the tiles: a leaf, the first of 8 x 4 pixels (column and row, 16 bits each), and a bit for each pixel that the
-// triangle may cover, row by row.
+// The buffer `covers` during rasterization, in rows of 16 bytes. First the leaves of triangles that are too large for
+// `cover_small`, one row each. Then the tiles, one row each: a leaf, the first of 8 x 4 pixels (column and row, 16 bits each), and
+// a bit for each pixel that the triangle may cover, row by row.
 
 // Capacity for large triangles.
 const LARGE_CAPACITY: u32 = 4096u;
 const TILE_SIZE: vec2<i32> = vec2<i32>(8, 4);
 
-// Elements of the visibility buffer per pixel.
+// Number of keys per pixel in the visibility buffer: see rasterize.wgsl.
 @if(WATERTIGHT)
 const KEYS_PER_PIXEL: u32 = 1u;
 @else
 const KEYS_PER_PIXEL: u32 = 2u;
 
-// Storage of a workgroup's tiles, and the count of their tests.
+// Allocation of a workgroup's tiles, and the number of their tests.
 
 var<workgroup> group_tile_count: atomic<u32>;
 var<workgroup> group_test_count: atomic<u32>;
@@ -64,7 +64,8 @@ struct TileCounts { tiles: u32, tests: u32, pixels: u32 }
 
 const NO_TILES: TileCounts = TileCounts(0u, 0u, 0u);
 
-// Returns no tiles for an outline with more than MOST tiles, and appends it to the list of large ones.
+// Counts the tiles of an outline. If there are more than MAX_TILES, returns none and appends the leaf to the list of large
+// triangles.
 fn count_tiles(outline: Outline, leaf: u32) -> TileCounts {
     if any(outline.first > outline.last) { return NO_TILES; }
     let size = outline.last - outline.first + 1;
@@ -111,7 +112,7 @@ fn cover_small(
     }
 }
 
-// Large triangles, over which the workgroups are distributed evenly.
+// Large triangles. The workgroups are distributed evenly over them.
 
 // Number of pixels that a workgroup's tiles span, along both axes of the picture.
 const GROUP_PIXELS: vec2<i32> = vec2<i32>(128, 32);

@@ -1,4 +1,4 @@
-// Coverage of the picture by a triangle.
+// Projects triangles and boxes to the picture, and bounds the pixels that they may cover.
 
 import package::geometry::ray::{MAX_DISTANCE, max_component, min_component};
 import package::geometry::record::{corners_of, is_unhittable};
@@ -58,7 +58,7 @@ fn is_precise(p: Projected) -> bool {
 // Returns the depth below which the error of a depth may exceed a 64th.
 fn near_limit(max_distance: f32) -> f32 { return 64.0 * PROJECTION_ERROR * max_distance * l1_norm(params.depth); }
 
-// Returns whether a triangle is surely beyond one side of the picture. This also holds if it reaches behind the eye: no point
+// Returns whether a triangle is certainly beyond one side of the picture. This also holds if it reaches behind the eye: no point
 // there is visible, and in front of the eye the sign of column times depth determines the side.
 fn is_triangle_outside(x: vec3<f32>, y: vec3<f32>, z: vec3<f32>, depths: vec3<f32>, max_distance: f32) -> bool {
     let across = params.column.x * x + params.column.y * y + params.column.z * z;
@@ -72,7 +72,7 @@ fn is_triangle_outside(x: vec3<f32>, y: vec3<f32>, z: vec3<f32>, depths: vec3<f3
     );
 }
 
-// The same for a box with these corners.
+// Returns the same for a box.
 fn is_box_outside(low: vec3<f32>, high: vec3<f32>, max_distance: f32) -> bool {
     return is_box_outside_along(low, high, params.column, params.width, max_distance)
         || is_box_outside_along(low, high, params.row, params.height, max_distance);
@@ -85,7 +85,8 @@ fn is_box_outside_along(low: vec3<f32>, high: vec3<f32>, axis: vec3<f32>, size: 
     return is_outside(vec2<f32>(least.x + least.y + least.z, most.x + most.y + most.z), axis, size, max_distance);
 }
 
-// Decides by two bounds, both times depth: the least projected coordinate minus the picture's size, and the greatest one.
+// Returns whether two bounds, both times depth, show that: the least projected coordinate minus the picture's size, and the
+// greatest projected coordinate.
 fn is_outside(min_and_max: vec2<f32>, axis: vec3<f32>, size: u32, max_distance: f32) -> bool {
     let error_bound = PROJECTION_ERROR * max_distance * (l1_norm(axis) + f32(size) * l1_norm(params.depth));
     return max_distance < MAX_DISTANCE && (min_and_max.x > error_bound || min_and_max.y < -error_bound);

@@ -1,4 +1,4 @@
-// Rasterization, second step: which triangle each pixel's ray hits first, by atomic minima in the visibility buffer.
+// Rasterization, second step: finds the triangle that each pixel's ray hits first, by atomic minima in the visibility buffer.
 
 import package::geometry::queries::{camera_ray, eye, pixel_direction};
 import package::geometry::ray::{RelativeRoot, root_relative_to};
@@ -26,8 +26,8 @@ fn clear_visibility(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_w
     if i < params.count { visibility[i] = vec4<u32>(0xffffffffu); }
 }
 
-// First hits of pixels, tile by tile. 32 invocations take one tile each and share all their tests evenly, so all 32 must call
-// these functions together. See docs/design/visibility-buffer.md.
+// First hits of pixels, tile by tile. 32 invocations load one tile each and share all tests evenly, so all 32 must call these
+// functions together. See docs/design/visibility-buffer.md.
 
 // Number of tiles; 0 if `resolve` has to trace every ray.
 var<workgroup> tile_count: u32;

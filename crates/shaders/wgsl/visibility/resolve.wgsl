@@ -1,4 +1,5 @@
-// Rasterization, last step: hits and shadows from the visibility buffer.
+// Rasterization, last step: writes each pixel's hit from the visibility buffer, and traces its shadow ray. If the buffer is
+// incomplete, each ray traverses the tree, as in `trace_and_shadow_camera`. See docs/design/visibility-buffer.md.
 
 import package::geometry::node::NO_LEAF;
 import package::geometry::shadow_ray::{is_occluded, scaled_vertex, shadow_segment};
@@ -21,8 +22,7 @@ import package::visibility::cover::KEYS_PER_PIXEL;
 
 @group(0) @binding(next) var<storage, read> visibility: array<vec2<u32>>;
 
-// Writes each pixel's hit from the visibility buffer, and traces its shadow ray: see docs/design/visibility-buffer.md. If the
-// buffer is incomplete, each ray traverses the tree, as in `trace_and_shadow_camera`.
+// Key of a pixel whose ray hits nothing.
 const NO_KEY: vec2<u32> = vec2<u32>(0xffffffffu);
 
 fn permute_triangle(ray: PreparedRay, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, triangle: u32) -> PermutedTriangle {
