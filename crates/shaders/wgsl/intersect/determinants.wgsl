@@ -75,13 +75,13 @@ fn solve_determinants(given: CandidateResult, values: Determinants) -> SolvedTri
     return solved;
 }
 
+// Number of limbs of 192 bits.
+const LIMBS: u32 = 6u;
+
 // Returns an intersection whose numbers are stored in slot 0 or 1.
 fn intersection_in_slot(slot: u32, exponent: i32) -> ExactIntersection {
     return ExactIntersection(true, INTERSECTIONS_OFFSET + 56u * slot, INTERSECTIONS_OFFSET + 56u * slot + 28u, LIMBS, exponent);
 }
-
-// Number of limbs of 192 bits.
-const LIMBS: u32 = 6u;
 
 // Stores a non-negative number in the format of lib/integers.wgsl.
 fn store_192(at: u32, n: Int192) {

@@ -55,6 +55,11 @@ fn is_undecided_ray(i: u32) -> bool { return hits[i].z == UNDECIDED_HIT; }
 @else
 fn is_undecided_ray(i: u32) -> bool { return occluded[i] >= FIRST_CANDIDATE; }
 
+// The triangle where a shadow ray starts, and whether an any-hit search found a hit.
+var<private> ignored_triangle: u32;
+var<private> found_any: bool;
+
+// Returns whether a leaf's triangle may be the hit.
 @if(fallback_rays)
 fn is_candidate(ray: PreparedRay, leaf: u32, bound: f32) -> bool {
     let classified = classify(ray, corners_of(leaf));
@@ -144,10 +149,6 @@ fn fallback_closest(worker: u32, i: u32, ray: PreparedRay) {
 }
 
 // Any-hit rays.
-
-// The triangle where a shadow ray starts.
-var<private> ignored_triangle: u32;
-var<private> found_any: bool;
 
 // Writes whether a worker's ray hits anything except triangle `ignore`. A hit increments word `count` of `counts`. The ray's line
 // must be set.

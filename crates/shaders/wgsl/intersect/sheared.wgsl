@@ -18,6 +18,9 @@ struct PermutedTriangle { x: vec3<f32>, y: vec3<f32>, z: vec3<f32>, triangle: u3
 // Sheared x and y, the depth, and the distance along the main axis that the depth is computed from.
 struct Sheared { x: f32, y: f32, z: f32, along: f32 }
 
+// A triangle's sheared corners and edge functions.
+struct Edges { a: Sheared, b: Sheared, c: Sheared, u: f32, v: f32, w: f32 }
+
 // Needs no selects, because the rows of the record are read in the ray's order.
 fn permuted_corners(ray: PreparedRay, leaf: u32) -> PermutedTriangle {
     let x = records[3u * leaf + ray.axes.x];
@@ -69,9 +72,6 @@ fn loose_own_pad(ray: PreparedRay, edges: Edges) -> f32 {
     // 20 * 2^-24
     return 1.1920928955078125e-6 * max(across + along, MIN_DISTANCE) * abs(ray.shear_z);
 }
-
-// A triangle's sheared corners and edge functions.
-struct Edges { a: Sheared, b: Sheared, c: Sheared, u: f32, v: f32, w: f32 }
 
 fn edges_of(ray: PreparedRay, corners: PermutedTriangle) -> Edges {
     let a = shear(ray, corners.x.x, corners.y.x, corners.z.x);
