@@ -19,14 +19,6 @@ pub struct Animation {
     keys: KeyFrames,
     triangles: Vec<[u32; 3]>,
     survey: Survey,
-    times: Option<KeyTimes>,
-}
-
-/// Times of the key frames, if they differ from 0, 1, 2 and so on.
-#[derive(Clone, Debug)]
-struct KeyTimes {
-    keys: Vec<f64>,
-    end: f64,
 }
 
 impl Animation {
@@ -94,39 +86,7 @@ impl Animation {
             survey: Survey::of(&keys, &triangles)?,
             keys,
             triangles,
-            times: None,
         })
-    }
-
-    /// Assigns a time to each key frame, in the range from 0 to `end`.
-    ///
-    /// Use it after key frames were removed: times are still counted in the original key frames. Nothing moves before
-    /// the first key frame or after the last.
-    ///
-    /// # Errors
-    /// The number of times differs from the number of key frames, or `end` is not finite. Times do not increase, or are
-    /// outside `0..=end`.
-    pub fn timed(self, keys: Vec<f64>, end: f64) -> Result<Self, KeyFrameError> {
-        let rising = keys.is_sorted_by(|a, b| a < b);
-        let within = keys.iter().all(|t| (0.0..=end).contains(t));
-        if keys.len() != self.key_count() || !rising || !within || !end.is_finite() {
-            let cause =
-                "key frames need one time each, rising from 0 on and none of them after the end";
-            return Err(KeyFrameError(cause.to_owned()));
-        }
-        let times = Some(KeyTimes { keys, end });
-        Ok(Self { times, ..self })
-    }
-
-    /// Returns the times of the key frames, or `None` if they are 0, 1, 2 and so on.
-    pub fn times(&self) -> Option<&[f64]> {
-        self.times.as_ref().map(|t| &t.keys[..])
-    }
-
-    /// Returns the number of integer times from 0 to the end. This is the number of key frames unless [`Self::timed`]
-    /// was used.
-    pub fn whole_times(&self) -> usize {
-        self.end() as usize + 1
     }
 
     /// Returns the number of key frames.
@@ -270,22 +230,18 @@ impl Animation {
 
     /// Returns the last time, in key frames.
     pub fn end(&self) -> f64 {
-        let equal = (self.key_count() - 1) as f64;
-        self.times.as_ref().map_or(equal, |t| t.end)
+        (self.key_count() - 1) as f64
     }
 
-    /// Returns the pose at `time`; see [`Pose::at`] and [`Pose::among`].
+    /// Returns the pose at `time`; see [`Pose::at`].
     ///
     /// After the last key frame of a [streamed](Self::streamed) animation, the pose extrapolates the last two key frames. Such
     /// poses are for tree builds only and are not traced.
     pub fn pose(&self, time: f64) -> Pose {
         let last = self.key_count() - 1;
-        match (&self.times, &self.keys) {
-            (Some(times), _) => Pose::among(time, &times.keys),
-            (None, KeyFrames::Streamed(_)) if last > 0 && time > last as f64 => {
-                Pose::beyond(time, last)
-            }
-            (None, _) => Pose::at(time, last + 1),
+        match self.keys {
+            KeyFrames::Streamed(_) if last > 0 && time > last as f64 => Pose::beyond(time, last),
+            _ => Pose::at(time, last + 1),
         }
     }
 

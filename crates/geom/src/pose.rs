@@ -25,25 +25,6 @@ impl Pose {
         Self::between(time.floor() as usize, time.fract())
     }
 
-    /// Returns the pose at `time` of key frames at increasing `times`.
-    ///
-    /// Blends the two key frames around `time`. The weight is computed in double precision and rounded once.
-    ///
-    /// # Panics
-    /// If `times` is empty or `time` is NaN.
-    #[must_use]
-    pub fn among(time: f64, times: &[f64]) -> Self {
-        assert!(!times.is_empty(), "an animation has at least one key frame");
-        assert!(!time.is_nan(), "time must be a number");
-        let key = times.partition_point(|&t| t <= time).saturating_sub(1);
-        let from = times[key];
-        let alpha = match times.get(key + 1) {
-            Some(to) if time > from => (time - from) / (to - from),
-            _ => 0.0,
-        };
-        Self::between(key, alpha)
-    }
-
     /// Returns a pose after the last of at least two key frames. It extrapolates the last two by a weight above 1.
     pub(crate) fn beyond(time: f64, last: usize) -> Self {
         Self {
@@ -100,26 +81,6 @@ mod tests {
         ] {
             let pose = Pose::at(time, 5);
             assert_eq!((pose.key, pose.alpha), expected, "{time}");
-        }
-    }
-
-    #[test]
-    fn pose_among_supports_uneven_times() {
-        let at = |time| {
-            let pose = Pose::among(time, &[0.0, 3.0, 4.0, 8.0]);
-            (pose.key, pose.alpha)
-        };
-        assert_eq!(at(0.0), (0, 0.0));
-        assert_eq!(at(1.0), (0, (1.0_f64 / 3.0) as f32));
-        assert_eq!(at(3.0), (1, 0.0));
-        assert_eq!(at(5.0), (2, 0.25));
-        assert_eq!(at(8.0), (3, 0.0));
-        assert_eq!(at(9.0), (3, 0.0));
-        assert_eq!(at(3.0 - 1e-12), (1, 0.0));
-        assert_eq!(Pose::among(1.0, &[2.0, 3.0]), Pose { key: 0, alpha: 0.0 });
-        // Equal spacing is no special case.
-        for time in [0.0, 0.3, 1.0, 1.999, 2.0, 7.0] {
-            assert_eq!(Pose::among(time, &[0.0, 1.0, 2.0]), Pose::at(time, 3));
         }
     }
 

@@ -4,10 +4,9 @@
 //! Scenes*, 2007), divided between a device and its host as by Kim, Kim, Lee, Han (2014). A schedule decides when to
 //! build, without threads or clocks. A builder runs on its own thread. [`Driver`] owns the backend, follows the
 //! schedule and never waits for the builder, except with [`Policy::Lockstep`](backend::Policy::Lockstep). Each
-//! [`FrameRecord`] contains the times of the driver's steps. [`place_on_host`] computes when the device ran its work.
+//! [`FrameRecord`] contains the times of the driver's steps.
 
 mod builder_thread;
-mod device_clock;
 mod driver;
 mod error;
 mod frame;
@@ -20,7 +19,6 @@ mod schedule;
 mod tree_builder;
 
 pub use builder_thread::BuilderThreads;
-pub use device_clock::{Span, place_on_host};
 pub use driver::{
     Driver, DriverOptions, FrameOutputs, LOOK_AHEAD, OutputSelection, WarmUp, Warmed,
 };
