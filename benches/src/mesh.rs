@@ -24,7 +24,7 @@ impl Mesh {
     /// # Errors
     /// The scene cannot be opened.
     pub fn open(spec: &str) -> Result<Self, scene::SceneError> {
-        let scene = scene::open(spec, &scene::Options::default())?;
+        let scene = scene::open(spec, &scene::SceneOptions::default())?;
         let triangles = scene.animation.triangle_count();
         Ok(Self {
             label: format!("{} {triangles}", scene.name),

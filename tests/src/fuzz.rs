@@ -85,7 +85,7 @@ impl Format {
 
 fn scene(path: &Path) -> Result<(), String> {
     let name = path.to_str().ok_or("not UTF-8")?;
-    let scene = scene::open(name, &scene::Options::default()).map_err(|e| e.to_string())?;
+    let scene = scene::open(name, &scene::SceneOptions::default()).map_err(|e| e.to_string())?;
     let triangles = scene.animation.triangles().len();
     assert_eq!(scene.colours.len(), triangles, "a colour a triangle");
     Ok(())

@@ -67,7 +67,7 @@ impl Source {
 
     /// Opens the scene.
     pub fn open(&self) -> Scene {
-        scene::open(&self.path(), &scene::Options::default()).expect("scenes can be read")
+        scene::open(&self.path(), &scene::SceneOptions::default()).expect("scenes can be read")
     }
 
     /// Returns the animation. It is opened once per process.

@@ -111,7 +111,7 @@ impl Shot {
     }
 
     fn demo() -> Self {
-        let scene = scene::open("demo:collide:3000", &scene::Options::default()).unwrap();
+        let scene = scene::open("demo:collide:3000", &scene::SceneOptions::default()).unwrap();
         Self::of(scene.animation)
     }
 

@@ -196,7 +196,7 @@ impl Mesh {
     /// [`Error::KeyFrame`], with the file and the position in it.
     #[cfg(feature = "files")]
     pub fn open(name: &str) -> Result<Self> {
-        let open = || scene::open(name, &scene::Options::default());
+        let open = || scene::open(name, &scene::SceneOptions::default());
         let threads = rayon::ThreadPoolBuilder::new().num_threads(geom::parallelism());
         // Opening may block on readers of key frames, which threads of the shared pool must not do.
         let found = match geom::own_pool(threads) {

@@ -97,7 +97,7 @@ mod tests {
     }
 
     fn demo(name: &str) -> Scene {
-        scene::open(name, &scene::Options::default()).unwrap()
+        scene::open(name, &scene::SceneOptions::default()).unwrap()
     }
 
     #[test]

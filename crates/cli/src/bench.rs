@@ -4,12 +4,14 @@ mod failure;
 mod results;
 
 use crate::command::{Requirement, RunCommand};
-use crate::console::{self, Progress};
+use crate::console::{self, ProgressLine};
 use crate::devices::{BackendChoice, DeviceSettings, Opening, backend_name, builds_trees};
 use crate::file_checks::CommandFiles;
 use crate::machine::{self, VERSION};
 use crate::measure::rival::RivalDevice;
-use crate::measure::{Contender, Contenders, MeasureSettings, MeasuredRow, Measuring, RayKind};
+use crate::measure::{
+    Contender, Contenders, MeasureSettings, MeasuredRays, MeasuredRow, Measuring,
+};
 use crate::parsers;
 use crate::stop::{self, Stop};
 use crate::tracer_settings::{PolicyChoice, TracerSettings, needs_host_builds, policy_name};
@@ -35,7 +37,7 @@ pub(crate) struct BenchSettings {
         value_delimiter = ',',
         default_value = "camera"
     )]
-    rays: Vec<RayKind>,
+    rays: Vec<MeasuredRays>,
     /// Adapter of the backends, by index or by part of its name
     #[arg(long, value_name = "INDEX|NAME-PART")]
     adapter: Option<String>,
@@ -118,10 +120,10 @@ impl BenchSettings {
             let why = skipped.join("; ");
             return Err(Stop::bad(format!("nothing is left to measure: {why}")));
         }
-        let each = |&rays: &RayKind| all.iter().map(move |contender| (rays, contender));
+        let each = |&rays: &MeasuredRays| all.iter().map(move |contender| (rays, contender));
         let runs: Vec<_> = self.rays.iter().flat_map(each).collect();
         let steps = self.measure.scenes.len() * runs.len();
-        let mut progress = Progress::new(steps as u64, self.measure.quiet);
+        let mut progress = ProgressLine::new(steps as u64, self.measure.quiet);
         skipped.iter().for_each(|remark| progress.say(remark));
         let (mut rows, mut failures, mut stops) = (Vec::new(), Vec::new(), Vec::new());
         for name in &self.measure.scenes {

@@ -8,7 +8,6 @@ use clap::Args;
 use geom::{Camera, Point};
 use scene::{Scene, Viewpoint};
 use serde::Serialize;
-use std::fmt::Display;
 
 /// Default frame size, in pixels.
 const SIZE: [u32; 2] = [1280, 720];
@@ -81,20 +80,6 @@ impl CameraSettings {
         width as usize * height as usize
     }
 
-    /// Returns the options that give these settings, without those that are left to their defaults.
-    pub(crate) fn words(&self) -> String {
-        let [width, height] = self.size;
-        let mut words = format!("--size {width}x{height}");
-        words += &point_words("eye", self.eye);
-        words += &point_words("look-at", self.look_at);
-        words += &point_words("up", self.up);
-        words += &point_words("light", self.light);
-        if (self.fov - FIELD_OF_VIEW).abs() > 0.0 {
-            words += &format!(" --fov {}", self.fov);
-        }
-        words
-    }
-
     /// Returns the view that frames the motion, with the requested points in place of its own.
     pub(crate) fn view(&self, scene: &Scene) -> Result<Viewpoint, Stop> {
         let framed = Viewpoint::framing(&scene.animation, self.fov, self.size);
@@ -118,11 +103,6 @@ impl CameraSettings {
         let light = view.light;
         Ok(LitCamera { camera, light })
     }
-}
-
-/// Returns a point as an option, or nothing.
-fn point_words<T: Display>(option: &str, point: Option<[T; 3]>) -> String {
-    point.map_or_else(String::new, |[x, y, z]| format!(" --{option} {x},{y},{z}"))
 }
 
 /// Returns the reason why a view has no camera.

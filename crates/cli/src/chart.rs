@@ -5,10 +5,10 @@
 //! any backend. Shadow rays start at the reported hit, so they are compared with `exact` on the host over fresh trees.
 //!
 //! A policy changes no hit. So each contender first traces a few rays. All contenders of one intersector and
-//! backend with the same hits, bit for bit, are judged together ([`accuracy`]). A contender whose hits differ is judged
-//! by itself.
+//! backend with the same hits, bit for bit, share one comparison ([`accuracy`]). A contender whose hits differ has its
+//! own.
 //!
-//! All contenders are timed before any is judged, so that the judge's memory is not measured. Host memory is the
+//! All contenders are timed before any comparison, so that the oracle's memory is not measured. Host memory is the
 //! resident memory of the process, including memory that earlier runs left allocated.
 
 mod accuracy;
@@ -16,13 +16,13 @@ mod hard;
 mod plan;
 
 use crate::command::{Requirement, RunCommand};
-use crate::console::{self, Progress};
+use crate::console::{self, ProgressLine};
 use crate::devices::{BackendChoice, DeviceRequest, Opening};
 use crate::machine::{self, VERSION};
 use crate::measure::rival::RivalDevice;
 use crate::measure::{
-    self, Contender, Contenders, LoadedScene, MeasureSettings, MeasuredRow, MeasuredScene,
-    Measuring, RayKind,
+    self, Contender, Contenders, LoadedScene, MeasureSettings, MeasuredRays, MeasuredRow,
+    MeasuredScene, Measuring,
 };
 use crate::parsers;
 use crate::scene_source::is_demo;
@@ -31,16 +31,15 @@ use crate::table::table;
 use accuracy::{RaySampler, STAGES, Tally};
 use backend::{Backend, BackendName, DeviceKind, Hits, Intersector};
 use clap::Args;
-use output::plot::{self, Adapter, Chart, Machine, Point, Spread};
+use output::plot::{self, Adapter, Chart, ChartPoint, ChartScene, Machine, TimeSpread};
 use output::{FrameStats, Summary};
 use plan::HitMethod;
 use scene::Scene;
 use std::path::PathBuf;
 
-const LEGEND: &str = "wrong: closest hits of so many that differ from exact arithmetic; aimed: rays at edges and vertices; \
+const LEGEND: &str = "wrong: closest hits that differ from exact arithmetic; aimed: rays at edges and vertices; \
     mixed range: scenes of far or large parts\n\
-    after an eighth and after half of the rays, methods stop whose 95 % intervals (Wilson; of none wrong 3 / rays) are apart\n\
-    t off: 99.9 % of hits are off by no more; leaks: of so many rays from inside closed bodies, at all offsets\n";
+    after an eighth and after half of the rays, methods stop whose 95 % intervals (Wilson; of none wrong 3 / rays) are apart\n";
 
 /// Seconds of warm-up if the previous run was on the same device. The device has hardly cooled down while the scene was
 /// loaded and a first tree was built. As always, the warm-up continues until frame times are steady.
@@ -73,11 +72,11 @@ impl RunCommand for ChartSettings {
         }
         let methods = plan::methods(&all);
         let ours = methods.iter().filter(|m| matches!(m, HitMethod::Ours(..)));
-        let judged = STAGES.len() * (1 + methods.len());
-        let steps = scenes.len() * (all.len() + judged) + ours.count();
+        let compared = STAGES.len() * (1 + methods.len());
+        let steps = scenes.len() * (all.len() + compared) + ours.count();
         let mut run = ChartRun {
             settings: self,
-            progress: Progress::new(steps as u64, self.measure.quiet),
+            progress: ProgressLine::new(steps as u64, self.measure.quiet),
             chart: Chart {
                 machine: Machine {
                     cpu: machine::cpu_model(),
@@ -96,7 +95,7 @@ impl RunCommand for ChartSettings {
         }
         run.count_hard_rays(&mut entries);
         for (name, entries) in scenes.iter().zip(&mut entries) {
-            if let Err(stop) = run.judge_scene(name, entries) {
+            if let Err(stop) = run.compare_scene(name, entries) {
                 run.fail_all(entries, &stop, |_| true);
             }
         }
@@ -145,7 +144,7 @@ impl ChartSettings {
 /// One contender with its point, and its hits for a few rays.
 struct ChartEntry {
     contender: Contender,
-    point: Point,
+    point: ChartPoint,
     probe: Vec<Hits>,
     /// Index of the tally that counts its wrong answers.
     group: usize,
@@ -165,7 +164,7 @@ impl ChartEntry {
 /// The measurement of a chart.
 struct ChartRun<'a> {
     settings: &'a ChartSettings,
-    progress: Progress,
+    progress: ProgressLine,
     chart: Chart,
     /// Reasons of all failures.
     stops: Vec<Stop>,
@@ -205,10 +204,9 @@ impl ChartRun<'_> {
                 Ok((row, probe)) => {
                     self.progress.step(&format!("{title} timed {contender}"));
                     self.add_adapter(&row);
-                    let command = plan::command(self.settings, name, contender, &row);
                     entries.push(ChartEntry {
                         contender: contender.clone(),
-                        point: timed_point(&title, &row, command),
+                        point: timed_point(&title, &row),
                         probe,
                         group: 0,
                     });
@@ -237,7 +235,7 @@ impl ChartRun<'_> {
         } else {
             scene.name.clone()
         };
-        self.chart.scenes.push(plot::Scene {
+        self.chart.scenes.push(ChartScene {
             name: title.clone(),
             triangles: scene.animation.triangle_count() as u64,
             size: self.settings.measure.camera.size,
@@ -256,7 +254,7 @@ impl ChartRun<'_> {
         let later = is_warm.then_some(LATER_WARM_UP);
         let measuring = Measuring {
             scene,
-            rays: RayKind::Camera,
+            rays: MeasuredRays::Camera,
             warm_up: self.settings.measure.warm_up.or(later),
             rival_device: RivalDevice::default(),
         };
@@ -336,10 +334,9 @@ impl ChartRun<'_> {
         }
     }
 
-    /// Traces closed meshes and scenes of mixed range, once for each backend and intersector, but not for rivals.
+    /// Traces scenes of mixed range, once for each backend and intersector, but not for rivals.
     fn count_hard_rays(&mut self, entries: &mut [Vec<ChartEntry>]) {
-        let rays = self.settings.rays;
-        let families = hard::families(rays);
+        let families = hard::families(self.settings.rays);
         for method in plan::methods(entries.iter().flatten().map(|entry| &entry.contender)) {
             let HitMethod::Ours(name, intersector) = method else {
                 continue;
@@ -348,7 +345,7 @@ impl ChartRun<'_> {
             let idle = self.take_idle(name);
             let opened = idle.map_or_else(|| DeviceRequest::of(name).open(), Ok);
             let counted = opened.and_then(|mut backend| {
-                let counts = hard::count(backend.as_mut(), intersector, &families, rays)?;
+                let counts = hard::count(backend.as_mut(), intersector, &families)?;
                 self.idle = Some(IdleBackend { name, backend });
                 Ok(counts)
             });
@@ -356,8 +353,7 @@ impl ChartRun<'_> {
             match counted {
                 Ok(counts) => {
                     for entry in entries.iter_mut().flatten().filter(|entry| is_of(entry)) {
-                        entry.point.mixed_range.clone_from(&counts.mixed_range);
-                        entry.point.leaks.clone_from(&counts.leaks);
+                        entry.point.mixed_range.clone_from(&counts);
                     }
                 }
                 Err(stop) => {
@@ -370,7 +366,7 @@ impl ChartRun<'_> {
     }
 
     /// Compares every method's answers over one scene with exact answers, until the methods' rates differ clearly.
-    fn judge_scene(&mut self, name: &str, entries: &mut Vec<ChartEntry>) -> Result<(), Stop> {
+    fn compare_scene(&mut self, name: &str, entries: &mut Vec<ChartEntry>) -> Result<(), Stop> {
         let Some(title) = entries.first().map(|entry| entry.point.scene.clone()) else {
             return Ok(());
         };
@@ -397,14 +393,14 @@ impl ChartRun<'_> {
                 let contender = tally.contender.clone();
                 let (opening, _) = self.opening(&contender);
                 let loaded = LoadedScene::load(&contender, &scene.animation, opening);
-                let judged = loaded.and_then(|mut loaded| {
-                    sampler.judge(&mut loaded, &answered, &mut tally)?;
+                let compared = loaded.and_then(|mut loaded| {
+                    sampler.compare(&mut loaded, &answered, &mut tally)?;
                     Ok(loaded)
                 });
-                match judged {
+                match compared {
                     Ok(loaded) => {
                         self.keep(&contender, loaded);
-                        self.progress.step(&format!("{part} judged {contender}"));
+                        self.progress.step(&format!("{part} compared {contender}"));
                         tallies.push(tally);
                     }
                     Err(stop) => {
@@ -415,12 +411,11 @@ impl ChartRun<'_> {
                 }
             }
         }
-        for tally in &mut tallies {
-            let spread = tally.take_errors();
+        for tally in &tallies {
             let members = entries
                 .iter_mut()
                 .filter(|entry| entry.group == tally.group);
-            members.for_each(|entry| tally.write(spread, &mut entry.point));
+            members.for_each(|entry| tally.write(&mut entry.point));
         }
         Ok(())
     }
@@ -445,19 +440,19 @@ fn tallies(entries: &mut [ChartEntry]) -> Vec<Tally> {
     (0..firsts.len()).filter_map(tally).collect()
 }
 
-fn timed_point(scene: &str, row: &MeasuredRow, command: String) -> Point {
+fn timed_point(scene: &str, row: &MeasuredRow) -> ChartPoint {
     let frames = row.later_frames();
     let spread = || frames.iter().map(measure::frame_ms);
     let summary = Summary::of(spread());
     let most = |bytes: fn(&FrameStats) -> Option<u64>| frames.iter().filter_map(bytes).max();
     let is_on_host = row.setup.backend.parse().is_ok_and(BackendName::is_on_host);
     let on_host = is_on_host.then(|| most(|f| f.host_bytes));
-    Point {
+    ChartPoint {
         backend: row.setup.backend.to_owned(),
         intersector: row.setup.intersector.to_owned(),
         update: row.setup.update.to_owned(),
         scene: scene.to_owned(),
-        ms_per_frame: Spread {
+        ms_per_frame: TimeSpread {
             median: summary.map(|s| s.median),
             // The 5th percentile, as the 95th of the negated times.
             p5: Summary::of(spread().map(|ms| -ms)).map(|s| -s.p95),
@@ -467,7 +462,6 @@ fn timed_point(scene: &str, row: &MeasuredRow, command: String) -> Point {
         memory_bytes: most(|f| f.device_bytes).or(on_host.flatten()),
         samples: frames.len() as u64,
         warm_up_s: row.warm_up.map(|w| w.seconds),
-        command,
-        ..Point::default()
+        ..ChartPoint::default()
     }
 }

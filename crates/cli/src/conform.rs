@@ -3,34 +3,22 @@
 mod oracle;
 
 use crate::command::{Requirement, RunCommand};
-use crate::console::{self, Progress};
+use crate::console::{self, ProgressLine};
 use crate::file_checks::CommandFiles;
-use crate::parsers;
 use crate::stop::Stop;
-use crate::table::{Cells, counted, grouped, table};
+use crate::table::{Cells, counted, table};
 use crate::tested_backends::{OpenedBackends, TestSettings, TestedBackends};
-use backend::{Backend, Intersector};
+use backend::Backend;
 use clap::Args;
 use clap::builder::PossibleValuesParser;
-use conformance::leaks::{self, LeakPlan, OFFSETS};
 use conformance::{Cases, PROPERTIES, Property, Reference, hold};
 use oracle::OracleRow;
 use serde::Serialize;
-use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::time::Instant;
 
-/// Number of progress steps for all aimed rays.
-const STEPS: u64 = 20;
-
 #[derive(Args, Debug)]
 pub(crate) struct ConformSettings {
-    /// Scenes for --oracle-rays, in addition to the meshes generated from the seed
-    #[arg(value_name = "SCENE", value_parser = parsers::scene())]
-    scene: Vec<String>,
-    /// Let a scene's files refer to files outside its folder (mtllib of OBJ, URIs of glTF)
-    #[arg(long)]
-    allow_outside: bool,
     #[command(flatten)]
     test: TestSettings,
     /// Seed of the generated scenes and rays
@@ -46,21 +34,10 @@ pub(crate) struct ConformSettings {
     /// Test only the case of this number
     #[arg(long, value_name = "N")]
     case: Option<u32>,
-    /// Also aim N rays in total at edges and vertices of closed meshes, where no ray may leak through
-    #[arg(long, value_name = "N", default_value = "0")]
-    leak_rays: u64,
     /// Also compare N rays in total with exact answers, on meshes of many kinds, near and far, huge and tiny. Rays are
-    /// aimed at interiors, edges and vertices, within planes, along axes, from surfaces and from far away. A wrong
-    /// answer of exact is a disagreement; wrong answers of watertight are counted
+    /// aimed at interiors, edges and vertices, within planes, along axes, from surfaces and from far away
     #[arg(long, value_name = "N", default_value = "0")]
     oracle_rays: u64,
-    /// With --oracle-rays: only the batch of this number
-    #[arg(long, value_name = "B")]
-    oracle_batch: Option<u64>,
-    /// Intersector of aimed rays [default: exact for --oracle-rays, watertight for --leak-rays]
-    #[arg(long, value_name = "INTERSECTOR",
-        value_parser = parsers::intersector(Intersector::is_equal_across_backends))]
-    intersector: Option<Intersector>,
 }
 
 fn property_names() -> BTreeSet<&'static str> {
@@ -69,8 +46,7 @@ fn property_names() -> BTreeSet<&'static str> {
 
 impl RunCommand for ConformSettings {
     fn run(&self) -> Result<(), Stop> {
-        CommandFiles::written(&[("--json", &self.test.json)]).check(&self.scene)?;
-        let scenes = oracle::open_scenes(self)?;
+        CommandFiles::written(&[("--json", &self.test.json)]).check(&[])?;
         let OpenedBackends {
             mut backends,
             tested,
@@ -79,18 +55,12 @@ impl RunCommand for ConformSettings {
             tested,
             seed: self.seed,
             cases: self.cases,
-            leak_rays: self.leak_rays,
             rows: self.test_properties(&mut backends)?,
             oracle_rays: self.oracle_rays,
             ..ConformReport::default()
         };
-        if self.leak_rays > 0 {
-            for backend in &mut backends {
-                self.count_leaks(backend.as_mut(), &mut report)?;
-            }
-        }
         if self.oracle_rays > 0 {
-            oracle::compare(self, scenes, &mut backends, &mut report)?;
+            oracle::compare(self, &mut backends, &mut report)?;
         }
         if let Some(file) = &self.test.json {
             output::write_json(file, &report)?;
@@ -100,21 +70,6 @@ impl RunCommand for ConformSettings {
             0 => Ok(()),
             n => Err(Stop::failed(counted(n, ["disagreement", "disagreements"]))),
         }
-    }
-
-    fn requirements(&self) -> Vec<Requirement> {
-        let oracle = self.oracle_rays > 0;
-        let needs_oracle =
-            |option| Requirement::new(option, oracle, "goes only with --oracle-rays");
-        vec![
-            Requirement::new(
-                "intersector",
-                oracle || self.leak_rays > 0,
-                "goes only with --leak-rays or --oracle-rays",
-            ),
-            needs_oracle("oracle_batch"),
-            needs_oracle("scene"),
-        ]
     }
 }
 
@@ -133,7 +88,7 @@ impl ConformSettings {
         let cases = Cases::new(self.seed, numbers);
         let reference = abvh::backends::open_reference();
         let mut reference = Reference::new(reference.map_err(|e| Stop::bad(e.to_string()))?);
-        let mut progress = Progress::new(total as u64, self.test.quiet);
+        let mut progress = ProgressLine::new(total as u64, self.test.quiet);
         let mut rows = Vec::new();
         for backend in &mut *backends {
             let name = backend.device().backend;
@@ -150,7 +105,7 @@ impl ConformSettings {
                     seconds,
                     reproduce: held.as_ref().err().map(|e| {
                         let rest = format!("--property {} --case {}", e.property, e.case);
-                        self.command("", name, &rest)
+                        self.command(name, &rest)
                     }),
                     disagreement: held.err().map(|e| e.to_string()),
                 };
@@ -171,44 +126,11 @@ impl ConformSettings {
     }
 
     /// Returns the command that reproduces a result.
-    fn command(&self, scenes: &str, backend: &str, rest: &str) -> String {
+    fn command(&self, backend: &str, rest: &str) -> String {
         let adapter = self.test.adapter.as_deref();
         let adapter = adapter.map_or(String::new(), |a| format!(" --adapter '{a}'"));
         let seed = self.seed;
-        format!("abvh conform{scenes} --backend {backend}{adapter} --seed {seed} {rest}")
-    }
-
-    /// Aims rays at closed meshes.
-    fn count_leaks(
-        &self,
-        backend: &mut dyn Backend,
-        report: &mut ConformReport,
-    ) -> Result<(), Stop> {
-        let intersector = self.intersector.unwrap_or(Intersector::Watertight);
-        let plan = LeakPlan {
-            seed: self.seed,
-            rays: self.leak_rays,
-            offsets: OFFSETS.to_vec(),
-            intersector,
-        };
-        let mut progress = Progress::new(STEPS, self.test.quiet);
-        let mut told = 0;
-        let (name, rays) = (backend.device().backend, self.leak_rays);
-        let line = format!("{name} rays at closed bodies");
-        let found = leaks::run(backend, &plan, &mut |done| {
-            let steps = (u128::from(done) * u128::from(STEPS) / u128::from(plan.rays)) as u64;
-            (told..steps).for_each(|_| progress.step(&line));
-            told = steps;
-        })?;
-        drop(progress);
-        let rows = found.rows.iter().map(|row| leak_row(name, row));
-        report.leaks.extend(rows);
-        let rest = format!("--cases 0 --leak-rays {rays} --intersector {intersector}");
-        let command = self.command("", name, &rest);
-        let examples = found.first.iter();
-        let examples = examples.map(|leak| format!("{name}: {leak}; {command}"));
-        report.leak_examples.extend(examples);
-        Ok(())
+        format!("abvh conform --backend {backend}{adapter} --seed {seed} {rest}")
     }
 }
 
@@ -220,12 +142,7 @@ struct ConformReport {
     seed: u64,
     /// Cases per property.
     cases: u32,
-    leak_rays: u64,
     rows: Vec<PropertyRow>,
-    /// Counts of rays of one sort at one mesh, by one backend.
-    leaks: Vec<Value>,
-    /// The first rays that were wrong, each with the command that reproduces it.
-    leak_examples: Vec<String>,
     oracle_rays: u64,
     oracle: Vec<OracleRow>,
     /// The first rays with answers other than the oracle's, each with the command that reproduces it.
@@ -243,38 +160,12 @@ struct PropertyRow {
     seconds: f64,
 }
 
-/// Columns for rays of one sort at one mesh, in the file and in a table.
-const LEAKS: &str = "backend body aim side offset rays leaks counted miscounts";
-
-fn leak_row(backend: &str, row: &leaks::LeakRow) -> Value {
-    let aim = match row.aim {
-        leaks::Aim::Edge => "edge",
-        leaks::Aim::Vertex => "vertex",
-        leaks::Aim::Random => "random",
-    };
-    // As few digits as single precision needs.
-    let offset: Option<f64> = row.offset.to_string().parse().ok();
-    json!({
-        "backend": backend,
-        "body": row.body,
-        "offset": offset,
-        "aim": aim,
-        "side": if row.inside { "inside" } else { "outside" },
-        "rays": row.rays,
-        "leaks": row.leaks,
-        "counted": row.counted,
-        "miscounts": row.miscounts,
-    })
-}
-
 impl ConformReport {
-    /// Returns the number of failed properties, leaking sorts of rays, and kinds of meshes with wrong answers.
+    /// Returns the number of failed properties, and of kinds of meshes with wrong answers.
     fn failures(&self) -> usize {
         let broken = self.rows.iter().filter(|r| r.disagreement.is_some());
-        let leaks = |r: &&Value| r["leaks"] != 0 || r["miscounts"] != 0;
-        let leaky = self.leaks.iter().filter(leaks);
         let unlike = self.oracle.iter().filter(|r| r.is_failure());
-        broken.count() + leaky.count() + unlike.count()
+        broken.count() + unlike.count()
     }
 
     fn text(&self) -> String {
@@ -282,16 +173,13 @@ impl ConformReport {
         if !self.rows.is_empty() {
             text += &self.property_table();
         }
-        if !self.leaks.is_empty() {
-            text += &self.leak_table();
-        }
         text += &oracle::text(&self.oracle);
         for row in &self.rows {
             if let (Some(what), Some(command)) = (&row.disagreement, &row.reproduce) {
                 text += &format!("{}: {what}\n    {command}\n", row.backend);
             }
         }
-        for example in self.leak_examples.iter().chain(&self.oracle_examples) {
+        for example in &self.oracle_examples {
             text += &format!("{example}\n");
         }
         text
@@ -320,17 +208,6 @@ impl ConformReport {
             .map(|r| r.property)
             .filter(|&property| seen.insert(property));
         table(properties.map(row), 1)
-    }
-
-    fn leak_table(&self) -> String {
-        let text = |value: &Value| match value {
-            Value::String(text) => text.clone(),
-            Value::Number(n) if n.is_u64() => grouped(n.as_u64().unwrap_or(0) as usize),
-            other => other.as_f64().unwrap_or(f64::NAN).to_string(),
-        };
-        let cell = |row: &Value, name| (name, text(&row[name]));
-        let cells = |row| LEAKS.split(' ').map(|name| cell(row, name)).collect();
-        table(self.leaks.iter().map(cells), 4)
     }
 }
 
@@ -373,23 +250,8 @@ mod tests {
     }
 
     #[test]
-    fn counts_failed_properties_and_leaks() {
+    fn counts_failed_properties() {
         assert_eq!(report(None).failures(), 0);
-        let mut bad = report(Some("no"));
-        let leak = leaks::LeakRow {
-            body: "box",
-            offset: 10.0,
-            aim: leaks::Aim::Edge,
-            inside: true,
-            rays: 9,
-            leaks: 1,
-            counted: 2,
-            miscounts: 0,
-            doubled: 0,
-        };
-        let tight = leaks::LeakRow { leaks: 0, ..leak };
-        bad.leaks = [tight, leak].map(|row| leak_row("x", &row)).to_vec();
-        assert_eq!(bad.failures(), 2);
-        assert!(bad.text().contains("inside"));
+        assert_eq!(report(Some("no")).failures(), 1);
     }
 }

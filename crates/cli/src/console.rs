@@ -77,13 +77,13 @@ pub(crate) fn plain<'a>(text: &'a str, but: &[char]) -> Cow<'a, str> {
 }
 
 /// Progress of long work: a bar on a terminal, plain lines otherwise, or nothing.
-pub(crate) struct Progress {
+pub(crate) struct ProgressLine {
     /// Hidden except on a terminal.
     bar: ProgressBar,
     quiet: bool,
 }
 
-impl Progress {
+impl ProgressLine {
     pub(crate) fn new(total: u64, quiet: bool) -> Self {
         let is_dumb = std::env::var_os("TERM").is_some_and(|t| t == "dumb");
         let target = if quiet || is_dumb {
@@ -123,7 +123,7 @@ impl Progress {
     }
 }
 
-impl Drop for Progress {
+impl Drop for ProgressLine {
     fn drop(&mut self) {
         self.bar.finish_and_clear();
     }

@@ -3,7 +3,7 @@
 use crate::parsers::{self, AUTO};
 use crate::stop::Stop;
 use abvh::backends::{BACKENDS, find_backend, open_best};
-use backend::{AdapterInfo, Backend, BackendName, Intersector};
+use backend::{AdapterInfo, Backend, BackendName};
 use clap::Args;
 use serde::{Serialize, Serializer};
 use serde_json::json;
@@ -176,7 +176,7 @@ impl Drop for Opening {
     }
 }
 
-/// Availability and capabilities of a backend on this machine.
+/// Availability of a backend on this machine.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct BackendPresence {
     #[serde(serialize_with = "serialize_name")]
@@ -185,7 +185,6 @@ pub(crate) struct BackendPresence {
     pub(crate) absent: Option<String>,
     #[serde(serialize_with = "serialize")]
     pub(crate) adapters: Vec<AdapterInfo>,
-    pub(crate) intersectors: Vec<&'static str>,
 }
 
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes references")]
@@ -215,7 +214,6 @@ pub(crate) fn presences() -> impl DoubleEndedIterator<Item = BackendPresence> {
             backend: entry.name,
             absent: found.as_ref().err().map(ToString::to_string),
             adapters: found.unwrap_or_default(),
-            intersectors: Intersector::ALL.map(Intersector::name).to_vec(),
         }
     })
 }

@@ -4,9 +4,6 @@ use crate::stop::Stop;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Prefixes of the names of a frame's files, and of the files that describe a run.
-const OURS: [&str; 3] = ["frame_", "hits_", "abvh-run"];
-
 /// A file with the option that names it.
 type NamedFile<'a> = (&'a str, PathBuf);
 
@@ -83,7 +80,7 @@ impl<'a> CommandFiles<'a> {
     /// Returns the option whose folder contains `place` under a name that the run writes.
     fn folder_of(&self, place: &Path) -> Option<&'a str> {
         let name = place.file_name()?.to_string_lossy();
-        let is_ours = OURS.iter().any(|o| name.starts_with(o));
+        let is_ours = name.starts_with("abvh-run") || output::is_frame_file(&name);
         let folder = place.parent().filter(|_| is_ours)?;
         let found = self.folders.iter().find(|(_, f)| absolute(f) == folder);
         found.map(|(option, _)| *option)

@@ -95,7 +95,6 @@ fn text(report: &MachineReport) -> String {
             Some(why) => format!("absent: {why}"),
         };
         rows.push(row(backend.backend.name(), &state));
-        rows.push(row("  intersectors", &backend.intersectors.join(", ")));
         for adapter in &backend.adapters {
             let name = format!("{} [{}]", adapter.name, adapter.kind.name());
             rows.push(row(&format!("  adapter {}", adapter.index), &name));

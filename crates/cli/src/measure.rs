@@ -20,7 +20,7 @@ use geom::{Animation, Ray};
 use output::{FrameStats, Summary, TIMES, Time, mrays};
 use pipeline::{Driver, Frame, Warmed};
 use rays::FrameRays;
-pub(crate) use rays::{RayKind, random_rays};
+pub(crate) use rays::{MeasuredRays, random_rays};
 use rival::{OWN, RivalDevice, RivalPolicy, RunningRival};
 use rivals::{Known, Upkeep};
 use scene::Scene;
@@ -174,7 +174,7 @@ impl fmt::Display for Contender {
 #[derive(Clone, Copy)]
 pub(crate) struct Measuring<'a> {
     pub(crate) scene: &'a MeasuredScene,
-    pub(crate) rays: RayKind,
+    pub(crate) rays: MeasuredRays,
     /// Seconds of warm-up, or `None` for the default of the kind of device.
     pub(crate) warm_up: Option<f64>,
     /// The device of rivals.
@@ -358,7 +358,7 @@ impl MeasuredRow {
         let named = TIMES.iter().chain(&MORE);
         let medians: BTreeMap<_, _> = named.map(|&(name, time)| (name, median(time))).collect();
         let triangles = scene.animation.triangle_count();
-        let is_camera = measuring.rays == RayKind::Camera;
+        let is_camera = measuring.rays == MeasuredRays::Camera;
         let rates = stats.iter().filter_map(|f| {
             let times = &f.report.times;
             let ms = times.trace_primary_ms? + times.trace_shadow_ms.unwrap_or(0.0);

@@ -3,11 +3,11 @@
 use crate::command::RunCommand;
 use crate::console;
 use crate::file_checks::CommandFiles;
-use crate::render::statistics::{self, RunPlan};
+use crate::parsers;
+use crate::render::statistics;
 use crate::stop::Stop;
 use clap::Args;
 use output::{Finished, Manifest};
-use serde_json::{Map, Value, json};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -16,9 +16,9 @@ const NAMED: usize = 12;
 
 #[derive(Args, Debug)]
 pub(crate) struct MergeSettings {
-    /// Output folders of all shards of one run. For runs that wrote only --stats, the statistics files
-    #[arg(value_name = "DIR|FILE.json", required = true)]
-    runs: Vec<PathBuf>,
+    /// Output folders of all shards of one run
+    #[arg(value_name = "DIR", required = true, value_parser = parsers::file())]
+    folders: Vec<PathBuf>,
     /// File for the statistics of all frames, - for standard output
     #[arg(long, value_name = "FILE.json")]
     stats: Option<PathBuf>,
@@ -26,8 +26,13 @@ pub(crate) struct MergeSettings {
 
 impl RunCommand for MergeSettings {
     fn run(&self) -> Result<(), Stop> {
-        self.check_files()?;
-        let parts = read(&self.runs)?;
+        let folders = self.folders.iter().map(|dir| ("DIR", dir.clone()));
+        let files = CommandFiles {
+            folders: folders.collect(),
+            ..CommandFiles::written(&[("--stats", &self.stats)])
+        };
+        files.check_apart()?;
+        let parts = read(&self.folders)?;
         let lists = parts.iter().flat_map(|part| &part.finished.list);
         let list: BTreeSet<u64> = lists.copied().collect();
         if list.is_empty() {
@@ -36,7 +41,7 @@ impl RunCommand for MergeSettings {
         let (mut rows, mut missing) = (Vec::new(), Vec::new());
         for &frame in &list {
             let mut parts = parts.iter();
-            match parts.find_map(|part| part.finished.all_whole(frame, part.path)) {
+            match parts.find_map(|part| part.finished.all_whole(frame, part.folder)) {
                 Some(row) => rows.push(row.clone()),
                 None => missing.push(frame),
             }
@@ -48,11 +53,7 @@ impl RunCommand for MergeSettings {
         // The statistics of shards without frames name no device.
         let stats = stats.max_by_key(|stats| stats["backend"].is_string());
         if let (Some(file), Some(stats)) = (&self.stats, stats) {
-            let mut stats = statistics::with_rows(stats.clone(), &rows);
-            if stats["run"].is_object() {
-                stats["run"]["list"] = json!(list);
-            }
-            statistics::write(file, &stats)?;
+            statistics::write(file, &statistics::with_rows(stats.clone(), &rows))?;
             if file.as_os_str() == "-" {
                 return Ok(());
             }
@@ -61,79 +62,37 @@ impl RunCommand for MergeSettings {
     }
 }
 
-impl MergeSettings {
-    /// Refuses to write a file that is read.
-    fn check_files(&self) -> Result<(), Stop> {
-        let runs = self.runs.iter().cloned();
-        let (files, folders): (Vec<_>, Vec<_>) = runs.partition(|run| run.is_file());
-        let files = CommandFiles {
-            read: files.into_iter().map(|file| ("FILE", file)).collect(),
-            folders: folders.into_iter().map(|dir| ("DIR", dir)).collect(),
-            ..CommandFiles::written(&[("--stats", &self.stats)])
-        };
-        files.check_apart()
-    }
-}
-
-/// The results of one or more shards.
-struct MergedPart<'a> {
-    path: &'a Path,
+/// The results of the shards in one folder.
+struct MergedFolder<'a> {
+    folder: &'a Path,
     manifest: Manifest,
     finished: Finished,
 }
 
-impl<'a> MergedPart<'a> {
-    /// Reads the statistics of a run that wrote no other files.
-    fn of_stats(path: &'a Path) -> Result<Self, Stop> {
-        let name = path.display();
-        let bytes = host::read(path).map_err(|e| Stop::bad(format!("cannot read {name}: {e}")))?;
-        let no_stats = |e| Stop::bad(format!("{name} is no file of statistics: {e}"));
-        let mut stats: Map<String, Value> = serde_json::from_slice(&bytes).map_err(no_stats)?;
-        let frames = stats.remove("frames").unwrap_or_default();
-        let frames = serde_json::from_value(frames).map_err(no_stats)?;
-        let plan = stats.get("run").cloned().unwrap_or_default();
-        let plan: Option<RunPlan> = serde_json::from_value(plan).map_err(no_stats)?;
-        let Some(RunPlan { manifest, list }) = plan else {
-            return Err(Stop::bad(format!(
-                "{name} is of a run that wrote other files too: name their folders"
-            )));
-        };
+impl<'a> MergedFolder<'a> {
+    fn read(folder: &'a Path) -> Result<Self, Stop> {
+        let name = folder.display();
+        let no_manifest = || Stop::bad(format!("{name} holds no run: it has no manifest"));
+        let manifest = Manifest::in_folder(folder).map_err(Stop::bad)?;
         Ok(Self {
-            path,
-            manifest,
-            finished: Finished::of_stats(list, frames, stats.into()),
-        })
-    }
-
-    fn of_folder(path: &'a Path) -> Result<Self, Stop> {
-        let no_manifest = || {
-            let folder = path.display();
-            Stop::bad(format!("{folder} holds no run: it has no manifest"))
-        };
-        let manifest = Manifest::in_folder(path).map_err(Stop::bad)?;
-        Ok(Self {
-            path,
+            folder,
             manifest: manifest.ok_or_else(no_manifest)?,
-            finished: Finished::in_folder(path).map_err(Stop::bad)?,
+            finished: Finished::in_folder(folder).map_err(Stop::bad)?,
         })
     }
 }
 
-/// Reads folders and files of statistics, which must belong to one run.
-fn read(runs: &[PathBuf]) -> Result<Vec<MergedPart<'_>>, Stop> {
-    let mut all: Vec<MergedPart<'_>> = Vec::new();
-    for run in runs {
-        let part = if run.is_file() {
-            MergedPart::of_stats(run)?
-        } else {
-            MergedPart::of_folder(run)?
-        };
+/// Reads folders, which must belong to one run.
+fn read(folders: &[PathBuf]) -> Result<Vec<MergedFolder<'_>>, Stop> {
+    let mut all: Vec<MergedFolder<'_>> = Vec::new();
+    for folder in folders {
+        let part = MergedFolder::read(folder)?;
         if let Some(first) = all.first()
             && let Some(difference) = part.manifest.difference(&first.manifest)
         {
-            let [run, first] = [run, first.path].map(Path::display);
+            let [folder, first] = [folder, first.folder].map(Path::display);
             return Err(Stop::bad(format!(
-                "{run} and {first} are not of one run: of the first, {difference} in the second"
+                "{folder} and {first} are not of one run: of the first, {difference} in the second"
             )));
         }
         all.push(part);

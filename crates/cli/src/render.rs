@@ -7,7 +7,7 @@ pub(crate) mod statistics;
 
 use crate::camera::{CameraSettings, LitCamera};
 use crate::command::{Requirement, RunCommand};
-use crate::console::{self, Progress};
+use crate::console::{self, ProgressLine};
 use crate::file_checks::CommandFiles;
 use crate::frame_list::{self, FrameChoice, Shard, TimeRange};
 use crate::machine::VERSION;
@@ -23,11 +23,10 @@ use abvh::frames::{Frame, OutputSelection};
 use clap::Args;
 use files::FrameFiles;
 use frame_writer::{FrameLog, FrameWriter, Rendered};
-use output::{Chroma, FrameStats, SCHEMA, Video};
-use resume::{EarlierRun, Progressed};
+use output::{FrameStats, SCHEMA, Video, VideoFiles};
+use resume::{EarlierRun, Progressed, RunPlan};
 use scene::Scene;
 use serde_json::{Value, json};
-use statistics::RunPlan;
 use std::path::{Path, PathBuf};
 
 #[derive(Args, Debug)]
@@ -101,7 +100,7 @@ impl RunCommand for RenderSettings {
         let mut all = self.tracer.requirements();
         all.extend(["resume", "overwrite"].map(needs_files));
         all.extend(scene_source::requirements(&[&self.scene]));
-        if self.chroma().any() {
+        if self.has_video() {
             // Videos play --fps frames per second.
             all.retain(|requirement| requirement.option != "fps");
         }
@@ -114,12 +113,8 @@ impl RunCommand for RenderSettings {
 }
 
 impl RenderSettings {
-    /// Returns the chroma resolutions that the videos need: halved for an encoder, full for Y4M.
-    fn chroma(&self) -> Chroma {
-        Chroma {
-            halved: self.video.is_some(),
-            full: self.y4m.is_some(),
-        }
+    fn has_video(&self) -> bool {
+        self.video.is_some() || self.y4m.is_some()
     }
 
     /// Refuses to write files that would overwrite others or that cannot be written.
@@ -160,8 +155,14 @@ impl RenderSettings {
     }
 
     /// Prints remarks before the first of `todo` frames. `done` frames are complete.
-    fn begin_progress(&self, scene: &Scene, setup: &Setup, todo: usize, done: usize) -> Progress {
-        let progress = Progress::new(todo as u64, self.quiet);
+    fn begin_progress(
+        &self,
+        scene: &Scene,
+        setup: &Setup,
+        todo: usize,
+        done: usize,
+    ) -> ProgressLine {
+        let progress = ProgressLine::new(todo as u64, self.quiet);
         let choices = setup.auto.iter().map(ToString::to_string);
         for remark in choices.chain(scene.facts.notes.iter().cloned()) {
             progress.say(&remark);
@@ -205,7 +206,10 @@ fn run(settings: &RenderSettings) -> Result<(), Stop> {
     }
     let shot = settings.camera.aim(&scene)?;
     // The encoder starts while the device is opened.
-    let videos = [&settings.video, &settings.y4m].map(Option::as_deref);
+    let videos = VideoFiles {
+        encoded: settings.video.as_deref(),
+        y4m: settings.y4m.as_deref(),
+    };
     let video = Video::begin(videos, settings.camera.size, settings.source.fps);
     let video = video.map_err(Stop::bad)?;
     let workload = Workload {
@@ -216,7 +220,7 @@ fn run(settings: &RenderSettings) -> Result<(), Stop> {
         setup::start_tracer(&scene, &settings.tracer, workload, opening)?;
     let mut wanted = OutputSelection {
         hits: files.has_hits(),
-        pixels: files.has_pictures() || files.video.any(),
+        pixels: files.has_pictures() || files.has_video,
     };
     let on_device = tracer.prepare_frames(shot.view(), wanted)?;
     // The host shades hits, which count as memory of each frame.
@@ -229,7 +233,7 @@ fn run(settings: &RenderSettings) -> Result<(), Stop> {
         }
     })?;
     let Progressed { done, todo } = earlier.divide(frames, &files);
-    let stats = with_plan(statistics_of(settings, &scene, &setup), &files, &plan);
+    let stats = statistics_of(settings, &scene, &setup);
     let mut journals = earlier.begin(settings, &plan, &stats)?;
     signals::defer();
     let rendered = Rendered {
@@ -277,7 +281,7 @@ fn finish_empty_shard(
     earlier.begin(settings, plan, &Value::Null)?;
     let scene = scene_source::scene_facts(scene);
     let stats = json!({ "schema": SCHEMA, "version": VERSION, "scene": scene });
-    settings.write_stats(with_plan(stats, files, plan), &[])?;
+    settings.write_stats(stats, &[])?;
     settings.print("this shard has no frames: there are more shards than frames\n")
 }
 
@@ -316,7 +320,6 @@ fn results(settings: &RenderSettings, scene: &Scene, setup: &Setup, rows: &[Fram
         text += &table::stages(rows);
         text += &output::trees(rows);
         text += &output::memory(rows);
-        text += &output::rates(rows, settings.camera.pixels());
     }
     if !settings.no_images {
         text += &format!("pictures: {}\n", settings.out.display());
@@ -332,13 +335,5 @@ fn statistics_of(settings: &RenderSettings, scene: &Scene, setup: &Setup) -> Val
     stats["scene"] = scene_source::scene_facts(scene);
     stats["size"] = json!(settings.camera.size);
     stats["expected_memory"] = json!(setup.memory);
-    stats
-}
-
-/// Adds the plan to the statistics of a run that writes nothing else, for `merge`.
-fn with_plan(mut stats: Value, files: &FrameFiles, plan: &RunPlan) -> Value {
-    if !files.any() {
-        stats["run"] = json!(plan);
-    }
     stats
 }

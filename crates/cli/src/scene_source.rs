@@ -5,7 +5,7 @@ use crate::parsers;
 use crate::stop::Stop;
 use clap::Args;
 use pipeline::{TREE_BYTES, trees_bytes};
-use scene::{Options, Scene};
+use scene::{Scene, SceneOptions};
 use serde_json::{Value, json};
 
 /// How a scene is read.
@@ -34,7 +34,7 @@ impl SceneSettings {
     /// Opens a scene for a run that builds trees and traces `rays` rays at a time. The memory for both counts towards
     /// the limit that is checked before key frames are read.
     pub(crate) fn open(&self, name: &str, rays: usize) -> Result<Scene, Stop> {
-        let options = Options {
+        let options = SceneOptions {
             more_bytes: trees_bytes(0, rays),
             triangle_bytes: TREE_BYTES,
             ..self.options()
@@ -42,14 +42,14 @@ impl SceneSettings {
         Ok(scene::open(name, &options)?)
     }
 
-    fn options(&self) -> Options {
-        Options {
+    fn options(&self) -> SceneOptions {
+        SceneOptions {
             fps: self.fps,
             clip: self.clip.clone(),
             allow_outside: self.allow_outside,
             recentre: self.recentre,
             key_bytes: u64::from(self.key_memory) << 20,
-            ..Options::default()
+            ..SceneOptions::default()
         }
     }
 }

@@ -1,7 +1,7 @@
 //! `abvh stability`: how often each intersector is wrong in numerically hard cases, compared with baselines.
 
 use crate::command::RunCommand;
-use crate::console::{self, Progress};
+use crate::console::{self, ProgressLine};
 use crate::file_checks::CommandFiles;
 use crate::parsers;
 use crate::stop::Stop;
@@ -82,7 +82,7 @@ impl StabilitySettings {
                 "--record measures one backend, but {there}"
             )));
         };
-        let mut progress = Progress::new(Family::ALL.len() as u64, self.test.quiet);
+        let mut progress = ProgressLine::new(Family::ALL.len() as u64, self.test.quiet);
         let name = backend.device().backend;
         let sampling = baseline::Sampling {
             seeds: self.seeds,
@@ -107,7 +107,7 @@ impl StabilitySettings {
             rays: self.rays,
         };
         let steps = Family::ALL.len() * backends.len();
-        let mut progress = Progress::new(steps as u64, self.test.quiet);
+        let mut progress = ProgressLine::new(steps as u64, self.test.quiet);
         let mut rows = Vec::new();
         for family in Family::ALL {
             let test = StressTest::new(family, &plan);

@@ -2,11 +2,11 @@
 
 use crate::camera::{CameraSettings, LitCamera};
 use crate::command::{Requirement, RunCommand};
-use crate::console::{self, Progress};
+use crate::console::{self, ProgressLine};
 use crate::devices::{BackendChoice, backend_name};
 use crate::file_checks::CommandFiles;
 use crate::machine::{self, VERSION};
-use crate::measure::{RayKind, random_rays};
+use crate::measure::{MeasuredRays, random_rays};
 use crate::parsers;
 use crate::scene_source::{self, SceneSettings};
 use crate::stop::Stop;
@@ -55,7 +55,7 @@ pub(crate) struct StressSettings {
     poses: usize,
     /// Rays of a step: a camera's, or as many random rays from points in the scene's bounds
     #[arg(long, value_name = "NAME", default_value = "camera")]
-    rays: RayKind,
+    rays: MeasuredRays,
     #[command(flatten)]
     camera: CameraSettings,
 }
@@ -68,7 +68,7 @@ impl RunCommand for StressSettings {
         let motion = StreamedMotion::new(&scene, self)?;
         let runs = self.runs()?;
         let expected = motion.expected_hits()?;
-        let mut progress = Progress::new(runs.len() as u64, self.test.quiet);
+        let mut progress = ProgressLine::new(runs.len() as u64, self.test.quiet);
         let mut rows = Vec::new();
         for run in &runs {
             rows.push(run.measure(&motion, &expected, self.steps)?);
@@ -157,11 +157,11 @@ impl<'a> StreamedMotion<'a> {
     fn new(scene: &'a Scene, settings: &StressSettings) -> Result<Self, Stop> {
         let animation = &*scene.animation;
         let rays = match settings.rays {
-            RayKind::Random => {
+            MeasuredRays::Random => {
                 let count = settings.camera.pixels();
                 StepRays::List(random_rays(&animation.bounds(), count))
             }
-            RayKind::Camera => StepRays::Camera(Box::new(settings.camera.aim(scene)?)),
+            MeasuredRays::Camera => StepRays::Camera(Box::new(settings.camera.aim(scene)?)),
         };
         let last = (settings.poses - 1).max(1) as f64;
         let pose = |i: usize| -> Result<Vec<Point>, Stop> {

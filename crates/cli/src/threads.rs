@@ -64,9 +64,10 @@ mod tests {
         let left = std::cell::Cell::new(5);
         let five = |work: Box<dyn FnOnce() + Send>| {
             let granted = left.replace(left.get() - 1);
-            match granted > 0 {
-                true => std::thread::Builder::new().spawn(work).map(drop),
-                false => Err(io::ErrorKind::WouldBlock.into()),
+            if granted > 0 {
+                std::thread::Builder::new().spawn(work).map(drop)
+            } else {
+                Err(io::ErrorKind::WouldBlock.into())
             }
         };
         assert_eq!(crew(16, five).len(), 2);

@@ -2,13 +2,11 @@
 //!
 //! A [`Property`] takes a subject, a reference and a [`Case`] generated from a seed, and fails with the first
 //! disagreement. The test suite runs [`PROPERTIES`] on every backend, and so does `abvh conform` on the user's machine.
-//! [`leaks`] traces many more rays at closed bodies than a property can. [`stress`] counts wrong answers where arithmetic
-//! is hardest, against [`oracle`], which shares no code with any backend.
+//! [`stress`] counts wrong answers where arithmetic is hardest, against [`oracle`], which shares no code with any backend.
 
 mod compare;
 mod crossings;
 mod generate;
-pub mod leaks;
 pub mod oracle;
 mod properties;
 mod reference;

@@ -172,18 +172,6 @@ impl Finished {
         Ok(done)
     }
 
-    /// Creates the contents from a statistics file, which lists no output files.
-    #[must_use]
-    pub fn of_stats(list: Vec<u64>, rows: Vec<FrameStats>, stats: Value) -> Self {
-        let rows = rows.into_iter();
-        let frames = rows.map(|row| (row.frame as u64, (Vec::new(), row)));
-        Self {
-            list,
-            stats: Some(stats),
-            frames: frames.collect(),
-        }
-    }
-
     /// Returns the statistics of a frame if its file `name` in `folder` is unchanged. Returns `None` otherwise.
     #[must_use]
     pub fn whole(&self, frame: u64, folder: &Path, name: &str) -> Option<&FrameStats> {
@@ -206,8 +194,14 @@ impl Finished {
 fn are_ours(files: &[NamedDigest]) -> bool {
     files.iter().all(|(name, _)| {
         let is_plain = Path::new(name).file_name() == Some(name.as_ref());
-        is_plain && (name.starts_with("frame_") || name.starts_with("hits_"))
+        is_plain && is_frame_file(name)
     })
+}
+
+/// Returns whether a run may write a frame's file of this name.
+#[must_use]
+pub fn is_frame_file(name: &str) -> bool {
+    name.starts_with("frame_") || name.starts_with("hits_")
 }
 
 fn journals(folder: &Path) -> Result<Vec<PathBuf>, OutputError> {

@@ -7,6 +7,7 @@
 mod atomic;
 mod hits;
 mod journal;
+mod picture;
 pub mod plot;
 mod rays;
 mod stats;
@@ -17,10 +18,12 @@ pub use atomic::{
     write_whole, write_with,
 };
 pub use hits::{HitArrays, write_found};
-pub use journal::{Digest, Finished, Journal, Manifest, NamedDigest, SceneId, clear_run, digests};
+pub use journal::{
+    Digest, Finished, Journal, Manifest, NamedDigest, SceneId, clear_run, digests, is_frame_file,
+};
+pub use picture::{drop_alpha, write_png};
 pub use rays::{RayFile, write_rays};
 pub use stats::{
-    FrameStats, SCHEMA, Summary, TIMES, Taken, Time, memory, mrays, overview, rates, trees,
-    write_json,
+    FrameStats, SCHEMA, Summary, TIMES, Taken, Time, memory, mrays, overview, trees, write_json,
 };
-pub use video::{Chroma, Planes, Video, drop_alpha, write_png};
+pub use video::{Video, VideoFiles, VideoPlanes};

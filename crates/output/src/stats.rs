@@ -180,28 +180,6 @@ pub fn mrays(count: f64, ms: f64) -> Option<f64> {
     (ms > 0.0).then(|| count / ms * 1e-3)
 }
 
-/// Returns a line of text with the primary and shadow rays per second over all frames.
-#[must_use]
-pub fn rates(frames: &[FrameStats], pixels: usize) -> String {
-    let rate = |count: &dyn Fn(&FrameStats) -> u64, time: Time| {
-        let timed = || frames.iter().filter_map(|f| Some((count(f), time(f)?)));
-        let rays: u64 = timed().map(|(rays, _)| rays).sum();
-        mrays(rays as f64, timed().map(|(_, ms)| ms).sum())
-    };
-    let show = |r: Option<f64>| r.map_or("-".to_owned(), |r| format!("{r:.2}"));
-    let pixels = pixels as u64;
-    let primary = rate(&|_| pixels, |f| f.report.times.trace_primary_ms);
-    let shadow = rate(&|f| f.report.hits, |f| f.report.times.trace_shadow_ms);
-    if shadow.is_none() && frames.iter().any(|f| f.report.blocked > 0) {
-        let both = rate(&|f| pixels + f.report.hits, |f| {
-            f.report.times.trace_primary_ms
-        });
-        return format!("rays: {} M/s, primary and shadow together\n", show(both));
-    }
-    let [primary, shadow] = [primary, shadow].map(show);
-    format!("rays: {primary} M/s primary, {shadow} M/s shadow\n")
-}
-
 /// Returns the peak memory as one line of text per known quantity.
 #[must_use]
 pub fn memory(frames: &[FrameStats]) -> String {
@@ -239,28 +217,5 @@ mod tests {
         let s = Summary::of([3.0, 1.0, 2.0]).unwrap();
         assert_eq!((s.median, s.p95, s.worst), (2.0, 3.0, 3.0));
         assert_eq!(Summary::of([]), None);
-    }
-
-    #[test]
-    fn rates_use_timed_stages_only() {
-        let frame = |ms, hits| {
-            let mut frame = FrameStats::default();
-            frame.report.times.trace_primary_ms = Some(ms);
-            frame.report.times.trace_shadow_ms = (hits > 0).then_some(1.0);
-            frame.report.hits = hits;
-            frame
-        };
-        let text = rates(&[frame(1.0, 500), frame(3.0, 0)], 4000);
-        assert_eq!(text, "rays: 2.00 M/s primary, 0.50 M/s shadow\n");
-        let together = |blocked| {
-            let mut frame = frame(2.0, 1000);
-            frame.report.times.trace_shadow_ms = None;
-            frame.report.blocked = blocked;
-            frame
-        };
-        let text = rates(&[together(7)], 4000);
-        assert_eq!(text, "rays: 2.50 M/s, primary and shadow together\n");
-        let text = rates(&[together(0)], 4000);
-        assert_eq!(text, "rays: 2.00 M/s primary, - M/s shadow\n");
     }
 }

@@ -1,10 +1,7 @@
-//! Pictures, and videos of all frames in order. Videos are uncompressed YUV4MPEG2, or encoded by `ffmpeg`, which reads
-//! YUV4MPEG2 from a pipe.
+//! Videos of all frames in order: uncompressed YUV4MPEG2, or encoded by `ffmpeg`, which reads YUV4MPEG2 from a pipe.
 
+use crate::OutputError;
 use crate::atomic::{UnfinishedFile, open_as_it_is};
-use crate::{OutputError, write_with};
-use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use image::{ExtendedColorType, ImageEncoder, ImageError};
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{self, prelude::*};
@@ -17,35 +14,20 @@ use y4m::{Colorspace, EncoderBuilder};
 
 mod planes;
 
-pub use planes::{Chroma, Planes};
+pub use planes::VideoPlanes;
 
 type Result<T, E = OutputError> = std::result::Result<T, E>;
 
-/// Fills `rgb` with the first three bytes of every four bytes in `rgba`.
-pub fn drop_alpha(rgba: &[u8], rgb: &mut Vec<u8>) {
-    rgb.resize(rgba.len() / 4 * 3, 0);
-    let pixels = rgb.as_chunks_mut::<3>().0.iter_mut();
-    for (to, &[r, g, b, _]) in pixels.zip(rgba.as_chunks::<4>().0) {
-        *to = [r, g, b];
-    }
+/// Paths of the videos to write.
+#[derive(Clone, Copy, Debug)]
+pub struct VideoFiles<'a> {
+    /// Video that `ffmpeg` encodes, in the format of the file extension.
+    pub encoded: Option<&'a Path>,
+    /// YUV4MPEG2 (4:4:4), or `-` for standard output.
+    pub y4m: Option<&'a Path>,
 }
 
-/// Writes 8-bit sRGB pixels as PNG. Pixels have three bytes each, with row 0 at the top.
-///
-/// # Panics
-/// If `rgb` does not contain `3 * width * height` bytes.
-pub fn write_png(path: &Path, [width, height]: [u32; 2], rgb: &[u8]) -> Result<()> {
-    write_with(path, |out| {
-        PngEncoder::new_with_quality(out, CompressionType::Fast, FilterType::Adaptive)
-            .write_image(rgb, width, height, ExtendedColorType::Rgb8)
-            .map_err(|e| match e {
-                ImageError::IoError(e) => e,
-                other => io::Error::other(other),
-            })
-    })
-}
-
-/// Writes videos on a separate thread from frames `F` that contain [`Planes`].
+/// Writes videos on a separate thread from frames `F` that contain [`VideoPlanes`].
 ///
 /// Dropping an unfinished video waits for the thread and discards the unfinished files.
 #[derive(Debug)]
@@ -62,19 +44,16 @@ impl<F> Drop for Video<F> {
     }
 }
 
-impl<F: AsRef<Planes> + Send + 'static> Video<F> {
-    /// Begins up to two videos, or returns `None` if both paths are `None`. `encoded` is encoded by `ffmpeg`, with its
-    /// format selected by the file extension. `y4m` is YUV4MPEG2, with `-` for standard output.
+impl<F: AsRef<VideoPlanes> + Send + 'static> Video<F> {
+    /// Begins up to two videos, or returns `None` if both paths are `None`.
     ///
     /// `size` is width and height in pixels, and `fps` is in frames per second. Fails if `ffmpeg` is missing or a file
     /// cannot be created. No byte is written before the first frame.
-    pub fn begin(
-        [encoded, y4m]: [Option<&Path>; 2],
-        size: [u32; 2],
-        fps: f64,
-    ) -> Result<Option<Self>> {
-        let encoded = encoded.map(|path| Sink::open(path, Some(format_of(path)?)));
-        let y4m = y4m.map(|path| Sink::open(path, None));
+    pub fn begin(files: VideoFiles<'_>, size: [u32; 2], fps: f64) -> Result<Option<Self>> {
+        let encoded = files
+            .encoded
+            .map(|path| Sink::open(path, Some(format_of(path)?)));
+        let y4m = files.y4m.map(|path| Sink::open(path, None));
         let sinks = encoded.into_iter().chain(y4m);
         let sinks = sinks.collect::<Result<Vec<_>>>()?;
         if sinks.is_empty() {
@@ -123,7 +102,7 @@ impl<F: AsRef<Planes> + Send + 'static> Video<F> {
     }
 }
 
-fn write<F: AsRef<Planes>>(
+fn write<F: AsRef<VideoPlanes>>(
     frames: &Receiver<Option<(usize, F)>>,
     sinks: Vec<(Bytes, Sink)>,
     header: &impl Fn() -> EncoderBuilder,
@@ -154,7 +133,7 @@ fn write<F: AsRef<Planes>>(
 /// Destination of a video's bytes. It must be dropped before its sink, so that no encoder writes to a removed file.
 type Bytes = Box<dyn Write + Send>;
 
-/// Destination of a video. Files receive full chroma (4:4:4), and encoders receive halved chroma (4:2:0).
+/// Destination of a video.
 struct Sink {
     encoder: Option<Encoder>,
     file: Option<UnfinishedFile>,
@@ -186,16 +165,12 @@ impl Sink {
     }
 
     fn begin(&mut self, out: Bytes, header: EncoderBuilder) -> Result<y4m::Encoder<Bytes>> {
-        let colours = match self.encoder {
-            Some(_) => Colorspace::C420jpeg,
-            None => Colorspace::C444,
-        };
-        let begun = header.with_colorspace(colours).write_header(out);
+        let begun = header.with_colorspace(Colorspace::C444).write_header(out);
         begun.map_err(|e| self.failed(&e))
     }
 
-    fn frame(&mut self, out: &mut y4m::Encoder<Bytes>, planes: &Planes) -> Result<()> {
-        let written = out.write_frame(&planes.frame(self.encoder.is_some()));
+    fn frame(&mut self, out: &mut y4m::Encoder<Bytes>, planes: &VideoPlanes) -> Result<()> {
+        let written = out.write_frame(&planes.frame());
         written.map_err(|e| self.failed(&e))
     }
 

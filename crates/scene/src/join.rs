@@ -8,7 +8,7 @@ use crate::paths::{exists, has_clips};
 use crate::rounding::Position;
 use crate::source::{open_one, refuse_clip};
 use crate::stream::{KeySize, check_keys, within};
-use crate::{Facts, Options, Result, Scene, SceneError, stream};
+use crate::{Facts, Result, Scene, SceneError, SceneOptions, stream};
 use geom::Point;
 use std::sync::Arc;
 
@@ -106,7 +106,7 @@ fn parse(text: &str) -> Option<InputPlacement> {
 }
 
 /// Opens the scene that `spec` names.
-pub fn open(spec: &str, options: &Options) -> Result<Scene> {
+pub fn open(spec: &str, options: &SceneOptions) -> Result<Scene> {
     match inputs(spec, &exists)?.as_slice() {
         [Input { spec, place: None }] => open_one(spec, options),
         inputs => join(spec, inputs, options),
@@ -114,11 +114,11 @@ pub fn open(spec: &str, options: &Options) -> Result<Scene> {
 }
 
 /// Opens and joins all inputs. Moving inputs must have the same number of key frames.
-fn join(spec: &str, inputs: &[Input<'_>], options: &Options) -> Result<Scene> {
+fn join(spec: &str, inputs: &[Input<'_>], options: &SceneOptions) -> Result<Scene> {
     if !inputs.iter().any(|i| has_clips(i.spec)) {
         refuse_clip(spec, options)?;
     }
-    let still = Options {
+    let still = SceneOptions {
         clip: None,
         ..options.clone()
     };
@@ -296,7 +296,7 @@ mod tests {
     #[test]
     fn joins_inputs_in_order() {
         let folder = folder();
-        let scene = open_in(&folder, "still.obj+two@10,0,0*2", &Options::default()).unwrap();
+        let scene = open_in(&folder, "still.obj+two@10,0,0*2", &SceneOptions::default()).unwrap();
         let a = &scene.animation;
         assert_eq!(a.triangles(), [[0, 1, 2], [3, 4, 5]]);
         let keys = a.all_keys().unwrap();
@@ -312,7 +312,7 @@ mod tests {
     #[test]
     fn rejects_inputs_with_different_key_counts() {
         let folder = folder();
-        let open = |names| open_in(&folder, names, &Options::default());
+        let open = |names| open_in(&folder, names, &SceneOptions::default());
         let says = ["two has 2", "three 3", "single"];
         refused(open("two+still.obj+three"), &says);
         refused(open("two+gone.obj"), &["gone.obj: no such file"]);
@@ -321,9 +321,9 @@ mod tests {
     #[test]
     fn clip_option_requires_inputs_with_clips() {
         let folder = folder();
-        let options = Options {
+        let options = SceneOptions {
             clip: Some("Walk".to_owned()),
-            ..Options::default()
+            ..SceneOptions::default()
         };
         for names in ["still.obj+two", "still.obj", "two", "two/*.obj"] {
             refused(open_in(&folder, names, &options), &["Walk"]);

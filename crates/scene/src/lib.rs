@@ -62,7 +62,7 @@ pub struct Facts {
     /// Seconds between key frames, if the source specifies them.
     pub seconds_per_key: Option<f64>,
     /// The point that was subtracted from all coordinates, in the units of the files. `None` unless
-    /// [`Options::recentre`] is set; demos have no offset.
+    /// [`SceneOptions::recentre`] is set; demos have no offset.
     pub offset: Option<[f64; 3]>,
     /// Remarks for the user: data that was skipped, assumed or missing.
     pub notes: Vec<String>,
@@ -73,7 +73,7 @@ pub const MAX_FPS: f64 = 10_000.0;
 
 /// Options for reading a scene.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Options {
+pub struct SceneOptions {
     /// Key frames sampled per second of a clip.
     pub fps: f64,
     /// Name or index of the clip to sample. `None` selects the first clip.
@@ -93,7 +93,7 @@ pub struct Options {
     pub triangle_bytes: u64,
 }
 
-impl Default for Options {
+impl Default for SceneOptions {
     fn default() -> Self {
         Self {
             fps: 24.0,
@@ -155,7 +155,7 @@ impl SceneError {
 mod testing {
     use crate::mesh::{PolygonMesh, compact};
     use crate::rounding::Rounding;
-    use crate::{Options, Result, Scene, polygon};
+    use crate::{Result, Scene, SceneOptions, polygon};
     use geom::Point;
     use std::fs;
     use std::path::PathBuf;
@@ -184,7 +184,7 @@ mod testing {
     }
 
     /// Opens the inputs `names`, joined by `+`, in `folder`.
-    pub(crate) fn open_in(folder: &TempDir, names: &str, options: &Options) -> Result<Scene> {
+    pub(crate) fn open_in(folder: &TempDir, names: &str, options: &SceneOptions) -> Result<Scene> {
         let root = folder.path().to_str().unwrap();
         let spec: Vec<String> = names.split('+').map(|n| format!("{root}/{n}")).collect();
         crate::open(&spec.join("+"), options)

@@ -1,6 +1,6 @@
 //! Double-precision coordinates, and their rounding to the single precision of key frames.
 
-use crate::Options;
+use crate::SceneOptions;
 use geom::Point;
 use std::path::Path;
 
@@ -44,7 +44,7 @@ impl PositionBounds {
 impl Rounding {
     /// Returns the rounding for a scene: its offset is the centre of the first key frame if the scene is recentred,
     /// else 0.
-    pub(crate) fn of(first: &[Position], options: &Options) -> Self {
+    pub(crate) fn of(first: &[Position], options: &SceneOptions) -> Self {
         let bounds = PositionBounds::of(first).filter(|_| options.recentre);
         let centre = |b: PositionBounds| std::array::from_fn(|i| b.min[i].midpoint(b.max[i]));
         Self {
@@ -61,7 +61,7 @@ impl Rounding {
     }
 
     /// Returns the offset, or `None` if the scene is not recentred.
-    pub(crate) fn chosen(&self, options: &Options) -> Option<Position> {
+    pub(crate) fn chosen(&self, options: &SceneOptions) -> Option<Position> {
         options.recentre.then_some(self.offset)
     }
 
@@ -70,7 +70,7 @@ impl Rounding {
         &self,
         path: &Path,
         first: &[Position],
-        options: &Options,
+        options: &SceneOptions,
     ) -> Option<String> {
         const SHARE: f64 = 1e-3;
         let size = PositionBounds::of(first)?.size();

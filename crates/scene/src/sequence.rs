@@ -7,7 +7,7 @@ use crate::ply::{Pattern, Ply};
 use crate::polygon::{self, Triangulation};
 use crate::rounding::{Position, Rounding};
 use crate::stream::{KeySize, check_keys};
-use crate::{Facts, Options, Result, Rgb, Scene, SceneError, obj, ply, stream};
+use crate::{Facts, Result, Rgb, Scene, SceneError, SceneOptions, obj, ply, stream};
 use geom::{Point, lock};
 use std::collections::BTreeMap;
 use std::fs;
@@ -29,7 +29,7 @@ fn read(path: &Path) -> Result<Ply> {
 /// Opens `files` as the key frames of one animation. There is at least one file, and all are `.obj` or all `.ply`.
 ///
 /// The first key frame determines the triangulation of polygons. Later ones have equal faces, so equal triangles.
-pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &Options) -> Result<Scene> {
+pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &SceneOptions) -> Result<Scene> {
     let path = files[0].as_path();
     let Ply { mesh, pattern } = read(path)?;
     mesh.polygons.check(path)?;

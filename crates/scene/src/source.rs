@@ -1,11 +1,11 @@
 //! Opens one input: a demo, a file, a directory or a glob.
 
 use crate::paths::{entries, extension, is_gltf, is_pattern, matches, path, stem};
-use crate::{Options, Result, Scene, SceneError, clip, demo, sequence};
+use crate::{Result, Scene, SceneError, SceneOptions, clip, demo, sequence};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-pub(crate) fn open_one(spec: &str, options: &Options) -> Result<Scene> {
+pub(crate) fn open_one(spec: &str, options: &SceneOptions) -> Result<Scene> {
     if let Some(name) = spec.strip_prefix("demo:") {
         refuse_clip(spec, options)?;
         return demo::open(name, options);
@@ -20,14 +20,14 @@ pub(crate) fn open_one(spec: &str, options: &Options) -> Result<Scene> {
 }
 
 /// Returns an error if `options` name a clip, for sources without clips.
-pub(crate) fn refuse_clip(place: impl AsRef<Path>, options: &Options) -> Result<()> {
+pub(crate) fn refuse_clip(place: impl AsRef<Path>, options: &SceneOptions) -> Result<()> {
     options.clip.as_ref().map_or(Ok(()), |asked| {
         let cause = format!("no clip {asked:?}: only .gltf and .glb files have clips");
         Err(SceneError::unusable(place, cause))
     })
 }
 
-fn file(path: &Path, options: &Options) -> Result<Scene> {
+fn file(path: &Path, options: &SceneOptions) -> Result<Scene> {
     match extension(path).as_str() {
         "gltf" | "glb" => clip::open(stem(path), path, options),
         "obj" | "ply" => {
@@ -41,7 +41,7 @@ fn file(path: &Path, options: &Options) -> Result<Scene> {
     }
 }
 
-fn directory(path: &Path, options: &Options) -> Result<Scene> {
+fn directory(path: &Path, options: &SceneOptions) -> Result<Scene> {
     // Hidden files are not key frames. Some systems create "._1.obj" next to "1.obj".
     let hidden = |f: &Path| {
         let name = f.file_name().unwrap_or_default();
@@ -57,7 +57,7 @@ fn directory(path: &Path, options: &Options) -> Result<Scene> {
     frames(name.to_string_lossy().into_owned(), path, files, options)
 }
 
-fn pattern(spec: &str, options: &Options) -> Result<Scene> {
+fn pattern(spec: &str, options: &SceneOptions) -> Result<Scene> {
     let unreadable = |e: glob::GlobError| {
         let path = e.path().to_owned();
         SceneError::unreadable(&path, e.into())
@@ -77,7 +77,12 @@ fn pattern(spec: &str, options: &Options) -> Result<Scene> {
 }
 
 /// Opens the meshes among `files` as key frames in natural order: `2.obj` before `10.obj`.
-fn frames(name: String, place: &Path, mut files: Vec<PathBuf>, options: &Options) -> Result<Scene> {
+fn frames(
+    name: String,
+    place: &Path,
+    mut files: Vec<PathBuf>,
+    options: &SceneOptions,
+) -> Result<Scene> {
     let of = |kind: &str| files.iter().filter(|f| extension(f) == kind).count();
     let bad = |cause: String| Err(SceneError::unusable(place, cause));
     let kind = match (of("obj"), of("ply")) {
@@ -134,7 +139,7 @@ mod tests {
         let files = files.map(|(name, x)| (name, obj(x, TRIANGLE)));
         let others = [("read.me", String::new()), ("x.obj/4.txt", String::new())];
         let folder = folder(&files.into_iter().chain(others).collect::<Vec<_>>());
-        let open = |below| open_in(&folder, below, &Options::default()).unwrap();
+        let open = |below| open_in(&folder, below, &SceneOptions::default()).unwrap();
         let scene = open("");
         assert_eq!(firsts(&scene), [1.0, 2.0, 10.0]);
         assert_eq!(scene.facts.files.len(), 3);
@@ -172,7 +177,7 @@ mod tests {
                 ("2.obj", obj(1, TRIANGLE)),
                 ("3.obj", text),
             ];
-            let opened = open_in(&folder(&files), "", &Options::default());
+            let opened = open_in(&folder(&files), "", &SceneOptions::default());
             refused(opened, &["3.obj", says[0], says[1]]);
         }
     }
@@ -194,9 +199,9 @@ mod tests {
             for key in 1..10 {
                 put(&folder, &format!("{key}.{kind}"), later);
             }
-            let options = Options {
+            let options = SceneOptions {
                 key_bytes,
-                ..Options::default()
+                ..SceneOptions::default()
             };
             open_in(&folder, "", &options)
         };
@@ -244,7 +249,7 @@ mod tests {
                 format!("mtllib m.mtl\nusemtl m\n{triangle}"),
             ),
         ]);
-        let options = Options::default();
+        let options = SceneOptions::default();
         for name in ["a.obj", "a.ply", "a.gltf", "a.glb", "buffer.gltf", "keys"] {
             refused(open_in(&folder, name, &options), &["Git LFS pointer"]);
         }
@@ -269,9 +274,9 @@ mod tests {
             ("cloud.obj", "no triangles, though there are 4 vertices"),
             ("void.obj/below.obj", "cannot read"),
         ] {
-            refused(open_in(&folder, path, &Options::default()), &[says]);
+            refused(open_in(&folder, path, &SceneOptions::default()), &[says]);
         }
-        let open = |spec| crate::open(spec, &Options::default());
+        let open = |spec| crate::open(spec, &SceneOptions::default());
         refused(open("demo:"), &["twist"]);
         refused(open(""), &["no such file"]);
     }

@@ -1,6 +1,6 @@
 //! Animations from any source of key frames, held in memory or paged, and checks of the memory that they need.
 
-use crate::{Options, Result, SceneError};
+use crate::{Result, SceneError, SceneOptions};
 use geom::{Animation, KeyFrameError, Point};
 use host::Free;
 use rayon::prelude::*;
@@ -36,7 +36,7 @@ impl KeySize {
     }
 
     /// Returns the number of key frames that are held in memory.
-    fn held(&self, options: &Options) -> usize {
+    fn held(&self, options: &SceneOptions) -> usize {
         let most = options.key_bytes / self.key_bytes().max(1);
         if self.keys as u64 <= most {
             return self.keys;
@@ -51,7 +51,7 @@ pub(crate) fn animation(
     source: impl Fn(usize) -> Result<Vec<Point>, KeyFrameError> + Send + Sync + 'static,
     size: KeySize,
     triangles: Vec<[u32; 3]>,
-    options: &Options,
+    options: &SceneOptions,
 ) -> Result<Animation> {
     let (keys, window) = (size.keys, size.held(options));
     if window < keys {
@@ -93,7 +93,7 @@ pub(crate) fn check_keys(
     place: impl AsRef<Path>,
     size: KeySize,
     triangles: usize,
-    options: &Options,
+    options: &SceneOptions,
 ) -> Result<()> {
     let KeySize { keys, vertices } = size;
     let held = size.held(options);
@@ -112,7 +112,7 @@ pub(crate) fn check_keys(
 }
 
 /// Returns the bytes of a scene plus the memory that the caller needs for it.
-pub(crate) fn with_more(bytes: u64, triangles: usize, options: &Options) -> u64 {
+pub(crate) fn with_more(bytes: u64, triangles: usize, options: &SceneOptions) -> u64 {
     (triangles as u64)
         .saturating_mul(options.triangle_bytes)
         .saturating_add(options.more_bytes)
@@ -141,7 +141,7 @@ pub(crate) fn check_memory(
     place: impl AsRef<Path>,
     what: String,
     bytes: u64,
-    options: &Options,
+    options: &SceneOptions,
 ) -> Result<()> {
     let by = "limit given";
     let checked = match options.memory {

@@ -235,9 +235,9 @@ pub(crate) fn dropping_a_busy_backend_is_safe(mut backend: Box<dyn Subject>) {
 
 /// Checks that there is memory for few key frames, in any order of playback. A property test checks the positions.
 pub(crate) fn paged_key_frames_take_memory_for_few(backend: &mut dyn Subject) {
-    let options = scene::Options {
+    let options = scene::SceneOptions {
         key_bytes: 0,
-        ..scene::Options::default()
+        ..scene::SceneOptions::default()
     };
     let scene = scene::open("demo:twist:3000", &options).unwrap();
     let paged = scene.animation;

@@ -121,7 +121,7 @@ struct Demo {
 }
 
 fn demo(name: &str) -> Demo {
-    let scene = scene::open(name, &scene::Options::default()).unwrap();
+    let scene = scene::open(name, &scene::SceneOptions::default()).unwrap();
     let animation = scene.animation;
     let keys = animation.all_keys().unwrap();
     Demo {

@@ -56,7 +56,7 @@ struct Stage {
 
 impl Stage {
     fn new(name: &str, place: Point, device: &Device) -> Self {
-        let demo = scene::open(name, &scene::Options::default()).unwrap();
+        let demo = scene::open(name, &scene::SceneOptions::default()).unwrap();
         let demo = demo.animation;
         let (rest, triangles) = (put(demo.first(), place), demo.triangles());
         let half = rest.len() / 2;

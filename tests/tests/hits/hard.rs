@@ -35,7 +35,7 @@ pub(crate) fn trials() -> Vec<Trial> {
 }
 
 fn open(demo: &str) -> Arc<Animation> {
-    let scene = scene::open(demo, &scene::Options::default());
+    let scene = scene::open(demo, &scene::SceneOptions::default());
     scene.unwrap().animation
 }
 

@@ -103,7 +103,7 @@ fn moving(sandbox: &Sandbox) {
     let two = "demo:hall:2000+demo:hall:2000@0,0,9.5*0.5";
     let (_, json) = sandbox.tells(&format!("bench {two} {words}"), "--json");
     let row = &json["rows"][0];
-    let one = scene::open("demo:hall:2000", &scene::Options::default()).unwrap();
+    let one = scene::open("demo:hall:2000", &scene::SceneOptions::default()).unwrap();
     let [moving, all] = [one.animation.moving_count(), one.animation.triangle_count()];
     let twice = row["moving"] == 2 * moving && row["triangles"] == 2 * all;
     assert!(moving > 0 && moving * 10 < all && twice, "{row}");

@@ -12,7 +12,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         trial("chart::only_exact_has_no_errors", judged),
         trial("chart::failed_method_reports_its_reason", failed),
         trial("chart::results_are_reproducible", repeated),
-        trial("chart::printed_command_reproduces_its_point", command),
+        trial("chart::repeated_options_are_measured_once", once),
         trial("chart::invalid_options_are_refused", refused),
         trial("bench::each_scene_size_has_rows", sizes),
     ];
@@ -65,7 +65,7 @@ fn files(sandbox: &Sandbox) {
     let first = csv.lines().next().map(commas);
     assert!(csv.lines().all(|l| Some(commas(l)) == first), "{csv}");
     says(&sandbox.text("c/chart.svg"), "extreme-keys|</svg>");
-    says(&sandbox.text("c/chart.html"), "abvh bench|</svg>");
+    says(&sandbox.text("c/chart.html"), "All points|</svg>");
 }
 
 fn judged(sandbox: &Sandbox) {
@@ -73,25 +73,17 @@ fn judged(sandbox: &Sandbox) {
         let sum = |name: &str, what: &str| -> u64 {
             list(&p[name]).iter().filter_map(|l| l[what].as_u64()).sum()
         };
-        let (lost, doubled) = (sum("leaks", "leaks"), sum("leaks", "double_hits"));
-        let (counted, mixed) = (sum("leaks", "counted"), sum("mixed_range", "wrong"));
-        assert!(sum("leaks", "rays") > 0, "{p}");
+        let mixed = sum("mixed_range", "wrong");
         assert!(sum("mixed_range", "rays") == 3 * 2048, "{p}");
         let wrong = [&p["wrong"], &p["aimed"]["wrong"], &p["wrong_shadow"]];
         let wrong = wrong.map(|n| n.as_u64().unwrap_or(u64::MAX));
         let fits = match p["intersector"].as_str() {
-            Some("exact") => wrong == [0; 3] && lost + counted + mixed == 0,
-            // It may return a neighbour at an edge, but never loses a ray.
-            Some("watertight") => {
-                wrong[1] > 0 && counted > 0 && lost + doubled == 0 && wrong[0] <= 2
-            }
-            _ => wrong[1] > 0 && lost > 0 && doubled > 0 && mixed > 0,
+            Some("exact") => wrong == [0; 3] && mixed == 0,
+            // It may return a neighbour at an edge.
+            Some("watertight") => wrong[1] > 0 && wrong[0] <= 2,
+            _ => wrong[1] > 0 && mixed > 0,
         };
         assert!(fits, "{p}");
-        let t = &p["t_error_ulp"];
-        let ulps = ["median", "p999", "worst"].map(|k| t[k].as_f64().unwrap_or(-1.0));
-        let sorted = 0.0 <= ulps[0] && ulps[0] < ulps[1] && ulps[1] <= ulps[2];
-        assert!(sorted, "{ulps:?}");
     }
 }
 
@@ -120,9 +112,9 @@ fn robust(sandbox: &Sandbox, backend: &str) {
     let json = sandbox.json("c/points.json");
     let points = list(&json["points"]);
     assert_eq!(points.len(), 8);
-    let names = "rays_tested wrong wrong_shadow aimed t_error_ulp mixed_range";
+    let names = "rays_tested wrong wrong_shadow aimed mixed_range";
     let counts = |p: &Value| -> Vec<Value> { names.split(' ').map(|n| p[n].clone()).collect() };
-    let (ours, hosts) = points.split_at(8);
+    let (ours, hosts) = points.split_at(4);
     for (ours, host) in ours.iter().zip(hosts) {
         assert!(
             ours["backend"] == backend && host["backend"] == "cpu",
@@ -136,27 +128,16 @@ fn robust(sandbox: &Sandbox, backend: &str) {
 fn repeated(sandbox: &Sandbox) {
     let [first, again] = [(); 2].map(|()| {
         let points = draw(sandbox, 9000, "--quiet --update async").1;
-        let names = "rays_tested wrong wrong_shadow aimed t_error_ulp leaks mixed_range";
+        let names = "rays_tested wrong wrong_shadow aimed mixed_range";
         let counts = |p: &Value| names.split(' ').map(|n| p[n].clone()).collect();
         points.iter().map(counts).collect::<Vec<Vec<Value>>>()
     });
     assert_eq!(first, again);
 }
 
-/// Checks that a repeated intersector is drawn once, and that its command measures it again.
-fn command(sandbox: &Sandbox) {
+fn once(sandbox: &Sandbox) {
     let words = "--quiet --update async --intersector woop,woop";
-    let points = draw(sandbox, 100, words).1;
-    assert_eq!(points.len(), 1);
-    let command = points[0]["command"].as_str().unwrap();
-    let words = command.strip_prefix("abvh ").unwrap();
-    let (run, json) = sandbox.tells(&format!("{words} --quiet"), "--json");
-    let row = &json["rows"][0];
-    for name in ["backend", "intersector", "update", "scene"] {
-        assert!(row[name] == points[0][name], "{name}: {row}");
-    }
-    let same = json["size"] == serde_json::json!([64, 40]) && row["frames"] == 2;
-    assert!(same, "{}", run.stdout);
+    assert_eq!(draw(sandbox, 100, words).1.len(), 1);
 }
 
 fn refused(sandbox: &Sandbox) {

@@ -21,7 +21,7 @@ use std::process::ExitCode;
 
 fn main() -> ExitCode {
     let arguments = integration::arguments();
-    let rooms = [
+    let groups = [
         bad::trials(),
         bench::trials(),
         chart::trials(),
@@ -38,6 +38,6 @@ fn main() -> ExitCode {
         stress::trials(),
         video::trials(),
     ];
-    let trials = rooms.into_iter().flatten().collect();
+    let trials = groups.into_iter().flatten().collect();
     libtest_mimic::run(&arguments, trials).exit_code()
 }

@@ -14,7 +14,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         trial("runs::finished_run_loads_nothing", finished),
         trial("runs::shards_merge_into_one_run", shards),
         trial("runs::empty_shard_is_merged", empty_shard),
-        trial("runs::statistics_only_shards_merge", stats_alone),
+        trial("runs::shards_without_pictures_merge", hits_alone),
         trial("runs::files_outside_folder_are_untouched", tampered),
         #[cfg(unix)]
         trial("runs::named_pipes_are_replaced", pipes),
@@ -169,31 +169,16 @@ fn empty_shard(sandbox: &Sandbox) {
     }
 }
 
-fn stats_alone(sandbox: &Sandbox) {
+fn hits_alone(sandbox: &Sandbox) {
     let words = format!("{SMALL} --no-images --frames 3");
-    for i in 1..=4 {
-        sandbox.does(&format!("{words} --shard {i}/4 --stats s{i}.json"));
-    }
-    let some = sandbox.run("merge s1.json s2.json s4.json --stats s.json");
-    some.fails(1, &["1 of 3", "missing or damaged: 1"]);
-    let all = "merge s1.json s2.json s3.json s4.json --stats";
-    sandbox.refuses(&format!("{all} s1.json"), &["would overwrite", "s1.json"]);
-    sandbox.does(&format!("{all} s.json"));
-    assert_eq!(frames(&sandbox.json("s.json")), [0, 1, 2]);
-    let printed = sandbox.run(&format!("{words} --stats -")).parsed();
-    assert_eq!(frames(&printed), [0, 1, 2]);
-    // Joined statistics can be joined again, but not with those of another run.
-    sandbox.does("merge s.json");
-    sandbox.does(&format!("{words} --eye 9,9,9 --stats other.json"));
-    sandbox.refuses("merge s.json other.json", &["not of one run", "eye"]);
-    sandbox.write("no.json", "{}");
-    sandbox.refuses("merge no.json", &["no.json"]);
     for i in 1..=2 {
         sandbox.does(&format!("{words} --shard {i}/2 --hits h"));
     }
     sandbox.does("merge h");
-    sandbox.does(&format!("{words} --hits h2 --stats beside.json"));
-    sandbox.refuses("merge beside.json", &["folders"]);
+    let printed = sandbox.run(&format!("{words} --stats -")).parsed();
+    assert_eq!(frames(&printed), [0, 1, 2]);
+    sandbox.does(&format!("{words} --stats s.json"));
+    sandbox.refuses("merge s.json", &["s.json"]);
 }
 
 fn tampered(sandbox: &Sandbox) {

@@ -114,7 +114,7 @@ fn encoded(sandbox: &Sandbox) {
     };
     sandbox.does(&format!("{RUN} --out out --y4m a.y4m"));
     let video = encoded("--no-images");
-    is_halved(&video, &sandbox.read("a.y4m"));
+    assert_eq!(video, sandbox.read("a.y4m"));
     for threads in [1, 4] {
         let afresh = format!("--out out --overwrite --threads {threads}");
         assert!(encoded(&afresh) == video, "{threads}");
@@ -122,19 +122,6 @@ fn encoded(sandbox: &Sandbox) {
         sandbox.remove("a.mp4");
         assert!(encoded("--out out --resume") == video, "{threads}");
     }
-}
-
-/// Checks that luma is equal, and that chroma has half the size along both axes.
-#[cfg(unix)]
-fn is_halved(video: &[u8], full: &[u8]) {
-    let [mut video, mut full] = [video, full].map(|file| y4m::decode(file).unwrap());
-    for _ in 0..5 {
-        let (half, full) = (video.read_frame().unwrap(), full.read_frame().unwrap());
-        assert!(half.get_y_plane() == full.get_y_plane());
-        let planes = [half.get_u_plane(), half.get_v_plane()];
-        assert_eq!(planes.map(<[u8]>::len), [16 * 9; 2]);
-    }
-    assert!(video.read_frame().is_err());
 }
 
 #[cfg(unix)]

@@ -1,6 +1,6 @@
 //! A combination that could not be measured, with the reason.
 
-use crate::measure::{Contender, ContenderNames, RayKind};
+use crate::measure::{Contender, ContenderNames, MeasuredRays};
 use crate::stop::Stop;
 use serde::Serialize;
 use std::fmt;
@@ -20,7 +20,7 @@ pub(super) struct FailedRun {
 }
 
 impl FailedRun {
-    pub(super) fn new(scene: &str, rays: RayKind, contender: &Contender, stop: &Stop) -> Self {
+    pub(super) fn new(scene: &str, rays: MeasuredRays, contender: &Contender, stop: &Stop) -> Self {
         let ContenderNames {
             backend,
             update,

@@ -1,4 +1,4 @@
-//! Compares a scene's rays with exact answers: how often a method is wrong, and by how much `t` is off otherwise.
+//! Compares a scene's rays with exact answers: how often a method is wrong.
 //!
 //! Sampling is sequential. After each stage, only methods whose 95 % interval overlaps that of another intersector
 //! trace more rays. Intervals are Wilson's, or follow the rule of three if no answer was wrong ([`Rate`]).
@@ -12,7 +12,7 @@ use backend::{BackendName, Hits, Intersector, Policy, QueryKind};
 use conformance::oracle::Oracle;
 use fastrand::Rng;
 use geom::{Aabb, Animation, Hit, Moment, Point, Ray, is_active};
-use output::plot::{self, Rate, TError};
+use output::plot::{self, Rate};
 use rayon::prelude::*;
 use scene::Viewpoint;
 use std::ops::Range;
@@ -47,8 +47,8 @@ struct RayBatch {
 /// A batch with its reference answers.
 struct AnsweredBatch {
     batch: RayBatch,
-    /// Triangle and distance by exact arithmetic.
-    closest: Vec<Option<(u32, f64)>>,
+    /// Triangles by exact arithmetic.
+    closest: Vec<Option<u32>>,
     /// Shadows by the reference: 1 where the hit is in shadow. Empty for aimed rays.
     blocked: Vec<u8>,
 }
@@ -64,8 +64,7 @@ pub(super) struct Tally {
     pub(super) group: usize,
     /// Whether the next stage traces more rays: plain rays, aimed rays.
     goes_on: [bool; 2],
-    counted: plot::Point,
-    errors: Vec<f64>,
+    counted: plot::ChartPoint,
 }
 
 impl RaySampler<'_> {
@@ -158,7 +157,7 @@ impl RaySampler<'_> {
     }
 
     /// Traces the rays of a stage by one method, and counts wrong answers.
-    pub(super) fn judge(
+    pub(super) fn compare(
         &self,
         loaded: &mut LoadedScene,
         stage: &AnsweredStage,
@@ -169,8 +168,7 @@ impl RaySampler<'_> {
         for answered in &stage.0 {
             if tally.goes_on[usize::from(answered.batch.is_aimed)] {
                 let hits = self.trace(loaded, &answered.batch)?;
-                let errors = count(answered, &hits, &mut tally.counted);
-                tally.errors.extend(errors);
+                count(answered, &hits, &mut tally.counted);
             }
         }
         Ok(())
@@ -183,8 +181,7 @@ impl Tally {
             contender,
             group,
             goes_on: [true; 2],
-            counted: plot::Point::default(),
-            errors: Vec::new(),
+            counted: plot::ChartPoint::default(),
         }
     }
 
@@ -203,17 +200,11 @@ impl Tally {
     }
 
     /// Copies the counts to a point.
-    pub(super) fn write(&self, spread: Option<TError>, point: &mut plot::Point) {
+    pub(super) fn write(&self, point: &mut plot::ChartPoint) {
         point.rays_tested = self.counted.rays_tested;
         point.wrong = self.counted.wrong;
         point.wrong_shadow = self.counted.wrong_shadow;
         point.aimed = self.counted.aimed;
-        point.t_error_ulp = spread;
-    }
-
-    /// Returns the distribution of errors of `t`, and clears them.
-    pub(super) fn take_errors(&mut self) -> Option<TError> {
-        spread(std::mem::take(&mut self.errors))
     }
 }
 
@@ -240,45 +231,20 @@ pub(super) fn decide(tallies: &mut [Tally]) {
     }
 }
 
-/// Counts wrong answers. Returns the errors of `t`, in units in the last place, of plain rays with the right triangle.
-fn count(answered: &AnsweredBatch, hits: &Hits, point: &mut plot::Point) -> Vec<f64> {
-    let mut errors = Vec::new();
+/// Counts wrong answers.
+fn count(answered: &AnsweredBatch, hits: &Hits, point: &mut plot::ChartPoint) {
     for (i, (truth, hit)) in answered.closest.iter().zip(&hits.closest).enumerate() {
-        let right = truth.map_or(!hit.is_hit(), |(triangle, _)| triangle == hit.triangle);
-        let (tested, wrong) = if answered.batch.is_aimed {
-            (&mut point.aimed.rays, &mut point.aimed.wrong)
-        } else {
-            (&mut point.rays_tested, &mut point.wrong)
-        };
-        *tested += 1;
-        *wrong += u64::from(!right);
-        if right && !answered.batch.is_aimed {
-            let shadows = [answered.blocked.get(i), hits.blocked.get(i)];
-            point.wrong_shadow += u64::from(shadows[0] != shadows[1]);
-            errors.extend(truth.map(|(_, t)| off(hit, t)));
+        let is_wrong = truth.unwrap_or(Hit::MISS.triangle) != hit.triangle;
+        if answered.batch.is_aimed {
+            point.aimed.rays += 1;
+            point.aimed.wrong += u64::from(is_wrong);
+            continue;
         }
+        point.rays_tested += 1;
+        point.wrong += u64::from(is_wrong);
+        let shadows = [answered.blocked.get(i), hits.blocked.get(i)];
+        point.wrong_shadow += u64::from(!is_wrong && shadows[0] != shadows[1]);
     }
-    errors
-}
-
-fn spread(mut errors: Vec<f64>) -> Option<TError> {
-    errors.sort_unstable_by(f64::total_cmp);
-    let at = |share: f64| {
-        let rank = (errors.len() as f64 * share).ceil() as usize;
-        errors.get(rank.saturating_sub(1)).copied()
-    };
-    (!errors.is_empty()).then(|| TError {
-        median: at(0.5),
-        p999: at(0.999),
-        worst: at(1.0),
-    })
-}
-
-/// Returns the error of a hit's `t`, in units in the last place of the exact value rounded to f32.
-fn off(hit: &Hit, exact: f64) -> f64 {
-    let rounded = (exact as f32).abs();
-    let unit = f64::from(rounded.next_up()) - f64::from(rounded);
-    (f64::from(hit.t) - exact).abs() / unit
 }
 
 /// Size of the region in which aimed and random rays begin, relative to the scene's box.
@@ -351,9 +317,9 @@ fn within(bounds: &Aabb, by: f64, rng: &mut Rng) -> Point {
 mod tests {
     use super::*;
 
-    fn hit(triangle: u32, t: f32) -> Hit {
+    fn hit(triangle: u32) -> Hit {
         Hit {
-            t,
+            t: 1.0,
             triangle,
             ..Hit::MISS
         }
@@ -367,26 +333,23 @@ mod tests {
                 rays: vec![Ray::new([0.0; 3], [1.0; 3]); closest.len()],
                 is_aimed,
             },
-            closest: closest.iter().map(|hit| hit.map(|t| (t, 1.0))).collect(),
+            closest: closest.to_vec(),
             blocked: [vec![1], vec![0; closest.len() - 1]].concat(),
         };
         let found = |closest: &[Hit]| Hits {
             closest: closest.to_vec(),
             blocked: vec![0; closest.len()],
         };
-        let next = 1.0_f32.next_up();
-        let [right, near, other] = [(1, 1.0), (1, next), (2, 1.0)].map(|(i, t)| hit(i, t));
-        let plain = [right, near, Hit::MISS, right, other];
+        let [right, other] = [hit(1), hit(2)];
+        let plain = [right, right, Hit::MISS, right, other];
         let truth = [Some(1), Some(1), None, None, Some(1)];
-        let mut point = plot::Point::default();
-        let errors = count(&batch(false, &truth), &found(&plain), &mut point);
+        let mut point = plot::ChartPoint::default();
+        count(&batch(false, &truth), &found(&plain), &mut point);
         let aimed = batch(true, &[Some(1), None]);
-        assert!(count(&aimed, &found(&[Hit::MISS; 2]), &mut point).is_empty());
+        count(&aimed, &found(&[Hit::MISS; 2]), &mut point);
         assert_eq!((point.rays_tested, point.wrong), (5, 2));
         assert_eq!(point.wrong_shadow, 1);
         assert_eq!((point.aimed.rays, point.aimed.wrong), (2, 1));
-        let t = spread(errors).unwrap();
-        assert_eq!((t.median, t.worst), (Some(0.0), Some(1.0)));
     }
 
     fn contender(backend: BackendName, intersector: Intersector) -> Contender {
@@ -432,7 +395,7 @@ mod tests {
 
     #[test]
     fn stages_partition_the_rays() {
-        let scene = scene::open("demo:collide:300", &scene::Options::default()).unwrap();
+        let scene = scene::open("demo:collide:300", &scene::SceneOptions::default()).unwrap();
         let sampler = RaySampler {
             animation: &scene.animation,
             view: Viewpoint::framing(&scene.animation, 40.0, [64, 40]),
@@ -451,16 +414,8 @@ mod tests {
     }
 
     #[test]
-    fn distance_error_is_measured_before_rounding() {
-        assert_eq!(off(&hit(0, 3.0), 3.0), 0.0);
-        let half = 2.0 + f64::from(f32::EPSILON);
-        assert_eq!(off(&hit(0, 2.0), half), 0.5);
-        assert!(off(&hit(0, 0.0), 0.0) == 0.0);
-    }
-
-    #[test]
     fn rays_are_valid_and_reproducible() {
-        let scene = scene::open("demo:collide:300", &scene::Options::default()).unwrap();
+        let scene = scene::open("demo:collide:300", &scene::SceneOptions::default()).unwrap();
         let a = &scene.animation;
         let view = Viewpoint::framing(a, 40.0, [64, 40]);
         let rays = rays_at(a, &view, 1.5, 1000).concat();

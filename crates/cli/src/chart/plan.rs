@@ -1,10 +1,8 @@
-//! The contenders that this machine can chart, and the command that measures one again.
+//! The contenders that this machine can chart.
 
 use super::ChartSettings;
 use crate::devices::{BackendChoice, BackendPresence, backend_name, presences};
-use crate::frame_list::FrameChoice;
-use crate::measure::{Contender, Contenders, MeasuredRow};
-use crate::setup::Setup;
+use crate::measure::{Contender, Contenders};
 use crate::stop::Stop;
 use crate::tracer_settings::TracerSettings;
 use backend::{AdapterInfo, DeviceKind, Intersector};
@@ -131,55 +129,6 @@ impl fmt::Display for HitMethod {
     }
 }
 
-/// Returns the command that measures a row again.
-pub(super) fn command(
-    settings: &ChartSettings,
-    scene: &str,
-    contender: &Contender,
-    row: &MeasuredRow,
-) -> String {
-    let measure = &settings.measure;
-    let frames = match &measure.frames {
-        FrameChoice::Count(n) => n.to_string(),
-        // A single number would be read as a count.
-        FrameChoice::Keys(keys) => keys.iter().map(|key| format!("{key},")).collect(),
-    };
-    let mut source = String::new();
-    if (measure.source.fps - 24.0).abs() > 0.0 {
-        source += &format!(" --fps {}", measure.source.fps);
-    }
-    if let Some(clip) = &measure.source.clip {
-        source += &format!(" --clip {}", quoted(clip));
-    }
-    let warm_up = measure.warm_up;
-    let warm_up = warm_up.map_or(String::new(), |seconds| format!(" --warm-up {seconds}"));
-    let Setup {
-        backend,
-        intersector,
-        update,
-        ..
-    } = row.setup;
-    let by = match contender {
-        Contender::Ours(_) => format!("--backend {backend} --intersector {intersector}"),
-        Contender::Rival(_) => format!("--rival {backend}"),
-    };
-    format!(
-        "abvh bench {}{source} {by} --update {update} {} --frames {frames}{warm_up}",
-        quoted(scene),
-        measure.camera.words(),
-    )
-}
-
-/// Quotes a word so that a shell reads it as one.
-fn quoted(word: &str) -> String {
-    let is_plain = |c: char| c.is_ascii_alphanumeric() || "_-./:,=+@%".contains(c);
-    if !word.is_empty() && word.chars().all(is_plain) {
-        word.to_owned()
-    } else {
-        format!("'{}'", word.replace('\'', "'\\''"))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -216,7 +165,6 @@ mod tests {
                 backend,
                 absent: kinds.is_empty().then(|| "no loader".to_owned()),
                 adapters: kinds.iter().enumerate().map(adapter).collect(),
-                intersectors: Vec::new(),
             }
         };
         use BackendName::{Vulkan, Wgpu};
@@ -232,18 +180,6 @@ mod tests {
             let told = found.as_deref().unwrap_or_default();
             let right = why.map_or(found.is_none(), |why| told.contains(why));
             assert!(right, "{backend} {kinds:?}: {found:?}");
-        }
-    }
-
-    #[test]
-    fn quotes_words_for_the_shell() {
-        for (word, shell) in [
-            ("demo:grove:50", "demo:grove:50"),
-            ("my scene/*.obj", "'my scene/*.obj'"),
-            ("it's", "'it'\\''s'"),
-            ("", "''"),
-        ] {
-            assert_eq!(quoted(word), shell);
         }
     }
 }

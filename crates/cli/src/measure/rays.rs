@@ -8,14 +8,14 @@ use geom::{Aabb, Point, Ray};
 use scene::Scene;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum RayKind {
+pub(crate) enum MeasuredRays {
     /// Primary rays through each pixel, and their shadow rays
     Camera,
     /// Random origins in the scene's bounds, random directions
     Random,
 }
 
-impl RayKind {
+impl MeasuredRays {
     /// Returns the name in results, where a camera's rays are not named.
     pub(crate) fn unless_camera(self) -> Option<&'static str> {
         (self == Self::Random).then_some("random")
@@ -30,11 +30,11 @@ pub(super) enum FrameRays<'a> {
 
 impl<'a> FrameRays<'a> {
     /// Returns as many rays as the camera has pixels.
-    pub(super) fn of(kind: RayKind, scene: &Scene, shot: &'a LitCamera) -> Self {
+    pub(super) fn of(kind: MeasuredRays, scene: &Scene, shot: &'a LitCamera) -> Self {
         let bounds = scene.animation.bounds();
         match kind {
-            RayKind::Camera => Self::Camera(shot),
-            RayKind::Random => Self::Random(random_rays(&bounds, shot.camera.pixels())),
+            MeasuredRays::Camera => Self::Camera(shot),
+            MeasuredRays::Random => Self::Random(random_rays(&bounds, shot.camera.pixels())),
         }
     }
 

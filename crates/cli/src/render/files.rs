@@ -1,17 +1,17 @@
-//! The files of each frame, in their folders, and the videos.
+//! The files of each frame, in their folders.
 
 use super::RenderSettings;
 use crate::file_checks::absolute;
 use crate::stop::Stop;
-use output::{Chroma, HitArrays};
+use output::HitArrays;
 use std::path::{Path, PathBuf};
 
-/// The files of each frame, and the chroma of the videos.
+/// The files of each frame, and whether a video shows it.
 #[derive(Debug)]
 pub(super) struct FrameFiles {
     pictures: Option<PathBuf>,
     hits: Option<PathBuf>,
-    pub(super) video: Chroma,
+    pub(super) has_video: bool,
 }
 
 impl FrameFiles {
@@ -26,7 +26,7 @@ impl FrameFiles {
         Self {
             pictures,
             hits,
-            video: settings.chroma(),
+            has_video: settings.has_video(),
         }
     }
 

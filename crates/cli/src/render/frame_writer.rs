@@ -2,12 +2,12 @@
 
 use super::files::FrameFiles;
 use crate::camera::LitCamera;
-use crate::console::Progress;
+use crate::console::ProgressLine;
 use crate::signals;
 use crate::stop::Stop;
 use abvh::frames::{Frame, FrameOutputs, FrameRecord, OutputSelection};
 use geom::lock;
-use output::{FrameStats, HitArrays, Journal, Planes, Video};
+use output::{FrameStats, HitArrays, Journal, Video, VideoPlanes};
 use rayon::Scope;
 use scene::Scene;
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -20,7 +20,7 @@ const MOST_BYTES: u64 = 1 << 30;
 /// planes of a video.
 const HIT_BYTES: usize = 17 + 17;
 const COLOUR_BYTES: usize = 4 + 3 + 3;
-const PLANE_BYTES: usize = 4;
+const PLANE_BYTES: usize = 3;
 
 /// The scene that all frames show, and the results that are written.
 pub(super) struct Rendered<'a> {
@@ -43,7 +43,7 @@ pub(super) struct FrameWriter<'a> {
 pub(super) struct FrameLog<'a> {
     /// One for each output folder.
     pub(super) journals: &'a mut [Journal],
-    pub(super) progress: Progress,
+    pub(super) progress: ProgressLine,
     pub(super) video: Option<Video<BorrowedBuffers>>,
     pub(super) rows: Vec<FrameStats>,
     /// The first failure.
@@ -56,7 +56,7 @@ struct FrameBuffers {
     answers: FrameOutputs,
     rgb: Vec<u8>,
     /// Empty without a video.
-    planes: Planes,
+    planes: VideoPlanes,
 }
 
 /// A frame's buffers, which return to the writer when the frame's files are written or abandoned.
@@ -65,8 +65,8 @@ pub(super) struct BorrowedBuffers {
     returned: Sender<FrameBuffers>,
 }
 
-impl AsRef<Planes> for BorrowedBuffers {
-    fn as_ref(&self) -> &Planes {
+impl AsRef<VideoPlanes> for BorrowedBuffers {
+    fn as_ref(&self) -> &VideoPlanes {
         &self.buffers.planes
     }
 }
@@ -82,11 +82,7 @@ impl Rendered<'_> {
     /// Returns the number of frames that may wait to be written.
     fn frames_in_flight(&self) -> usize {
         let hits = if self.wanted.hits { HIT_BYTES } else { 0 };
-        let planes = if self.files.video.any() {
-            PLANE_BYTES
-        } else {
-            0
-        };
+        let planes = if self.files.has_video { PLANE_BYTES } else { 0 };
         let bytes = COLOUR_BYTES + hits + planes;
         let free = host::free().map_or(u64::MAX, |free| free.bytes);
         let each = (bytes * self.shot.camera.pixels()).max(1) as u64;
@@ -133,7 +129,7 @@ impl<'a> FrameWriter<'a> {
         };
         // Without its own threads, rayon would run spawned work only at the end of the run.
         let files = self.rendered.files;
-        let writes_any = files.any() || files.video.any();
+        let writes_any = files.any() || files.has_video;
         if !writes_any || rayon::current_thread_index().is_some() {
             write();
             return self.check();
@@ -179,9 +175,9 @@ impl<'a> FrameWriter<'a> {
         if files.has_pictures() {
             output::drop_alpha(pixels, &mut buffers.rgb);
         }
-        if files.video.any() {
+        if files.has_video {
             let pixels = pixels.as_chunks::<4>().0;
-            buffers.planes.set(pixels, width as usize, files.video);
+            buffers.planes.set(pixels);
         }
         let shape = [height, width].map(u64::from);
         let hits = HitArrays {

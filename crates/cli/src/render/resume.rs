@@ -2,7 +2,6 @@
 
 use super::RenderSettings;
 use super::files::FrameFiles;
-use super::statistics::RunPlan;
 use crate::devices::backend_name;
 use crate::frame_list::{self, EvenFrames, FrameChoice};
 use crate::machine::VERSION;
@@ -18,6 +17,12 @@ use std::path::PathBuf;
 pub(super) struct EarlierRun {
     folders: Vec<(PathBuf, Finished)>,
     manifest: Option<Manifest>,
+}
+
+/// The manifest of a run, and the numbers of all its frames in all shards.
+pub(super) struct RunPlan {
+    pub(super) manifest: Manifest,
+    pub(super) list: Vec<u64>,
 }
 
 /// Frames that are complete, and the others.
@@ -61,7 +66,7 @@ impl EarlierRun {
     pub(super) fn divide(&self, frames: Vec<Frame>, files: &FrameFiles) -> Progressed {
         let (mut done, mut todo) = (Vec::new(), Vec::new());
         for frame in frames {
-            match self.row(frame.index, files).filter(|_| !files.video.any()) {
+            match self.row(frame.index, files).filter(|_| !files.has_video) {
                 Some(row) => done.push(row),
                 None => todo.push(frame),
             }
@@ -90,7 +95,7 @@ impl EarlierRun {
         let Some(found) = self.manifest.as_ref().filter(|_| settings.resume) else {
             return Ok(None);
         };
-        if files.video.any() || rays.is_some_and(|file| !file.exists()) {
+        if files.has_video || rays.is_some_and(|file| !file.exists()) {
             return Ok(None);
         }
         let all = all_frames(settings, found.key_times)?;

@@ -2,17 +2,9 @@
 
 use crate::console;
 use crate::stop::Stop;
-use output::{FrameStats, Manifest, overview};
-use serde::{Deserialize, Serialize};
+use output::{FrameStats, overview};
 use serde_json::{Value, json};
 use std::path::Path;
-
-/// The manifest of a run, and the numbers of all its frames in all shards.
-#[derive(Clone, Serialize, Deserialize)]
-pub(crate) struct RunPlan {
-    pub(crate) manifest: Manifest,
-    pub(crate) list: Vec<u64>,
-}
 
 /// Returns statistics with these rows, in the order of frames.
 pub(crate) fn with_rows(mut stats: Value, rows: &[FrameStats]) -> Value {

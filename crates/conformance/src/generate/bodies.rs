@@ -1,9 +1,11 @@
 //! Closed bodies, and rays at them from inside and outside.
 
-use super::meshes::{Mesh, quads, split};
-use fastrand::Rng;
+use super::meshes::{IndexedMesh, point, quads, split, unit};
 use geom::{Animation, Point, Ray};
 use glam::{DAffine3, DMat3};
+use proptest::array::uniform3;
+use proptest::collection::vec;
+use proptest::prelude::*;
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
@@ -48,9 +50,10 @@ impl RaySort {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ClosedBody {
     pub(crate) name: &'static str,
-    pub(crate) shape: fn() -> Mesh,
-    /// Returns a random point that stays inside even if all coordinates are off by a few hundredths.
-    pub(crate) inner: fn(&mut Rng) -> [f64; 3],
+    pub(crate) shape: fn() -> IndexedMesh,
+    /// Maps an angle and a point of the cube `-1..1` to a point that stays inside even if all coordinates are off by a
+    /// few hundredths.
+    inner: fn(f64, [f64; 3]) -> [f64; 3],
     /// Upper bound of the distance of vertices from the origin.
     pub(crate) radius: f64,
 }
@@ -60,22 +63,22 @@ pub(crate) const BODIES: &[ClosedBody] = &[
     ClosedBody {
         name: "icosphere",
         shape: || icosphere(2),
-        inner: |rng| near([0.0; 3], [0.3; 3], rng),
+        inner: |_, p| p.map(|x| 0.3 * x),
         radius: 1.0,
     },
     ClosedBody {
         name: "torus",
         shape: || torus(24, 12),
-        inner: |rng| {
-            let (sin, cos) = (TAU * rng.f64()).sin_cos();
-            near([cos, sin, 0.0], [0.1; 3], rng)
+        inner: |angle, [x, y, z]| {
+            let (sin, cos) = angle.sin_cos();
+            [cos + 0.1 * x, sin + 0.1 * y, 0.1 * z]
         },
         radius: 1.0 + TUBE,
     },
     ClosedBody {
         name: "box",
         shape: || cuboid(2),
-        inner: |rng| near([0.0; 3], [0.5; 3], rng),
+        inner: |_, p| p.map(|x| 0.5 * x),
         radius: 1.75,
     },
     ClosedBody {
@@ -85,77 +88,133 @@ pub(crate) const BODIES: &[ClosedBody] = &[
             let stretch = |p: Point| std::array::from_fn(|i| p[i] * [0.5, 0.5, 50.0][i]);
             (points.into_iter().map(stretch).collect(), triangles)
         },
-        inner: |rng| near([0.0; 3], [0.1, 0.1, 20.0], rng),
+        inner: |_, [x, y, z]| [0.1 * x, 0.1 * y, 20.0 * z],
         radius: 50.0,
     },
 ];
 
 /// A body whose triangles are shuffled, at a new position and optionally rotated.
-pub(crate) struct PlacedBody<'a> {
-    body: &'a ClosedBody,
+#[derive(Clone, Debug)]
+pub(crate) struct PlacedBody {
+    pub(crate) body: &'static ClosedBody,
     points: Vec<Point>,
     triangles: Vec<[u32; 3]>,
     /// Transform from the body's space to the scene's.
     to_scene: DAffine3,
 }
 
-impl<'a> PlacedBody<'a> {
-    /// Moves a body by `offset` plus a random distance below 1 along each axis. Flat faces stay flat unless the body is
-    /// turned.
-    pub(crate) fn new(body: &'a ClosedBody, offset: f32, is_turned: bool, rng: &mut Rng) -> Self {
-        let (points, mut triangles) = (body.shape)();
-        rng.shuffle(&mut triangles);
-        triangles.iter_mut().for_each(|t| rng.shuffle(t));
-        let [a, b] = [(); 2].map(|()| if is_turned { TAU * rng.f64() } else { 0.0 });
+/// A body that is moved by `offset` plus a random distance below 1 along each axis. Flat faces stay flat unless the body is
+/// turned.
+pub(crate) fn placed_body(
+    body: &'static ClosedBody,
+    offset: f32,
+    is_turned: bool,
+) -> impl Strategy<Value = PlacedBody> {
+    let (points, triangles) = (body.shape)();
+    let orders = vec(Just([0, 1, 2]).prop_shuffle(), triangles.len());
+    let numbers = (
+        Just(triangles).prop_shuffle(),
+        orders,
+        [0.0..TAU, 0.0..TAU],
+        uniform3((0.0..1.0, any::<bool>())),
+    );
+    let placed = numbers.prop_map(move |(mut triangles, orders, turns, moves)| {
+        for (triangle, order) in triangles.iter_mut().zip(orders) {
+            *triangle = order.map(|k: usize| triangle[k]);
+        }
+        let [a, b] = turns.map(|turn| if is_turned { turn } else { 0.0 });
         let rotation = DMat3::from_rotation_x(b) * DMat3::from_rotation_z(a);
-        let centre = [(); 3].map(|()| {
-            let sign = if rng.bool() { 1.0 } else { -1.0 };
-            sign * (f64::from(offset) + rng.f64())
+        let centre = moves.map(|(more, is_negative)| {
+            let sign = if is_negative { -1.0 } else { 1.0 };
+            sign * (f64::from(offset) + more)
         });
         let to_scene = DAffine3::from_mat3_translation(rotation, centre.into());
-        let placed = |p: Point| placed(&to_scene, p.map(f64::from));
-        Self {
+        let points = points.iter().map(|p| placed(&to_scene, p.map(f64::from)));
+        PlacedBody {
             body,
-            points: points.into_iter().map(placed).collect(),
+            points: points.collect(),
             triangles,
             to_scene,
         }
-    }
+    });
+    placed.no_shrink()
+}
 
+/// Random numbers that describe a ray at a body.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct BodyRay {
+    pub(crate) sort: RaySort,
+    /// Number that selects the triangle of the target, modulo the number of triangles.
+    triangle: u32,
+    /// Edge or vertex of the triangle.
+    part: usize,
+    /// Position on the edge.
+    weight: f32,
+    angle: f64,
+    inner: [f64; 3],
+    /// Directions of length 1.
+    directions: [[f64; 3]; 2],
+    /// Distances from the body, from 0 to 1.
+    distances: [f64; 2],
+}
+
+/// Rays of a sort.
+pub(crate) fn body_rays(sort: RaySort) -> impl Strategy<Value = BodyRay> {
+    let target = (any::<u32>(), 0..3_usize, 0.0_f32..1.0);
+    let places = (
+        0.0..TAU,
+        point(),
+        [direction(), direction()],
+        [0.0..1.0, 0.0..1.0],
+    );
+    let numbers = (target, places).prop_map(move |(target, places)| {
+        let (triangle, part, weight) = target;
+        let (angle, inner, directions, distances) = places;
+        BodyRay {
+            sort,
+            triangle,
+            part,
+            weight,
+            angle,
+            inner,
+            directions,
+            distances,
+        }
+    });
+    numbers.no_shrink()
+}
+
+impl PlacedBody {
     /// Returns the static body as an animation.
     pub(crate) fn animation(&self) -> Arc<Animation> {
         let animation = Animation::new(vec![self.points.clone()], self.triangles.clone());
         Arc::new(animation.expect("bodies name their own vertices"))
     }
 
-    /// Returns a ray of a sort at the body.
-    pub(crate) fn ray(&self, sort: RaySort, rng: &mut Rng) -> Ray {
-        let RaySort { aim, is_inside } = sort;
+    /// Returns the described ray at the body.
+    pub(crate) fn ray(&self, ray: &BodyRay) -> Ray {
+        let RaySort { aim, is_inside } = ray.sort;
         let radius = self.body.radius;
         let place = |p| placed(&self.to_scene, p);
+        let [from, to] = ray.directions;
         let origin = if is_inside {
-            place((self.body.inner)(rng))
+            place((self.body.inner)(ray.angle, ray.inner))
         } else {
-            let far = radius * (1.5 + 2.0 * rng.f64());
-            place(sphere(rng).map(|x| x * far))
+            let far = radius * (1.5 + 2.0 * ray.distances[0]);
+            place(from.map(|x| x * far))
         };
-        let vertex = |i: u32| self.points[i as usize];
-        let corners = self.triangles[rng.usize(..self.triangles.len())];
-        let k = rng.usize(..3);
+        let corners = self.triangles[ray.triangle as usize % self.triangles.len()];
+        let vertex = |k: usize| self.points[corners[k % 3] as usize];
         let at: Point = match aim {
-            Aim::Vertex => vertex(corners[k]),
+            Aim::Vertex => vertex(ray.part),
             Aim::Edge => {
-                let (a, b, s) = (vertex(corners[k]), vertex(corners[(k + 1) % 3]), rng.f32());
-                std::array::from_fn(|i| a[i] + s * (b[i] - a[i]))
+                let (a, b) = (vertex(ray.part), vertex(ray.part + 1));
+                std::array::from_fn(|i| a[i] + ray.weight * (b[i] - a[i]))
             }
             Aim::Random if is_inside => {
-                let far = sphere(rng);
-                std::array::from_fn(|i| origin[i] + (far[i] * radius) as f32)
+                std::array::from_fn(|i| origin[i] + (to[i] * radius) as f32)
             }
-            Aim::Random => {
-                let reach = radius * rng.f64();
-                place(sphere(rng).map(|x| x * reach))
-            }
+            Aim::Random => place(to.map(|x| x * radius * ray.distances[1])),
         };
         Ray::new(origin, std::array::from_fn(|i| at[i] - origin[i]))
     }
@@ -166,21 +225,17 @@ fn placed(to_scene: &DAffine3, p: [f64; 3]) -> Point {
     to_scene.transform_point3(p.into()).as_vec3().to_array()
 }
 
-/// Returns a uniformly distributed direction of length 1.
-fn sphere(rng: &mut Rng) -> [f64; 3] {
-    let z = 2.0 * rng.f64() - 1.0;
-    let (sin, cos) = (TAU * rng.f64()).sin_cos();
-    let r = (1.0 - z * z).sqrt();
-    [r * cos, r * sin, z]
+/// Uniformly distributed directions of length 1.
+fn direction() -> impl Strategy<Value = [f64; 3]> {
+    (unit(), 0.0..TAU).prop_map(|(z, angle): (f64, f64)| {
+        let (sin, cos) = angle.sin_cos();
+        let r = (1.0 - z * z).sqrt();
+        [r * cos, r * sin, z]
+    })
 }
 
 /// Radius of the torus's tube.
 const TUBE: f64 = 0.4;
-
-/// Returns a random point within `reach` of `centre` along each axis.
-fn near(centre: [f64; 3], reach: [f64; 3], rng: &mut Rng) -> [f64; 3] {
-    std::array::from_fn(|i| centre[i] + reach[i] * (2.0 * rng.f64() - 1.0))
-}
 
 /// Vertex indices of the triangles.
 const ICOSAHEDRON: [u32; 60] = [
@@ -189,30 +244,32 @@ const ICOSAHEDRON: [u32; 60] = [
 ];
 
 /// Returns an icosahedron whose faces are split `n` times.
-pub(crate) fn icosphere(n: u32) -> Mesh {
+pub(crate) fn icosphere(n: u32) -> IndexedMesh {
     let phi = f32::midpoint(1.0, 5.0_f32.sqrt());
     let corners = |i: usize| {
         [[-1.0, phi], [1.0, phi], [-1.0, -phi], [1.0, -phi]].map(|[a, b]| {
             let mut p = [0.0; 3];
             (p[i], p[(i + 1) % 3]) = (a, b);
-            unit(p)
+            normalized(p)
         })
     };
     // Vertices 0..4 are in the plane x-y, 4..8 in y-z, 8..12 in z-x.
     let points = (0..3).flat_map(corners).collect();
     let triangles = ICOSAHEDRON.as_chunks::<3>().0.to_vec();
     (0..n).fold((points, triangles), |shape, _| {
-        split(shape, |a, b| unit(std::array::from_fn(|i| a[i] + b[i])))
+        split(shape, |a, b| {
+            normalized(std::array::from_fn(|i| a[i] + b[i]))
+        })
     })
 }
 
-fn unit(p: Point) -> Point {
+fn normalized(p: Point) -> Point {
     let length = p.iter().map(|x| x * x).sum::<f32>().sqrt();
     p.map(|x| x / length)
 }
 
 /// Returns a torus of `around` rings with `along` vertices each.
-fn torus(around: u32, along: u32) -> Mesh {
+fn torus(around: u32, along: u32) -> IndexedMesh {
     let angle = |i: u32, n: u32| TAU * f64::from(i) / f64::from(n);
     let point = |i, j| {
         let ((s, c), (t, d)) = (angle(i, around).sin_cos(), angle(j, along).sin_cos());
@@ -227,7 +284,7 @@ fn torus(around: u32, along: u32) -> Mesh {
 }
 
 /// Returns the cube `-1..=1`, with its faces split `n` times.
-fn cuboid(n: u32) -> Mesh {
+fn cuboid(n: u32) -> IndexedMesh {
     let corner = |i: u32| [0, 1, 2].map(|axis| (2 * (i >> axis & 1)) as f32 - 1.0);
     let sides = [
         [0, 2, 3, 1],
@@ -249,13 +306,16 @@ fn cuboid(n: u32) -> Mesh {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::leaks::OFFSETS;
+    use crate::generate::strategies::sample;
     use crate::stage::triangles;
 
     #[test]
     fn placed_bodies_have_no_degenerate_triangles() {
-        for (body, offset) in BODIES.iter().flat_map(|b| OFFSETS.map(|o| (b, o))) {
-            let moved = PlacedBody::new(body, offset, true, &mut Rng::with_seed(3)).animation();
+        for (body, offset) in BODIES
+            .iter()
+            .flat_map(|b| [0.0, 10.0, 1e3, 1e5].map(|o| (b, o)))
+        {
+            let moved = sample(&placed_body(body, offset, true), 3).animation();
             assert!(!triangles(&moved, 0.0).iter().any(geom::is_degenerate));
         }
     }

@@ -1,6 +1,7 @@
 //! Cases to test properties on, with the scale and position of each scene.
 
-use super::commands::{Command, commands};
+use super::bodies::{BODIES, BodyRay, PlacedBody, RaySort, body_rays, placed_body};
+use super::commands::{BackendCommand, commands};
 use super::rays::{Aims, RayDescription, RayKind, turn};
 use super::scenes::{KEYS, MovingMesh, SceneKind, scenes, unit};
 use super::strategies::{Precision, each, precision, runner, steps, tree};
@@ -35,9 +36,13 @@ pub struct Case {
     /// Trees that no builder makes.
     pub(crate) trees: Vec<TreeDescription>,
     /// Commands between frames.
-    pub(crate) commands: Vec<Command>,
+    pub(crate) commands: Vec<BackendCommand>,
     /// Random bits, for properties that make random choices.
     pub chance: u64,
+    /// A closed body, for the property that rays do not leak.
+    pub(crate) body: PlacedBody,
+    /// Rays at the body.
+    pub(crate) body_rays: Vec<BodyRay>,
 }
 
 /// Triangles and rays that are printed of a case.
@@ -79,6 +84,10 @@ impl fmt::Display for Case {
 
 /// Number of rays of each kind per case.
 const ROUNDS: u64 = 6;
+/// Number of rays per case at a closed body.
+const BODY_RAYS: usize = 240;
+/// Distances by which closed bodies are moved from the origin.
+const BODY_OFFSETS: [f32; 4] = [0.0, 10.0, 1e3, 1e5];
 /// The most triangles of a scene.
 const TRIANGLES: u32 = 2400;
 
@@ -99,7 +108,9 @@ struct CaseDescription {
     light: LightDescription,
     trees: Vec<TreeDescription>,
     chance: u64,
-    commands: Vec<Command>,
+    commands: Vec<BackendCommand>,
+    body: PlacedBody,
+    body_rays: Vec<BodyRay>,
 }
 
 /// Cases with this number. Kinds of scenes rotate with it.
@@ -121,10 +132,12 @@ pub(crate) fn cases(number: u32) -> impl Strategy<Value = Case> {
         unit().no_shrink(),
         any::<u64>().no_shrink(),
         commands(),
+        bodies(),
+        each((0..BODY_RAYS).map(|i| body_rays(RaySort::ALL[i % RaySort::ALL.len()]))),
     );
     (scene, rays, rest).prop_map(move |(scene, rays, rest)| {
         let ((kept, keys), place, precision, scene) = scene;
-        let (times, light, trees, anywhere, chance, commands) = rest;
+        let (times, light, trees, anywhere, chance, commands, body, body_rays) = rest;
         let description = CaseDescription {
             scene,
             kept,
@@ -138,9 +151,19 @@ pub(crate) fn cases(number: u32) -> impl Strategy<Value = Case> {
             trees,
             chance,
             commands,
+            body,
+            body_rays,
         };
         description.case(number, kind)
     })
+}
+
+/// Closed bodies near the origin and far from it, half of which are turned.
+fn bodies() -> impl Strategy<Value = PlacedBody> {
+    let numbers = (0..BODIES.len(), select(&BODY_OFFSETS[..]), any::<bool>());
+    let placed = numbers
+        .prop_flat_map(|(body, offset, is_turned)| placed_body(&BODIES[body], offset, is_turned));
+    placed.no_shrink()
 }
 
 /// Returns case `number` of a seed.
@@ -178,6 +201,8 @@ impl CaseDescription {
             trees: self.trees,
             commands: self.commands,
             chance: self.chance,
+            body: self.body,
+            body_rays: self.body_rays,
         }
     }
 }

@@ -8,7 +8,7 @@ use proptest::prelude::*;
 
 /// A command to a backend.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Command {
+pub(crate) enum BackendCommand {
     /// Traces the case's rays and reads all results. Computes boxes first if they are stale.
     Frame,
     /// Interpolates at one of the case's first three times.
@@ -22,12 +22,12 @@ pub(crate) enum Command {
     /// Requests a copy of the positions.
     Request,
     /// Adopts another tree.
-    Adopt(NextTree),
+    Adopt(AdoptedTree),
 }
 
 /// A tree to adopt.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum NextTree {
+pub(crate) enum AdoptedTree {
     /// Built at one of the case's first three times, with lists of moving elements.
     Built(usize),
     /// Built in the same way, without lists.
@@ -40,26 +40,26 @@ pub(crate) enum NextTree {
 const COMMANDS: usize = 28;
 
 /// Lists of commands. Shrinking removes commands.
-pub(crate) fn commands() -> impl Strategy<Value = Vec<Command>> {
+pub(crate) fn commands() -> impl Strategy<Value = Vec<BackendCommand>> {
     let time = || 0..3_usize;
     let tree = prop_oneof![
-        time().prop_map(NextTree::Built),
-        time().prop_map(NextTree::Plain),
-        any::<u64>().prop_map(NextTree::Random),
+        time().prop_map(AdoptedTree::Built),
+        time().prop_map(AdoptedTree::Plain),
+        any::<u64>().prop_map(AdoptedTree::Random),
     ];
     let one = prop_oneof![
-        4 => Just(Command::Frame),
-        5 => time().prop_map(Command::Interpolate),
-        2 => Just(Command::Preprocess),
-        1 => Just(Command::Boxes),
-        3 => Just(Command::Submit),
-        2 => Just(Command::Request),
-        2 => tree.prop_map(Command::Adopt),
+        4 => Just(BackendCommand::Frame),
+        5 => time().prop_map(BackendCommand::Interpolate),
+        2 => Just(BackendCommand::Preprocess),
+        1 => Just(BackendCommand::Boxes),
+        3 => Just(BackendCommand::Submit),
+        2 => Just(BackendCommand::Request),
+        2 => tree.prop_map(BackendCommand::Adopt),
     ];
     each((0..COMMANDS).map(move |_| one.clone().no_shrink()))
 }
 
-impl NextTree {
+impl AdoptedTree {
     /// Returns the tree. `built` builds one at one of the case's times.
     pub(crate) fn tree(self, animation: &Animation, built: impl Fn(usize) -> Topology) -> Topology {
         match self {

@@ -8,7 +8,7 @@ use proptest::sample::select;
 use std::collections::BTreeMap;
 
 /// Vertices, and three vertex indices per triangle.
-pub(crate) type Mesh = (Vec<Point>, Vec<[u32; 3]>);
+pub(crate) type IndexedMesh = (Vec<Point>, Vec<[u32; 3]>);
 
 /// Numbers in `-1..1`.
 pub(crate) fn unit() -> impl Strategy<Value = f64> + Clone {
@@ -62,7 +62,7 @@ pub(crate) fn soup(
 pub(crate) const PLUMP: [f64; 2] = [0.0, 0.0];
 
 /// Returns a mesh of triangles that share no vertex.
-pub(crate) fn separate(triangles: &[Triangle]) -> Mesh {
+pub(crate) fn separate(triangles: &[Triangle]) -> IndexedMesh {
     (triangles.concat(), apart(triangles.len()))
 }
 
@@ -117,7 +117,7 @@ pub(crate) fn flat(axis: usize) -> impl Strategy<Value = Triangle> + Clone {
 }
 
 /// Flat and free triangles, each with one copy, one rotation of its vertices and one reversal.
-pub(crate) fn stacks() -> impl Strategy<Value = Mesh> {
+pub(crate) fn stacks() -> impl Strategy<Value = IndexedMesh> {
     let flats: Vec<_> = (0..9).map(|i| flat(i % 3)).collect();
     let bases = (flats, soup(7, 0.8, PLUMP)).prop_map(|(flats, free)| [flats, free].concat());
     let all = bases.prop_map(|bases| {
@@ -152,7 +152,7 @@ pub(crate) fn flakes() -> impl Strategy<Value = Vec<Triangle>> {
 }
 
 /// Sheets with dents, `n` quads in each direction. Heights are multiples of a quarter of `1 / steps`.
-pub(crate) fn sheet(n: u32, steps: i32) -> impl Strategy<Value = Mesh> {
+pub(crate) fn sheet(n: u32, steps: i32) -> impl Strategy<Value = IndexedMesh> {
     let heights = vec(grid(steps), (n as usize + 1).pow(2));
     heights.prop_map(move |heights| {
         let at = |i: u32| 2.0 * i as f32 / n as f32 - 1.0;
@@ -175,7 +175,10 @@ pub(crate) fn quads(n: u32, m: u32, at: impl Fn(u32, u32) -> u32) -> Vec<[[u32; 
 }
 
 /// Splits each triangle into four. `middle` computes the vertex between two others.
-pub(crate) fn split((mut points, triangles): Mesh, middle: fn(Point, Point) -> Point) -> Mesh {
+pub(crate) fn split(
+    (mut points, triangles): IndexedMesh,
+    middle: fn(Point, Point) -> Point,
+) -> IndexedMesh {
     let mut middles = BTreeMap::new();
     let mut smaller = Vec::new();
     for [a, b, c] in triangles {
@@ -200,7 +203,7 @@ pub(crate) fn of_numbers(
 }
 
 /// Grids of quads in one plane, with exact coordinates.
-pub(crate) fn plane() -> impl Strategy<Value = Mesh> {
+pub(crate) fn plane() -> impl Strategy<Value = IndexedMesh> {
     let numbers = (
         2..17_u32,
         [grid(4), grid(4)],
@@ -229,6 +232,6 @@ pub(crate) fn plane() -> impl Strategy<Value = Mesh> {
 }
 
 /// Meshes with their triangles in any order.
-fn shuffled(meshes: impl Strategy<Value = Mesh>) -> impl Strategy<Value = Mesh> {
+fn shuffled(meshes: impl Strategy<Value = IndexedMesh>) -> impl Strategy<Value = IndexedMesh> {
     meshes.prop_flat_map(|(points, triangles)| (Just(points), Just(triangles).prop_shuffle()))
 }

@@ -1,4 +1,4 @@
-//! Scenes, rays and trees to test backends with, shared by properties, leaks, stress tests and audits.
+//! Scenes, rays and trees to test backends with, shared by properties, stress tests and audits.
 
 pub(crate) mod bodies;
 pub(crate) mod cases;

@@ -1,7 +1,7 @@
 //! All scenes and motions with which properties and audits test backends.
 
 use super::bodies::{BODIES, icosphere};
-use super::meshes::{self, Mesh, PLUMP, flakes, grid, plane, plus, sheet, soup, stacks};
+use super::meshes::{self, IndexedMesh, PLUMP, flakes, grid, plane, plus, sheet, soup, stacks};
 use super::strategies::each;
 use geom::Point;
 use proptest::array::uniform3;
@@ -12,7 +12,7 @@ use std::ops::Range;
 
 backend::named! {
     /// Contents of a scene. Kinds rotate, so that a few cases contain every kind.
-    pub(crate) enum SceneKind {
+    pub enum SceneKind {
         /// Separate triangles.
         Soup = "soup",
         /// A sheet whose triangles share vertices.
@@ -86,12 +86,12 @@ fn free(count: impl Into<SizeRange>, thin: [f64; 2]) -> impl Strategy<Value = Mo
     scattered(soup(count, 0.4, thin).prop_map(|all| meshes::separate(&all)))
 }
 
-fn sheets() -> impl Strategy<Value = Mesh> {
+fn sheets() -> impl Strategy<Value = IndexedMesh> {
     (2..9_u32, select(&[4, 8, 1000][..])).prop_flat_map(|(n, steps)| sheet(n, steps))
 }
 
 /// One of [`BODIES`], scaled to unit size.
-fn body() -> impl Strategy<Value = Mesh> {
+fn body() -> impl Strategy<Value = IndexedMesh> {
     (0..BODIES.len()).prop_map(|body| {
         let body = BODIES[body];
         let (points, triangles) = (body.shape)();
@@ -111,7 +111,7 @@ const DRIFTS: usize = 200;
 const SHARES: usize = 300;
 
 /// Animates meshes so that each run of three vertices moves independently.
-fn scattered(meshes: impl Strategy<Value = Mesh>) -> impl Strategy<Value = MovingMesh> {
+fn scattered(meshes: impl Strategy<Value = IndexedMesh>) -> impl Strategy<Value = MovingMesh> {
     let all = (meshes, vec(drift(), DRIFTS));
     let moving = all.prop_map(|((points, triangles), drifts)| {
         let key = |k: usize| {
@@ -126,7 +126,7 @@ fn scattered(meshes: impl Strategy<Value = Mesh>) -> impl Strategy<Value = Movin
 }
 
 /// Animates bodies whose vertices drift, each by a share of its own.
-fn animated(meshes: impl Strategy<Value = Mesh>) -> impl Strategy<Value = MovingMesh> {
+fn animated(meshes: impl Strategy<Value = IndexedMesh>) -> impl Strategy<Value = MovingMesh> {
     let all = (meshes, drift(), vec(0.0_f32..1.0, SHARES));
     let moving = all.prop_map(|((points, triangles), drift, shares)| {
         let key = |by: Point| {

@@ -17,7 +17,7 @@ pub(super) struct Crossing {
     pub(super) edge: bool,
 }
 
-type Vector = [BigInt; 3];
+type ExactVector = [BigInt; 3];
 
 /// Returns the crossing of a valid ray and an active triangle, if there is one.
 ///
@@ -29,7 +29,7 @@ pub(super) fn cross(ray: &Ray, [a, b, c]: &Triangle) -> Option<Crossing> {
     let flat: [f32; 12] = std::array::from_fn(|i| [a, b, c, o][i / 3][i % 3]);
     let (xs, point_exponent) = scale(flat);
     let (d, direction_exponent) = scale(ray.direction);
-    let corner = |k: usize| -> Vector { std::array::from_fn(|i| &xs[3 * k + i] - &xs[9 + i]) };
+    let corner = |k: usize| -> ExactVector { std::array::from_fn(|i| &xs[3 * k + i] - &xs[9 + i]) };
     let [a, b, c] = [corner(0), corner(1), corner(2)];
     let b_c = cross_product(&b, &c);
     let normals = [&b_c, &cross_product(&c, &a), &cross_product(&a, &b)];
@@ -48,14 +48,14 @@ pub(super) fn cross(ray: &Ray, [a, b, c]: &Triangle) -> Option<Crossing> {
     is_within.then_some(Crossing { t, weights, edge })
 }
 
-fn cross_product(a: &Vector, b: &Vector) -> Vector {
+fn cross_product(a: &ExactVector, b: &ExactVector) -> ExactVector {
     std::array::from_fn(|i| {
         let (j, k) = ((i + 1) % 3, (i + 2) % 3);
         &a[j] * &b[k] - &a[k] * &b[j]
     })
 }
 
-fn dot(a: &Vector, b: &Vector) -> BigInt {
+fn dot(a: &ExactVector, b: &ExactVector) -> BigInt {
     (0..3).map(|i| &a[i] * &b[i]).sum()
 }
 

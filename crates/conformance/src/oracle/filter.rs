@@ -12,9 +12,9 @@ use glam::{DVec3, Vec3Swizzles};
 const DETERMINANT: f64 = 16.0 * UNIT;
 const UNIT: f64 = f64::EPSILON / 2.0;
 
-/// A triangle that the ray may hit.
+/// Bounds of a possible hit.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct JudgedTriangle {
+pub(super) struct HitBounds {
     /// If the triangle is hit, the exact `t` is in `low..=high`.
     pub(super) low: f64,
     pub(super) high: f64,
@@ -30,7 +30,7 @@ struct Bounded {
 }
 
 /// Tests a valid ray and an active triangle. Returns `None` if the ray certainly misses.
-pub(super) fn judge(ray: &Ray, corners: &Triangle) -> Option<JudgedTriangle> {
+pub(super) fn bound_hit(ray: &Ray, corners: &Triangle) -> Option<HitBounds> {
     let wide = |p: [f32; 3]| DVec3::from(p.map(f64::from));
     let (o, d) = (wide(ray.origin), wide(ray.direction));
     let [a, b, c] = corners.map(|p| wide(p) - o);
@@ -45,7 +45,7 @@ pub(super) fn judge(ray: &Ray, corners: &Triangle) -> Option<JudgedTriangle> {
     let inside = plus == [true; 3] || minus == [true; 3];
     // A number that rounds to a float beyond a limit is itself beyond the limit. Rounding to `f32` here proves it.
     let is_sure = inside && (low as f32) > ray.t_min && (high as f32) < ray.t_max;
-    (high > t_min && low < t_max).then_some(JudgedTriangle { low, high, is_sure })
+    (high > t_min && low < t_max).then_some(HitBounds { low, high, is_sure })
 }
 
 fn determinant(a: DVec3, b: DVec3, c: DVec3) -> Bounded {

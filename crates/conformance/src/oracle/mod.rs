@@ -21,7 +21,7 @@ mod tests;
 
 use cull::CullTree;
 use exact::{Crossing, cross};
-use filter::{JudgedTriangle, judge};
+use filter::{HitBounds, bound_hit};
 use geom::{Moment, Ray, Triangle};
 use nearest::nearest;
 use num_traits::ToPrimitive;
@@ -39,6 +39,13 @@ pub struct ExactHit {
     pub edge: bool,
     /// True if another triangle is hit at exactly the same distance.
     pub tie: bool,
+}
+
+/// A triangle that may be the closest hit.
+#[derive(Clone, Copy)]
+struct NearTriangle {
+    index: u32,
+    found: HitBounds,
 }
 
 /// Exact hits for static triangles. Rays are independent, so threads may share `&Oracle`.
@@ -65,48 +72,38 @@ impl Oracle {
 
     /// Returns the closest hit: least exact `t`, then least index. A ray that is not valid misses.
     pub fn closest(&self, ray: &Ray) -> Option<ExactHit> {
-        let (mut bound, mut maybe) = (f64::INFINITY, Vec::new());
-        self.judged(ray, |triangle, found| {
-            maybe.push((triangle, found.low));
-            if found.is_sure {
-                bound = bound.min(found.high);
-            }
-            bound
-        });
-        maybe.retain(|&(_, low)| low <= bound);
-        let hits = self.settle(ray, maybe.into_iter().map(|m| m.0));
+        let candidates = self.candidates(ray);
+        let hits = self.settle(ray, candidates.into_iter().map(|c| c.index));
         hits.into_iter().next()
     }
 
-    /// Returns the triangle of the closest hit and its distance.
-    ///
-    /// The triangle is exact, as in [`Oracle::closest`]. The relative error of the distance is at most `2^-40`. Most
-    /// rays need no integers here, so this is several times faster.
-    pub fn closest_triangle(&self, ray: &Ray) -> Option<(u32, f64)> {
-        let (mut bound, mut maybe) = (f64::INFINITY, Vec::new());
-        self.judged(ray, |triangle, found| {
-            maybe.push((triangle, found));
+    /// Returns the triangle of [`Oracle::closest`]. Most rays need no integers here, so this is several times faster.
+    pub fn closest_triangle(&self, ray: &Ray) -> Option<u32> {
+        match self.candidates(ray)[..] {
+            // All other triangles are certainly farther away or missed.
+            [only] if only.found.is_sure => Some(only.index),
+            _ => self.closest(ray).map(|hit| hit.triangle),
+        }
+    }
+
+    /// Returns the triangles of which one is the closest hit, if there is a hit.
+    fn candidates(&self, ray: &Ray) -> Vec<NearTriangle> {
+        let (mut bound, mut candidates) = (f64::INFINITY, Vec::new());
+        self.each_candidate(ray, |index, found| {
+            candidates.push(NearTriangle { index, found });
             if found.is_sure {
                 bound = bound.min(found.high);
             }
             bound
         });
-        maybe.retain(|(_, found)| found.low <= bound);
-        // All others are certainly farther away or missed.
-        if let [(triangle, found)] = maybe[..]
-            && found.is_sure
-            && found.high - found.low <= NARROW * found.low.abs()
-        {
-            return Some((triangle, f64::midpoint(found.low, found.high)));
-        }
-        let hits = self.settle(ray, maybe.into_iter().map(|m| m.0));
-        hits.first().map(|hit| (hit.triangle, hit.t))
+        candidates.retain(|candidate| candidate.found.low <= bound);
+        candidates
     }
 
     /// Returns every triangle that is hit, ordered by exact `t`, then by index.
     pub fn all(&self, ray: &Ray) -> Vec<ExactHit> {
         let mut maybe = Vec::new();
-        self.judged(ray, |triangle, _| {
+        self.each_candidate(ray, |triangle, _| {
             maybe.push(triangle);
             f64::INFINITY
         });
@@ -115,10 +112,10 @@ impl Oracle {
 
     /// Calls `visit` for every triangle that the ray may hit, until the bound that `visit` returns (see
     /// [`CullTree::near`]).
-    fn judged(&self, ray: &Ray, mut visit: impl FnMut(u32, JudgedTriangle) -> f64) {
+    fn each_candidate(&self, ray: &Ray, mut visit: impl FnMut(u32, HitBounds) -> f64) {
         if ray.is_valid() {
             self.boxes.near(ray, |i| {
-                let found = judge(ray, &self.corners[i as usize]);
+                let found = bound_hit(ray, &self.corners[i as usize]);
                 found.map_or(f64::INFINITY, |found| visit(i, found))
             });
         }
@@ -140,9 +137,6 @@ impl Oracle {
         hits.iter().enumerate().map(exact).collect()
     }
 }
-
-/// Maximum width of an interval of `t`, relative to `t`, whose midpoint may replace the exact distance.
-const NARROW: f64 = 1.0 / (1_u64 << 40) as f64;
 
 fn is_active(corners: &Triangle) -> bool {
     corners.iter().flatten().all(|x| x.is_finite())

@@ -2,7 +2,7 @@
 
 use super::Check;
 use crate::compare::{answers, lists, same_counts, same_point};
-use crate::generate::commands::{Command, without_lists};
+use crate::generate::commands::{BackendCommand, without_lists};
 use crate::stage::{boxes_anew, fetch, next_positions, start, tree_at, vertices};
 use anyhow::{Context, Result, bail, ensure};
 use backend::{FrameReport, Generation, QueryKind, Ticket};
@@ -17,7 +17,7 @@ pub(super) const COST_TOLERANCE: f64 = 1e-4;
 /// Copies of positions must be those of the moment at which they were requested, and arrive in order.
 pub(super) fn after_commands(c: &mut Check<'_>) -> Result<()> {
     let case = c.case;
-    let mut state = State {
+    let mut state = RecordingState {
         tree: tree_at(&case.animation, case.times[0]),
         generation: 1,
         time: case.times[0],
@@ -28,7 +28,12 @@ pub(super) fn after_commands(c: &mut Check<'_>) -> Result<()> {
     };
     c.open(state.time)?;
     c.interpolate(state.time)?;
-    for (i, &command) in case.commands.iter().chain([&Command::Frame]).enumerate() {
+    for (i, &command) in case
+        .commands
+        .iter()
+        .chain([&BackendCommand::Frame])
+        .enumerate()
+    {
         let recorded = state.record(c, command);
         recorded.with_context(|| format!("{command:?} after {:?}", &case.commands[..i]))?;
     }
@@ -39,7 +44,7 @@ pub(super) fn after_commands(c: &mut Check<'_>) -> Result<()> {
 }
 
 /// The state in which the commands so far leave a backend.
-struct State {
+struct RecordingState {
     tree: Topology,
     generation: u64,
     /// Time of the positions.
@@ -60,13 +65,13 @@ struct RequestedCopy {
     time: f64,
 }
 
-impl State {
-    fn record(&mut self, c: &mut Check<'_>, command: Command) -> Result<()> {
+impl RecordingState {
+    fn record(&mut self, c: &mut Check<'_>, command: BackendCommand) -> Result<()> {
         let (animation, times) = (&c.case.animation, &c.case.times);
         match command {
-            Command::Frame => return self.frame(c),
-            Command::Submit => return self.submit(c),
-            Command::Adopt(next) => {
+            BackendCommand::Frame => return self.frame(c),
+            BackendCommand::Submit => return self.submit(c),
+            BackendCommand::Adopt(next) => {
                 // Trees are adopted between submissions.
                 self.submit(c)?;
                 self.tree = next.tree(animation, |time| tree_at(animation, times[time]));
@@ -75,22 +80,22 @@ impl State {
                 c.subject.adopt(&self.tree, Generation(self.generation))?;
                 return Ok(());
             }
-            Command::Interpolate(time) => {
+            BackendCommand::Interpolate(time) => {
                 self.time = times[time];
                 self.is_stale = true;
                 c.interpolate(self.time)?;
             }
-            Command::Preprocess => {
+            BackendCommand::Preprocess => {
                 self.is_stale = true;
                 c.subject.preprocess()?;
             }
-            Command::Boxes => {
+            BackendCommand::Boxes => {
                 self.is_stale = false;
                 boxes_anew(c.subject)?;
             }
             // A submission copies at most once.
-            Command::Request if self.requested.is_some() => {}
-            Command::Request => {
+            BackendCommand::Request if self.requested.is_some() => {}
+            BackendCommand::Request => {
                 self.requested = Some(self.time);
                 c.subject.request_positions()?;
             }

@@ -39,7 +39,7 @@ pub(super) fn pushed(c: &mut Check<'_>) -> Result<()> {
         reference: &mut *c.reference,
         intersector: c.intersector,
     };
-    for Started { ticket, time, kind } in push_all(&mut c, &streamed, rng)? {
+    for StartedQuery { ticket, time, kind } in push_all(&mut c, &streamed, rng)? {
         let found = fetch(c.subject, ticket)?;
         let rays = Rays::List(&case.rays);
         verify(&mut c, time, Query { rays, kind }, &found)?;
@@ -88,14 +88,18 @@ fn leaping(case: &Case, rng: &mut Rng) -> Result<(Case, Arc<Animation>)> {
 }
 
 /// A query in flight.
-struct Started {
+struct StartedQuery {
     ticket: Ticket,
     time: f64,
     kind: QueryKind,
 }
 
 /// Pushes the case's key frames in memory of every kind, adopts trees of random key frames, and starts a query at each.
-fn push_all(c: &mut Check<'_>, streamed: &Arc<Animation>, rng: &mut Rng) -> Result<Vec<Started>> {
+fn push_all(
+    c: &mut Check<'_>,
+    streamed: &Arc<Animation>,
+    rng: &mut Rng,
+) -> Result<Vec<StartedQuery>> {
     let frames = c.case.animation.all_keys()?;
     let (rays, light) = (c.rays(), c.case.light);
     open(c.subject, streamed, 0.0, c.intersector)?;
@@ -113,7 +117,7 @@ fn push_all(c: &mut Check<'_>, streamed: &Arc<Animation>, rng: &mut Rng) -> Resu
         c.subject.interpolate(streamed.pose(time))?;
         boxes_anew(c.subject)?;
         let kind = [QueryKind::Any, QueryKind::ClosestAndShadow { light }][rng.usize(..2)];
-        started.push(Started {
+        started.push(StartedQuery {
             ticket: start(c.subject, rays, kind)?,
             time,
             kind,

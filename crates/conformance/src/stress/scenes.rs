@@ -1,7 +1,7 @@
 //! Scenes and rays of each family.
 
-use crate::generate::bodies::{Aim, BODIES, PlacedBody, RaySort};
-use crate::generate::meshes::{self, Mesh, PLUMP, apart, separate, soup};
+use crate::generate::bodies::{Aim, BODIES, PlacedBody, RaySort, body_rays, placed_body};
+use crate::generate::meshes::{self, IndexedMesh, PLUMP, apart, separate, soup};
 use crate::generate::rays::{Aims, RayKind, Target, of_zeros, rays_of};
 use crate::generate::strategies::sample;
 use crate::generate::{mixed, shares};
@@ -64,7 +64,8 @@ pub(crate) fn scenes(family: Family, plan: &Plan) -> Vec<StressScene> {
 /// all kinds.
 fn one(family: Family, number: usize, rays: usize, rng: &mut Rng) -> StressScene {
     let body = |offset: f32, aim: Option<Aim>, rng: &mut Rng| {
-        let placed = PlacedBody::new(&BODIES[number % BODIES.len()], offset, false, rng);
+        let placed = placed_body(&BODIES[number % BODIES.len()], offset, false);
+        let placed = drawn(placed, rng);
         // The first scenes of all bodies start with the first sort of rays, the next ones with the second.
         let sorts = number / BODIES.len()..;
         closed(&placed, aim, sorts.take(rays), rng)
@@ -91,7 +92,7 @@ fn one(family: Family, number: usize, rays: usize, rng: &mut Rng) -> StressScene
 /// Returns a closed body with rays of all kinds or with one aim. `sorts` selects the sort of each ray, modulo the
 /// number of sorts.
 fn closed(
-    placed: &PlacedBody<'_>,
+    placed: &PlacedBody,
     aim: Option<Aim>,
     sorts: impl Iterator<Item = usize>,
     rng: &mut Rng,
@@ -100,7 +101,10 @@ fn closed(
     wanted.retain(|sort| aim.is_none_or(|aim| aim == sort.aim));
     let ray = |i: usize| {
         let sort = wanted[i % wanted.len()];
-        (sort.is_inside, valid(|| placed.ray(sort, rng)))
+        (
+            sort.is_inside,
+            valid(|| placed.ray(&drawn(body_rays(sort), rng))),
+        )
     };
     let (inside, rays) = sorts.map(ray).unzip();
     StressScene {
@@ -179,7 +183,7 @@ fn scene(keys: Vec<Vec<Point>>, triangles: Vec<[u32; 3]>, times: [f64; 2]) -> St
     StressScene::new(Arc::new(animation), times)
 }
 
-fn still((points, triangles): Mesh) -> StressScene {
+fn still((points, triangles): IndexedMesh) -> StressScene {
     scene(vec![points], triangles, [0.0; 2])
 }
 
@@ -241,7 +245,7 @@ fn exploding(rng: &mut Rng) -> StressScene {
 
 /// Returns `demo:twist` at its end, where it is tightest, with a tree built at its start.
 fn cloth(rays: usize, rng: &mut Rng) -> StressScene {
-    let demo = ::scene::open("demo:twist:3000", &::scene::Options::default());
+    let demo = ::scene::open("demo:twist:3000", &::scene::SceneOptions::default());
     let animation = demo.expect("demos need no file").animation;
     let times = [0.0, animation.end()];
     asked(StressScene::new(animation, times), rays, |aims, i| {

@@ -3,7 +3,7 @@
 //! The colours are those of Okabe and Ito (*Color Universal Design*, 2008), which are distinct for all types of colour
 //! vision. They also differ in lightness, for print in black and white.
 
-use super::Point;
+use super::ChartPoint;
 use backend::{BackendName, Intersector, Policy};
 use plotters::style::RGBColor;
 use std::f64::consts::{PI, TAU};
@@ -46,7 +46,7 @@ pub(crate) const PLAIN: Look = Look {
 
 impl Look {
     /// Returns the corners of a polygon around a position. The first corner is repeated at the end.
-    pub(crate) fn outline(&self, (x, y): (i32, i32)) -> Vec<(i32, i32)> {
+    pub(crate) fn outline(&self, x: i32, y: i32) -> Vec<(i32, i32)> {
         let MarkShape { corners, turn } = self.shape;
         let n = f64::from(corners);
         let radius = RADIUS * (PI / (0.5 * n * (TAU / n).sin())).sqrt();
@@ -130,16 +130,16 @@ fn colour_of_other(name: &str) -> RGBColor {
     OTHERS[name.bytes().fold(0, mix) as usize % OTHERS.len()]
 }
 
-pub(crate) fn of_point(point: &Point) -> Look {
+pub(crate) fn of_point(point: &ChartPoint) -> Look {
     of_names(names_of(point))
 }
 
-fn names_of(p: &Point) -> [&str; 3] {
+fn names_of(p: &ChartPoint) -> [&str; 3] {
     [&p.backend, &p.intersector, &p.update]
 }
 
 /// Returns each name once, in order of appearance.
-pub(crate) fn names(points: &[Point], of: fn(&Point) -> &String) -> Vec<&str> {
+pub(crate) fn names(points: &[ChartPoint], of: fn(&ChartPoint) -> &String) -> Vec<&str> {
     let mut names: Vec<&str> = Vec::new();
     for name in points.iter().map(of) {
         if !names.contains(&name.as_str()) {
@@ -165,7 +165,7 @@ impl LegendEntry {
 }
 
 /// Returns the legend of colours, shapes and fills: each name once, in order of appearance.
-pub(crate) fn legend(points: &[Point]) -> Vec<LegendEntry> {
+pub(crate) fn legend(points: &[ChartPoint]) -> Vec<LegendEntry> {
     let mut entries = Vec::new();
     let headings = ["backend", "intersector", "update"];
     for (part, heading) in headings.into_iter().enumerate() {

@@ -1,8 +1,7 @@
 //! Charts of measured points: SVG pictures, HTML pages and tables.
 //!
 //! A [`Chart`] shows milliseconds per frame against wrong answers per million rays. Both axes are logarithmic, with a
-//! separate position for points without wrong answers. Further panels show hard rays, and leaks and double hits by
-//! offset.
+//! separate position for points without wrong answers. A further panel shows hard rays.
 //!
 //! All numbers are measured by the caller and are finite. Values that may be unknown are `Option`s.
 //!
@@ -38,14 +37,14 @@ const Z: f64 = 1.959_964;
 pub struct Chart {
     pub machine: Machine,
     /// Traced scenes, with one panel each, in this order.
-    pub scenes: Vec<Scene>,
+    pub scenes: Vec<ChartScene>,
     /// Measurements in any order.
-    pub points: Vec<Point>,
+    pub points: Vec<ChartPoint>,
     /// Measurements that failed.
     pub failures: Vec<Failure>,
 }
 
-/// Method and scene whose measurement failed. Names are those of [`Point`].
+/// Method and scene whose measurement failed. Names are those of [`ChartPoint`].
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Failure {
     pub scene: String,
@@ -87,7 +86,7 @@ pub struct Adapter {
 
 /// Traced scene.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Scene {
+pub struct ChartScene {
     pub name: String,
     pub triangles: u64,
     /// Width and height of a frame in pixels.
@@ -98,7 +97,7 @@ pub struct Scene {
 
 /// Speed and accuracy of one method on one scene.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Point {
+pub struct ChartPoint {
     /// Backend, shown by colour.
     pub backend: String,
     /// Intersector, shown by shape.
@@ -106,7 +105,7 @@ pub struct Point {
     /// Tree update policy, shown by fill.
     pub update: String,
     pub scene: String,
-    pub ms_per_frame: Spread,
+    pub ms_per_frame: TimeSpread,
     /// Million rays per second.
     pub mrays_per_s: Option<f64>,
     /// Number of rays whose answers were compared with exact arithmetic.
@@ -117,10 +116,6 @@ pub struct Point {
     pub wrong_shadow: u64,
     /// Rays aimed at edges and vertices of the scene. [`Self::rays_tested`] does not include them.
     pub aimed: Aimed,
-    /// Error of `t` for correct hits.
-    pub t_error_ulp: Option<TError>,
-    /// Results of rays aimed at edges and vertices of a closed mesh.
-    pub leaks: Vec<Leaks>,
     /// Wrong answers in scenes of mixed range: sizes or positions of very different magnitude in one scene.
     pub mixed_range: Vec<FamilyCounts>,
     /// Memory of the backend in bytes.
@@ -129,25 +124,15 @@ pub struct Point {
     pub samples: u64,
     /// Warm-up time in seconds before the timed frames.
     pub warm_up_s: Option<f64>,
-    /// Command that repeats this measurement.
-    pub command: String,
 }
 
 /// Distribution of a time over the frames: median, 5th and 95th percentile.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Spread {
+pub struct TimeSpread {
     /// Median. A point without a positive median is not drawn.
     pub median: Option<f64>,
     pub p5: Option<f64>,
     pub p95: Option<f64>,
-}
-
-/// Errors of `t` in units in the last place of the exact `t` rounded to f32: median, 99.9th percentile and maximum.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct TError {
-    pub median: Option<f64>,
-    pub p999: Option<f64>,
-    pub worst: Option<f64>,
 }
 
 /// Results of the rays whose closest hit is hardest to determine, against exact arithmetic. Counted separately.
@@ -165,21 +150,7 @@ pub struct FamilyCounts {
     pub wrong: u64,
 }
 
-/// Results of rays aimed from inside at edges and vertices of a closed mesh, which is translated away from the origin.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Leaks {
-    /// Translation of the mesh, in units of its size.
-    pub offset: f64,
-    pub rays: u64,
-    /// Number of rays that hit nothing.
-    pub leaks: u64,
-    /// Number of rays whose crossings were counted.
-    pub counted: u64,
-    /// Number of counted rays that hit two triangles where a generic ray hits one.
-    pub double_hits: u64,
-}
-
-impl Point {
+impl ChartPoint {
     /// Returns the properties that distinguish the point from others of its scene.
     pub(crate) fn name(&self) -> String {
         let words = [&self.backend, &self.intersector, &self.update];
@@ -221,7 +192,7 @@ impl Rate {
 /// Point that can be drawn.
 #[derive(Clone, Copy)]
 pub(crate) struct Dot<'a> {
-    pub(crate) point: &'a Point,
+    pub(crate) point: &'a ChartPoint,
     /// Index in [`Chart::points`].
     pub(crate) index: usize,
     /// Milliseconds per frame: median, and the lower and upper end of the interval.
@@ -231,8 +202,8 @@ pub(crate) struct Dot<'a> {
 
 impl<'a> Dot<'a> {
     /// Returns `None` if the median time is missing or not positive, or if no ray was tested.
-    fn of((index, point): (usize, &'a Point)) -> Option<Self> {
-        let Spread { median, p5, p95 } = point.ms_per_frame;
+    fn of(index: usize, point: &'a ChartPoint) -> Option<Self> {
+        let TimeSpread { median, p5, p95 } = point.ms_per_frame;
         let ms = median.filter(|&ms| ms > 0.0)?;
         Some(Self {
             index,
@@ -246,7 +217,8 @@ impl<'a> Dot<'a> {
 impl Chart {
     /// Returns the points of all scenes that can be drawn.
     pub(crate) fn dots(&self) -> impl Iterator<Item = Dot<'_>> {
-        self.points.iter().enumerate().filter_map(Dot::of)
+        let points = self.points.iter().enumerate();
+        points.filter_map(|(index, point)| Dot::of(index, point))
     }
 
     /// Returns the points of one scene that can be drawn.
@@ -275,15 +247,6 @@ impl Chart {
     pub(crate) fn is_on_front(&self, index: usize) -> bool {
         let front = self.front(&self.points[index].scene);
         front.iter().any(|dot| dot.index == index)
-    }
-
-    /// Returns the offsets of all measurements in ascending order.
-    pub(crate) fn offsets(&self) -> Vec<f64> {
-        let leaks = self.points.iter().flat_map(|p| &p.leaks);
-        let mut offsets: Vec<f64> = leaks.map(|l| l.offset).collect();
-        offsets.sort_by(f64::total_cmp);
-        offsets.dedup();
-        offsets
     }
 
     /// Returns the families of mixed range of all measurements.

@@ -1,9 +1,9 @@
-//! Page of charts: a plot of speed against accuracy for each scene, then hard rays, leaks and double hits.
+//! Page of charts: a plot of speed against accuracy for each scene, then hard rays.
 
 use super::look::{GREY, INK, LegendEntry, legend, names, of_names, of_point};
 use super::panel::{Axis, LINE, Mark, Panel, WIDTH, font, short};
-use super::table::{count, described, escape, number, row};
-use super::{Chart, Leaks, Machine, Point, Rate, Result, Scene};
+use super::table::{count, described, escape, row};
+use super::{Chart, ChartPoint, ChartScene, Machine, Rate, Result};
 use plotters::backend::SVGBackend;
 use plotters::drawing::IntoDrawingArea;
 use plotters::element::Text;
@@ -24,7 +24,7 @@ const STYLE: &str = "body { font: 15px sans-serif; margin: 1em auto; max-width: 
 /// Returns the chart as an SVG picture, 1000 pixels wide, on white. Marks of scatter plots have tooltips.
 pub fn svg(chart: &Chart) -> Result<String> {
     let mut panels = planes(chart);
-    panels.extend(side_panels(chart));
+    panels.extend(hard_rays(chart));
     let words = words(&chart.machine);
     let head = 46 + 19 * words.len() as u32;
     let height = head + panels.iter().map(|p| p.height).sum::<u32>();
@@ -84,17 +84,17 @@ fn planes(chart: &Chart) -> Vec<Panel> {
             wrong.flat_map(|r| [r.value, r.low, r.high]),
         ),
     ];
-    let plane = |scene: &Scene| plane(chart, scene, axes.clone());
+    let plane = |scene: &ChartScene| plane(chart, scene, axes.clone());
     chart.scenes.iter().map(plane).collect()
 }
 
-fn plane(chart: &Chart, scene: &Scene, axes: [Axis; 2]) -> Panel {
+fn plane(chart: &Chart, scene: &ChartScene, axes: [Axis; 2]) -> Panel {
     let dots = chart.dots_of(&scene.name);
     let marks = dots.iter().map(|dot| Mark {
         at: [dot.ms[0], dot.wrong.value],
         bars: [[dot.ms[1], dot.ms[2]], [dot.wrong.low, dot.wrong.high]],
         look: of_point(dot.point),
-        about: format!("{}; {}", described(dot.point), dot.point.command),
+        about: described(dot.point),
     });
     let front = chart.front(&scene.name);
     let mut legend = legend(&chart.points);
@@ -115,7 +115,7 @@ fn plane(chart: &Chart, scene: &Scene, axes: [Axis; 2]) -> Panel {
 }
 
 /// Returns the heading of a plot, including the number of points that are not drawn.
-fn heading(chart: &Chart, scene: &Scene, drawn: usize) -> String {
+fn heading(chart: &Chart, scene: &ChartScene, drawn: usize) -> String {
     let (name, [width, height]) = (&scene.name, scene.size);
     let [triangles, frames] = [scene.triangles, scene.frames].map(count);
     let about =
@@ -127,59 +127,30 @@ fn heading(chart: &Chart, scene: &Scene, drawn: usize) -> String {
     }
 }
 
-/// Position on the x axis, such as an offset, with the counts (wrong, rays) of each point where known.
-type Place = (String, Vec<Option<(u64, u64)>>);
-
-/// Returns panels with one position per family of rays or offset, and one mark per backend and intersector.
-fn side_panels(chart: &Chart) -> Vec<Panel> {
-    let place = |name: &str, read: &dyn Fn(&Point) -> Option<(u64, u64)>| -> Place {
-        (name.to_owned(), chart.points.iter().map(read).collect())
-    };
-    let aimed = |p: &Point| Some((p.aimed.wrong, p.aimed.rays));
-    let mut hard = vec![place("edges and vertices", &aimed)];
-    hard.extend(chart.families().into_iter().map(|family| {
-        place(family, &|p| {
-            let found = p.mixed_range.iter().find(|f| f.family == family)?;
-            Some((found.wrong, found.rays))
-        })
-    }));
-    let by_offset = |read: fn(&Leaks) -> (u64, u64)| -> Vec<Place> {
-        let at = |offset: f64| {
-            place(&number(offset), &|p| {
-                p.leaks.iter().find(|l| l.offset == offset).map(read)
-            })
-        };
-        chart.offsets().into_iter().map(at).collect()
-    };
-    let offset = "offset of the mesh from the origin, in its own sizes";
-    let all = [
-        (
-            "Hard rays: at edges and vertices of the scene, and in scenes of mixed range",
-            ["family of rays", "wrong per million"],
-            hard,
-        ),
-        (
-            "Leaks: rays from inside closed meshes that met nothing",
-            [offset, "leaks per million"],
-            by_offset(|l| (l.leaks, l.rays)),
-        ),
-        (
-            "Double hits: rays that crossed an edge of a closed mesh twice",
-            [offset, "double hits per million"],
-            by_offset(|l| (l.double_hits, l.counted)),
-        ),
-    ];
-    let panel = |(title, axes, places)| side_panel(title, axes, places, &chart.points);
-    all.into_iter().filter_map(panel).collect()
+/// Rates of wrong answers of one family of rays.
+struct RayFamily<'a> {
+    name: &'a str,
+    /// One for each point of the chart, where known.
+    rates: Vec<Option<Rate>>,
 }
 
-/// Returns a panel, or `None` if no point has data. Horizontal offsets keep marks of equal values apart.
-fn side_panel(
-    title: &str,
-    [x, y]: [&'static str; 2],
-    places: Vec<Place>,
-    points: &[Point],
-) -> Option<Panel> {
+/// Returns a panel with one position per family of hard rays, and one mark per backend and intersector. Returns `None` if
+/// no point has data. Horizontal offsets keep marks of equal values apart.
+fn hard_rays(chart: &Chart) -> Option<Panel> {
+    let points = &chart.points;
+    let aimed = |p: &ChartPoint| Rate::of(p.aimed.wrong, p.aimed.rays);
+    let mut families = vec![RayFamily {
+        name: "edges and vertices",
+        rates: points.iter().map(aimed).collect(),
+    }];
+    families.extend(chart.families().into_iter().map(|name| {
+        let rate = |p: &ChartPoint| {
+            let found = p.mixed_range.iter().find(|f| f.family == name)?;
+            Rate::of(found.wrong, found.rays)
+        };
+        let rates = points.iter().map(rate).collect();
+        RayFamily { name, rates }
+    }));
     let intersectors = names(points, |p| &p.intersector).into_iter();
     let backends = names(points, |p| &p.backend);
     let methods = intersectors.flat_map(|i| backends.iter().map(move |b| (i, *b)));
@@ -187,10 +158,10 @@ fn side_panel(
     let mut marks = Vec::new();
     for (nth, (intersector, backend)) in methods.iter().enumerate() {
         let beside = 0.8 * ((nth as f64 + 0.5) / methods.len() as f64 - 0.5);
-        for (at, (_, counts)) in places.iter().enumerate() {
-            let of = points.iter().zip(counts);
+        for (at, family) in families.iter().enumerate() {
+            let of = points.iter().zip(&family.rates);
             let of = of.filter(|(p, _)| p.backend == *backend && p.intersector == *intersector);
-            let rates = of.filter_map(|(_, &counts)| counts.and_then(|(n, of)| Rate::of(n, of)));
+            let rates = of.filter_map(|(_, &rate)| rate);
             // The highest rate of all measurements.
             let worst = rates.max_by(|a, b| a.value.total_cmp(&b.value));
             marks.extend(worst.map(|rate| Mark {
@@ -203,8 +174,12 @@ fn side_panel(
     }
     let rates = marks.iter().map(|m| (m.at[1], m.bars[1]));
     let rates = rates.flat_map(|(value, [low, high])| [low, value, high]);
-    let names = places.into_iter().map(|(name, _)| name);
-    let axes = [Axis::named(x, names), Axis::log(y, rates)];
+    let names = families.iter().map(|family| family.name.to_owned());
+    let axes = [
+        Axis::named("family of rays", names),
+        Axis::log("wrong per million", rates),
+    ];
+    let title = "Hard rays: at edges and vertices of the scene, and in scenes of mixed range";
     (!marks.is_empty()).then(|| Panel {
         title: title.to_owned(),
         height: SIDE,
@@ -219,25 +194,24 @@ fn side_panel(
 pub fn html(chart: &Chart) -> Result<String> {
     let picture = svg(chart)?;
     let cell = |tag: &str, text: &str| format!("<{tag}>{}</{tag}>", escape(text));
-    let head = row(&Point::default());
+    let head = row(&ChartPoint::default());
     let head: String = head.iter().map(|(name, _)| cell("th", name)).collect();
     let mut out = format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'\">\n\
          <title>{TITLE}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n\
-         <p>Point at a mark to see its numbers and the command that times it again.</p>\n\
+         <p>Point at a mark to see its numbers.</p>\n\
          <figure>\n{picture}</figure>\n\
          <h2>All points</h2>\n<p>★: no other point of its scene is both faster and more often right.</p>\n\
          <p>Intervals are 95 % score intervals (Wilson 1927), or 3 / rays where no answer was wrong. After an eighth and after half of \
          the rays, intersectors of a backend whose intervals are apart get no more.</p>\n\
-         <div class=\"wide\"><table>\n<thead><tr><th></th>{head}<th>command</th></tr></thead>\n<tbody>\n"
+         <div class=\"wide\"><table>\n<thead><tr><th></th>{head}</tr></thead>\n<tbody>\n"
     );
     for (i, point) in chart.points.iter().enumerate() {
         let cells = row(point).into_iter();
         let cells: String = cells.map(|(_, text)| cell("td", &text)).collect();
         let star = if chart.is_on_front(i) { "★" } else { "" };
-        let command = escape(&point.command);
-        out += &format!("<tr><td>{star}</td>{cells}<td><code>{command}</code></td></tr>\n");
+        out += &format!("<tr><td>{star}</td>{cells}</tr>\n");
     }
     out += "</tbody>\n</table></div>\n";
     if !chart.failures.is_empty() {

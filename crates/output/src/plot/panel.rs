@@ -208,7 +208,7 @@ impl Panel {
         let places: Vec<_> = self.marks.iter().map(place).collect();
         let (left, top) = area.get_base_pixel();
         for (mark, (x, y)) in self.marks.iter().zip(&places) {
-            draw_mark(&area, (x - left, y - top), mark.look)?;
+            draw_mark(&area, x - left, y - top, mark.look)?;
         }
         chart.draw_series((1..).zip(&self.front).map(|(i, place)| {
             let words = Text::new(i.to_string(), (9, -17), font(15, INK, FontStyle::Bold));
@@ -220,7 +220,7 @@ impl Panel {
     fn draw_legend(&self, area: &Area<'_>) -> Result<()> {
         for (entry, y) in self.legend.iter().zip((34..).step_by(LEADING)) {
             if let Some(look) = entry.look {
-                draw_mark(area, (16, y + 5), look)?;
+                draw_mark(area, 16, y + 5, look)?;
             }
             let style = entry.look.map_or(FontStyle::Bold, |_| FontStyle::Normal);
             let font = font(12, INK, style);
@@ -242,16 +242,16 @@ fn steps(front: &[[f64; 2]]) -> Vec<[f64; 2]> {
     steps
 }
 
-/// Draws a filled circle or polygon with its outline.
-fn draw_mark(area: &Area<'_>, at: (i32, i32), look: Look) -> Result<()> {
+/// Draws a filled circle or polygon with its outline around a pixel.
+fn draw_mark(area: &Area<'_>, x: i32, y: i32, look: Look) -> Result<()> {
     let (inside, edge) = (look.inside().filled(), look.colour.stroke_width(2));
     if look.shape.corners == 0 {
         let radius = RADIUS.round() as u32;
-        area.draw(&Circle::new(at, radius, inside))?;
-        area.draw(&Circle::new(at, radius, edge))?;
+        area.draw(&Circle::new((x, y), radius, inside))?;
+        area.draw(&Circle::new((x, y), radius, edge))?;
     } else {
-        area.draw(&Polygon::new(look.outline(at), inside))?;
-        area.draw(&PathElement::new(look.outline(at), edge))?;
+        area.draw(&Polygon::new(look.outline(x, y), inside))?;
+        area.draw(&PathElement::new(look.outline(x, y), edge))?;
     }
     Ok(())
 }

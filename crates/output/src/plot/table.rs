@@ -1,6 +1,6 @@
 //! Tables of the points: CSV and JSON for programs, and formatted text for people.
 
-use super::{Chart, Failure, Leaks, Point, Rate, Result};
+use super::{Chart, ChartPoint, Failure, FamilyCounts, Rate, Result};
 use serde::Serialize;
 
 /// Schema version of `points.json`.
@@ -20,10 +20,9 @@ pub fn json(chart: &Chart) -> Result<String> {
 
 /// Returns the points as CSV with one row each, in chart order, followed by the failures. Unknown cells are empty.
 ///
-/// The fixed columns are followed by `edge_rays_at_X`, `leaks_at_X`, `counted_at_X` and `double_hits_at_X` for each
-/// measured offset `X`. Last are `rays_of_F` and `wrong_of_F` for each family `F` of mixed range.
+/// The fixed columns are followed by `rays_of_F` and `wrong_of_F` for each family `F` of mixed range.
 pub fn csv(chart: &Chart) -> Result<String> {
-    let head = cells(chart, &Point::default(), false);
+    let head = cells(chart, &ChartPoint::default(), false);
     let points = chart.points.iter().enumerate();
     let points = points.map(|(i, point)| cells(chart, point, chart.is_on_front(i)));
     let failures = chart.failures.iter();
@@ -63,13 +62,12 @@ fn failed_cells(head: &[(String, String)], failure: &Failure) -> Vec<(String, St
 }
 
 /// Returns the cells of a CSV row with their column names.
-fn cells(chart: &Chart, point: &Point, is_on_front: bool) -> Vec<(String, String)> {
+fn cells(chart: &Chart, point: &ChartPoint, is_on_front: bool) -> Vec<(String, String)> {
     let scene = chart.scenes.iter().find(|s| s.name == point.scene);
     let machine = &chart.machine;
     let adapter = machine.adapters.iter().find(|a| a.backend == point.backend);
     let ms = point.ms_per_frame;
     let rate = Rate::of(point.wrong, point.rays_tested);
-    let t = point.t_error_ulp.unwrap_or_default();
     let fixed = [
         ("scene", point.scene.clone()),
         ("triangles", plain(scene.map(|s| s.triangles))),
@@ -92,28 +90,14 @@ fn cells(chart: &Chart, point: &Point, is_on_front: bool) -> Vec<(String, String
         ("wrong_shadow", point.wrong_shadow.to_string()),
         ("aimed_rays", point.aimed.rays.to_string()),
         ("aimed_wrong", point.aimed.wrong.to_string()),
-        ("t_error_ulp_median", plain(t.median)),
-        ("t_error_ulp_p999", plain(t.p999)),
-        ("t_error_ulp_worst", plain(t.worst)),
         ("memory_bytes", plain(point.memory_bytes)),
         ("cpu", plain(machine.cpu.as_ref())),
         ("version", machine.version.clone()),
         ("date", machine.date.clone()),
-        ("command", point.command.clone()),
         ("schema", SCHEMA.to_string()),
         ("error", String::new()),
     ];
     let mut cells = fixed.map(|(name, cell)| (name.to_owned(), cell)).to_vec();
-    for x in chart.offsets() {
-        let at = point.leaks.iter().find(|l| l.offset == x);
-        let mut add = |name, read: fn(&Leaks) -> u64| {
-            cells.push((format!("{name}_at_{x}"), plain(at.map(read))));
-        };
-        add("edge_rays", |l| l.rays);
-        add("leaks", |l| l.leaks);
-        add("counted", |l| l.counted);
-        add("double_hits", |l| l.double_hits);
-    }
     for family in chart.families() {
         let of = point.mixed_range.iter().find(|f| f.family == family);
         cells.push((format!("rays_of_{family}"), plain(of.map(|f| f.rays))));
@@ -129,18 +113,16 @@ fn plain(x: Option<impl ToString>) -> String {
 
 /// Returns the formatted cells of a point with their column names.
 #[must_use]
-pub fn row(p: &Point) -> Vec<(&'static str, String)> {
+pub fn row(p: &ChartPoint) -> Vec<(&'static str, String)> {
     let maybe = |x: Option<f64>| x.map_or_else(|| "-".to_owned(), number);
     let of = |n, rays| format!("{} of {}", count(n), count(rays));
-    let sum = |counts: &mut dyn Iterator<Item = (u64, u64)>| {
-        let (n, rays) = counts.fold((0_u64, 0_u64), |(n, rays), more| {
-            (n.saturating_add(more.0), rays.saturating_add(more.1))
-        });
-        of(n, rays)
-    };
     let ms = p.ms_per_frame;
     let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
-    let mixed = sum(&mut p.mixed_range.iter().map(|f| (f.wrong, f.rays)));
+    let sum = |count: fn(&FamilyCounts) -> u64| {
+        let counts = p.mixed_range.iter().map(count);
+        counts.fold(0, u64::saturating_add)
+    };
+    let mixed = of(sum(|f| f.wrong), sum(|f| f.rays));
     vec![
         ("scene", p.scene.clone()),
         ("backend", p.backend.clone()),
@@ -154,14 +136,12 @@ pub fn row(p: &Point) -> Vec<(&'static str, String)> {
         ("wrong aimed", of(p.aimed.wrong, p.aimed.rays)),
         ("wrong mixed range", mixed),
         ("wrong shadows", count(p.wrong_shadow)),
-        ("t off, ulp", maybe(p.t_error_ulp.and_then(|t| t.p999))),
-        ("leaks", sum(&mut p.leaks.iter().map(|l| (l.leaks, l.rays)))),
         ("MiB", maybe(p.memory_bytes.map(mib))),
     ]
 }
 
 /// Describes a point in one line.
-pub(crate) fn described(p: &Point) -> String {
+pub(crate) fn described(p: &ChartPoint) -> String {
     let ms = p.ms_per_frame.median;
     let ms = ms.map_or("unknown".to_owned(), number);
     let (wrong, of) = (count(p.wrong), count(p.rays_tested));

@@ -20,7 +20,7 @@ fn invented(scenes: usize) -> Chart {
     let mut chart = of_points([]);
     chart.scenes.clear();
     for (scene, slower) in ["grove", "collide", "twist"].iter().zip(1..).take(scenes) {
-        chart.scenes.push(Scene {
+        chart.scenes.push(ChartScene {
             name: scene.to_string(),
             triangles: 174_312,
             size: [1280, 800],
@@ -31,13 +31,11 @@ fn invented(scenes: usize) -> Chart {
             let (intersector, cost, wrong) = INTERSECTORS[way / 3 % 4];
             let (update, waits) = UPDATES[way % 3];
             let ms = f64::from(slower) * slow * cost * waits;
-            Point {
+            ChartPoint {
                 backend: backend.to_owned(),
                 update: update.to_owned(),
                 intersector: intersector.to_owned(),
                 scene: scene.to_string(),
-                command: format!("abvh bench {scene}"),
-                leaks: [0.0, 1e5].map(|o| leaks(o, 1000, wrong)).into(),
                 mixed_range: vec![FamilyCounts {
                     family: "outlier".to_owned(),
                     rays: 9000,
@@ -51,33 +49,23 @@ fn invented(scenes: usize) -> Chart {
     chart
 }
 
-fn leaks(offset: f64, rays: u64, leaks: u64) -> Leaks {
-    Leaks {
-        offset,
-        rays,
-        leaks,
-        counted: rays,
-        double_hits: leaks,
-    }
-}
-
-fn point(ms: f64, wrong: u64) -> Point {
-    Point {
+fn point(ms: f64, wrong: u64) -> ChartPoint {
+    ChartPoint {
         backend: "cpu".to_owned(),
         intersector: "exact".to_owned(),
-        ms_per_frame: Spread {
+        ms_per_frame: TimeSpread {
             median: Some(ms),
             p5: Some(ms / 2.0),
             p95: Some(ms * 2.0),
         },
         rays_tested: 1_000_000,
         wrong,
-        ..Point::default()
+        ..ChartPoint::default()
     }
 }
 
 /// Returns a chart of the points of one unnamed scene.
-fn of_points(points: impl IntoIterator<Item = Point>) -> Chart {
+fn of_points(points: impl IntoIterator<Item = ChartPoint>) -> Chart {
     let adapter = |backend: &str| Adapter {
         backend: backend.to_owned(),
         adapter: "Invented GPU X200".to_owned(),
@@ -91,7 +79,7 @@ fn of_points(points: impl IntoIterator<Item = Point>) -> Chart {
             adapters: vec![adapter("vulkan"), adapter("wgpu")],
         },
         points: points.into_iter().collect(),
-        scenes: vec![Scene::default()],
+        scenes: vec![ChartScene::default()],
         failures: Vec::new(),
     }
 }
@@ -184,9 +172,6 @@ fn draws_and_labels_every_point() {
         "fastest of its accuracy",
         "edges and vertices",
         "outlier",
-        "leaks per million",
-        "double hits per million",
-        "100000",
     ] {
         assert!(texts.iter().any(|t| t == words), "{words}: {texts:?}");
     }
@@ -239,14 +224,12 @@ fn csv_columns_are_stable() {
     let (head, _) = records(&Chart::default());
     let expected = "scene triangles backend adapter driver intersector update samples ms_median ms_p5 ms_p95 \
         mrays_per_s rays_tested wrong wrong_per_million wrong_per_million_low wrong_per_million_high on_front \
-        wrong_shadow aimed_rays aimed_wrong t_error_ulp_median t_error_ulp_p999 t_error_ulp_worst memory_bytes \
-        cpu version date command schema error";
+        wrong_shadow aimed_rays aimed_wrong memory_bytes cpu version date schema error";
     assert_eq!(head.iter().collect::<Vec<_>>().join(" "), expected);
     let chart = invented(1);
     let mut points = chart.points.iter();
     let woop = points.position(|p| p.intersector == "woop").unwrap();
     for (name, expected) in [
-        ("leaks_at_100000", "2600"),
         ("rays_of_outlier", "9000"),
         ("wrong_of_outlier", "2600"),
         ("wrong", "2600"),
@@ -287,11 +270,11 @@ fn failures_appear_in_every_table() {
 
 #[test]
 fn counts_points_that_are_not_drawn() {
-    let unknown = Point {
-        ms_per_frame: Spread::default(),
+    let unknown = ChartPoint {
+        ms_per_frame: TimeSpread::default(),
         ..point(1.0, 3)
     };
-    let untested = Point {
+    let untested = ChartPoint {
         rays_tested: 0,
         ..point(1.0, 0)
     };
@@ -352,13 +335,10 @@ fn draws_extreme_values() {
         .into();
     points[0].rays_tested = most;
     points[0].memory_bytes = Some(most);
-    points[0].leaks = [-1e300, 0.1].map(|o| leaks(o, most, 1)).into();
-    points[1].leaks = vec![leaks(0.1, 0, 9), leaks(-1e300, 1, 3)];
-    points[1].t_error_ulp = Some(TError {
-        median: Some(f64::MIN_POSITIVE),
-        p999: Some(f64::MAX),
-        worst: None,
-    });
+    points[1].aimed = Aimed {
+        rays: most,
+        wrong: most,
+    };
     assert_eq!(places(&checked(&of_points(points))).len(), 3);
 }
 

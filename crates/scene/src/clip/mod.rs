@@ -16,7 +16,7 @@ use crate::mesh::joined_triangles;
 use crate::paths::extension;
 use crate::rounding::Rounding;
 use crate::stream::{KeySize, check_counts, check_keys, within};
-use crate::{Facts, MAX_FPS, Options, Result, Scene, SceneError, stream};
+use crate::{Facts, MAX_FPS, Result, Scene, SceneError, SceneOptions, stream};
 use document::GltfFile;
 use geom::lock;
 use motion::ClipMotion;
@@ -29,7 +29,7 @@ const MAX_KEYS: usize = 1 << 16;
 /// Maximum number of vertices in all key frames together. They take 48 GiB.
 const MAX_POSITIONS: usize = 1 << 32;
 
-pub(crate) fn open(name: String, path: &Path, options: &Options) -> Result<Scene> {
+pub(crate) fn open(name: String, path: &Path, options: &SceneOptions) -> Result<Scene> {
     let fps = options.fps;
     if !(fps > 0.0 && fps <= MAX_FPS) {
         return Err(SceneError(format!(
@@ -102,7 +102,11 @@ fn clip_name(file: &GltfFile, clip: usize) -> String {
 }
 
 /// Returns the index of the requested clip, matched by name and then by index. The default is the first clip.
-fn choose(file: &GltfFile, options: &Options, notes: &mut Vec<String>) -> Result<Option<usize>> {
+fn choose(
+    file: &GltfFile,
+    options: &SceneOptions,
+    notes: &mut Vec<String>,
+) -> Result<Option<usize>> {
     let clips = 0..file.document.animations.len();
     let all: Vec<_> = clips.clone().map(|i| clip_name(file, i)).collect();
     let Some(requested) = &options.clip else {

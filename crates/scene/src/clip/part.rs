@@ -9,7 +9,7 @@ use super::transform::vector;
 use crate::mesh::{compact, from_linear};
 use crate::rounding::Position;
 use crate::stream::check_memory;
-use crate::{Options, Result, Rgb};
+use crate::{Result, Rgb, SceneOptions};
 use glam::{DMat4, DVec3, Mat4};
 use std::collections::BTreeMap;
 
@@ -101,7 +101,7 @@ impl<'a> Drawn<'a> {
     }
 
     /// Refuses meshes that exceed the memory limit. A small file may show one mesh many times.
-    pub(super) fn check_memory(&self, file: &GltfFile, options: &Options) -> Result<()> {
+    pub(super) fn check_memory(&self, file: &GltfFile, options: &SceneOptions) -> Result<()> {
         let mut bytes = 0_u64;
         for item in &self.items {
             let copies = rig::copies(file, item.index)? as u64;

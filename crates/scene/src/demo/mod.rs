@@ -13,7 +13,7 @@ mod stage;
 mod twist;
 
 use crate::stream::{check_memory, with_more};
-use crate::{Facts, Options, Result, Scene, SceneError};
+use crate::{Facts, Result, Scene, SceneError, SceneOptions};
 use glam::DVec3;
 use stage::{DemoPart, assemble};
 use std::sync::Arc;
@@ -37,7 +37,7 @@ const DEMOS: [Demo; 5] = [
 ];
 
 /// Opens the demo named by the text after `demo:`, such as `shatter` or `grove:5000`.
-pub(crate) fn open(name: &str, options: &Options) -> Result<Scene> {
+pub(crate) fn open(name: &str, options: &SceneOptions) -> Result<Scene> {
     let mut parts = name.splitn(2, ':');
     let (name, asked) = (parts.next().unwrap_or_default(), parts.next());
     let Some(&(name, build, default, keys)) = DEMOS.iter().find(|d| d.0 == name) else {
@@ -127,7 +127,7 @@ mod tests {
     use crate::testing::refused;
 
     fn open(name: &str) -> Result<Scene> {
-        super::open(name, &Options::default())
+        super::open(name, &SceneOptions::default())
     }
 
     #[test]
@@ -138,9 +138,9 @@ mod tests {
             let each = bytes / animation.triangle_count();
             assert!(each as u64 >= LEAST_BYTES && each < 1000, "{name}: {each}");
         }
-        let options = Options {
+        let options = SceneOptions {
             memory: Some(1 << 30),
-            ..Options::default()
+            ..SceneOptions::default()
         };
         let large = super::open("twist:90000000", &options);
         refused(large, &["1.1 GB are free"]);

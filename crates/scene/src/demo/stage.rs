@@ -4,7 +4,7 @@
 use super::shapes::{DemoMesh, sheet, sheet_size};
 use crate::mesh::joined_triangles;
 use crate::stream::KeySize;
-use crate::{Options, Result, Rgb, stream};
+use crate::{Result, Rgb, SceneOptions, stream};
 use geom::{Animation, Point};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use rayon::prelude::*;
@@ -83,7 +83,7 @@ impl DemoPart {
 pub(super) fn assemble(
     parts: Vec<DemoPart>,
     keys: u32,
-    options: &Options,
+    options: &SceneOptions,
 ) -> Result<(Animation, Vec<Rgb>)> {
     let vertices = parts.iter().map(|p| p.mesh.points.len()).sum();
     let meshes = parts.iter().map(|p| &p.mesh);

@@ -1,6 +1,6 @@
 use super::*;
 use crate::testing::{open_in, put};
-use crate::{Options, Scene};
+use crate::{Scene, SceneOptions};
 use std::fmt::Write as _;
 use tempfile::TempDir;
 
@@ -68,9 +68,9 @@ fn gltf() -> String {
 }
 
 fn open(folder: &TempDir, name: &str, recentre: bool) -> Scene {
-    let options = Options {
+    let options = SceneOptions {
         recentre,
-        ..Options::default()
+        ..SceneOptions::default()
     };
     open_in(folder, name, &options).unwrap()
 }

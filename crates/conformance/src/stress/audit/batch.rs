@@ -3,11 +3,10 @@
 use super::BatchSpec;
 use crate::compare::{ray_text, triangle_text};
 use crate::oracle::ExactHit;
-use crate::stage::{ask, is_extreme, triangles};
-use crate::stress::scenes::StressScene;
+use crate::stage::ask;
 use crate::stress::stress_test::AnsweredScene;
 use backend::{Backend, Intersector, QueryKind, Rays, Result};
-use geom::{Aabb, Hit, Ray, Triangle};
+use geom::Hit;
 use serde::Serialize;
 use std::ops::AddAssign;
 
@@ -37,8 +36,7 @@ pub struct AuditCounts {
     pub settled: u64,
     /// Number of rays whose triangle or miss differs from the exact one.
     pub wrong: u64,
-    /// Number of rays whose `t` is outside their limits, or has a larger error than documented. With `exact`, number of
-    /// rays whose `t`, `u` or `v` is not the exact number rounded once.
+    /// Number of rays with the right triangle whose `t`, `u` or `v` is not the exact number rounded once.
     pub wrong_t: u64,
     /// Number of rays with a wrong any-hit answer.
     pub wrong_any: u64,
@@ -60,18 +58,14 @@ impl AuditBatch {
             settled: closest.report.settled,
             ..AuditCounts::default()
         };
-        let bounds = TBounds::of(scene);
         let found = closest.hits.closest.iter().zip(&any.blocked);
         for (number, (expected, (hit, &any))) in self.answered.exact.iter().zip(found).enumerate() {
             let wrong = hit.triangle != self.answered.triangle(number);
             let wrong_any = (any == 1) != expected.is_some();
-            let right_t = |e: ExactHit| match intersector {
-                Intersector::Exact => {
-                    [hit.t, hit.u, hit.v].map(f32::to_bits) == e.rounded.map(f32::to_bits)
-                }
-                _ => bounds.allow(&scene.rays[number], &e, hit.t),
+            let is_exact = |e: ExactHit| {
+                [hit.t, hit.u, hit.v].map(f32::to_bits) == e.rounded.map(f32::to_bits)
             };
-            let wrong_t = !wrong && !expected.is_none_or(right_t);
+            let wrong_t = !wrong && !expected.is_none_or(is_exact);
             tally.rays += 1;
             tally.hits += u64::from(expected.is_some());
             tally.ties += u64::from(expected.is_some_and(|e| e.tie));
@@ -114,55 +108,5 @@ impl AddAssign for AuditCounts {
         self.wrong_t += other.wrong_t;
         let room = KEPT.saturating_sub(self.first.len());
         self.first.extend(other.first.into_iter().take(room));
-    }
-}
-
-/// `64 * 2^-24`, which exceeds the padding of boxes plus the rounding of their test.
-const PADDING: f64 = 64.0 / 16_777_216.0;
-
-/// Permitted errors of `t` for intersectors that round (`docs/design/hits.md`, "Hit").
-struct TBounds<'a> {
-    scene: &'a StressScene,
-    corners: Vec<Triangle>,
-}
-
-impl<'a> TBounds<'a> {
-    fn of(scene: &'a StressScene) -> Self {
-        Self {
-            scene,
-            corners: triangles(&scene.animation, scene.time),
-        }
-    }
-
-    /// Returns whether an intersector that rounds may report `t` for an exact hit.
-    ///
-    /// `t` must be within the ray's limits, if they contain a float. If the ray is extreme, `t` must be rounded once,
-    /// else it must be within the padded box of the triangle.
-    fn allow(&self, ray: &Ray, hit: &ExactHit, t: f32) -> bool {
-        let (least, most) = (ray.t_min.next_up(), ray.t_max.next_down());
-        if least <= most && !(least..=most).contains(&t) {
-            return false;
-        }
-        // A subnormal `t` is rounded once more from scaled units.
-        let [below, above] = [t.next_down(), t.next_up()].map(f64::from);
-        if is_extreme(&self.scene.animation, self.scene.time, ray.origin) {
-            return (below..=above).contains(&hit.t) || t == least || t == most;
-        }
-        let [near, far] = self.own_span(ray, hit.triangle);
-        near.min(most.into()) <= above && below <= far.max(least.into())
-    }
-
-    /// Returns the interval in which the ray may be inside the triangle's padded box.
-    fn own_span(&self, ray: &Ray, triangle: u32) -> [f64; 2] {
-        let d = ray.direction.map(f64::from);
-        let longest = d.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
-        let axis = d.iter().position(|x| x.abs() == longest).unwrap_or(0);
-        let way = |i: usize, x: f32| f64::from(x) - f64::from(ray.origin[i]);
-        let own = Aabb::of_triangle(&self.corners[triangle as usize]);
-        let ends = |i: usize| [own.min[i], own.max[i]].map(|x| way(i, x).abs());
-        let reach = (0..3).flat_map(ends);
-        let padding = PADDING * reach.fold(0.0, f64::max) / longest;
-        let [a, b] = [own.min[axis], own.max[axis]].map(|x| way(axis, x) / d[axis]);
-        [a.min(b) - padding, a.max(b) + padding]
     }
 }

@@ -8,7 +8,7 @@ mod batch;
 
 use crate::generate::cases::placements;
 use crate::generate::rays::{Aims, turn};
-use crate::generate::scenes::{SceneKind, scenes};
+use crate::generate::scenes::scenes;
 use crate::generate::strategies::sample;
 use crate::generate::{mixed, shares};
 use crate::stress::scenes::StressScene;
@@ -18,11 +18,12 @@ use geom::Animation;
 use rayon::prelude::*;
 use std::sync::Arc;
 
+pub use crate::generate::scenes::SceneKind;
 pub use batch::{AuditBatch, AuditCounts};
 
 /// Maximum number of rays per batch, which is small so that rays are traced in many scenes.
 const MOST: u64 = 1 << 14;
-/// Minimum number of batches for each kind of mesh and each given scene.
+/// Minimum number of batches for each kind of mesh.
 const BATCHES: u64 = 6;
 
 /// One scene at one moment, and its number of rays.
@@ -32,63 +33,40 @@ pub struct BatchSpec {
     pub number: u64,
     /// Number of rays.
     pub rays: u64,
-    /// Index of a kind of mesh or, after those, of a given scene.
-    source: usize,
+    /// Kind of its mesh.
+    pub kind: SceneKind,
 }
 
-/// An audit with a seed, a number of rays and given scenes.
-#[derive(Debug)]
+/// An audit over meshes of every kind.
+#[derive(Clone, Copy, Debug)]
 pub struct Audit {
-    seed: u64,
-    rays: u64,
-    given: Vec<(String, Arc<Animation>)>,
+    /// Seed of the meshes and rays.
+    pub seed: u64,
+    /// Number of rays in all batches.
+    pub rays: u64,
 }
 
 impl Audit {
-    /// Creates an audit of `rays` rays, over meshes of every kind generated from `seed` and over the `given` named
-    /// scenes.
-    pub fn new(seed: u64, rays: u64, given: Vec<(String, Arc<Animation>)>) -> Self {
-        Self { seed, rays, given }
-    }
-
-    /// Returns all batches that have rays. Each kind of mesh and each given scene gets the same number of rays, up to
-    /// one.
+    /// Returns all batches that have rays. Each kind of mesh gets the same number of rays, up to one.
     pub fn specs(&self) -> Vec<BatchSpec> {
-        let sources = SceneKind::ALL.len() + self.given.len();
+        let kinds = SceneKind::ALL;
         let mut specs = Vec::new();
-        for (source, share) in shares(self.rays, sources as u64).enumerate() {
+        for (kind, share) in kinds.into_iter().zip(shares(self.rays, kinds.len() as u64)) {
             for rays in shares(share, share.div_ceil(MOST).max(BATCHES)) {
                 let number = specs.len() as u64;
-                specs.push(BatchSpec {
-                    number,
-                    rays,
-                    source,
-                });
+                specs.push(BatchSpec { number, rays, kind });
             }
         }
         specs.retain(|spec| spec.rays > 0);
         specs
     }
 
-    /// Returns the name of a batch's scene: the kind of mesh or the given name.
-    pub fn name(&self, spec: &BatchSpec) -> &str {
-        match SceneKind::ALL.get(spec.source) {
-            Some(kind) => kind.name(),
-            None => &self.given[spec.source - SceneKind::ALL.len()].0,
-        }
-    }
-
     /// Generates a batch's scene and rays, and computes the exact answers, in parallel.
     pub fn batch(&self, spec: &BatchSpec) -> AuditBatch {
         let seed = mixed(mixed(self.seed) ^ spec.number);
         let rng = &mut Rng::with_seed(seed);
-        let animation = match SceneKind::ALL.get(spec.source) {
-            Some(&kind) => {
-                let (place, scene) = sample(&(placements(), scenes(kind)), seed);
-                place.animation(scene)
-            }
-            None => Arc::clone(&self.given[spec.source - SceneKind::ALL.len()].1),
-        };
+        let (place, mesh) = sample(&(placements(), scenes(spec.kind)), seed);
+        let animation = place.animation(mesh);
         let mut scene = moment(animation, rng);
         let aims = Aims::of(&scene.animation, scene.time);
         let ray = |i| Aims::pick(&aims, &sample(&turn(i), mixed(seed ^ (i + 1))));
@@ -114,18 +92,13 @@ mod tests {
     use backend::Intersector;
     use cpu_ref::CpuBackend;
 
-    fn given() -> Vec<(String, Arc<Animation>)> {
-        let scene = scene::open("demo:collide:300", &scene::Options::default());
-        vec![("bodies".to_owned(), scene.unwrap().animation)]
-    }
-
     #[test]
     fn batches_distribute_all_rays_evenly() {
         for rays in [1, 100, 6000, 3_000_000] {
-            let audit = Audit::new(4, rays, given());
+            let audit = Audit { seed: 4, rays };
             let specs = audit.specs();
-            let sorts = SceneKind::ALL.len() as u64 + 1;
-            for source in specs.chunk_by(|a, b| audit.name(a) == audit.name(b)) {
+            let sorts = SceneKind::ALL.len() as u64;
+            for source in specs.chunk_by(|a, b| a.kind == b.kind) {
                 let sum: u64 = source.iter().map(|spec| spec.rays).sum();
                 assert!(sum.abs_diff(rays / sorts) <= 1, "{sum} of {rays}");
             }
@@ -136,7 +109,7 @@ mod tests {
 
     #[test]
     fn batches_are_reproducible_by_seed() {
-        let [all, other] = [4, 5].map(|seed| Audit::new(seed, 20_000, given()));
+        let [all, other] = [4, 5].map(|seed| Audit { seed, rays: 20_000 });
         let specs = all.specs();
         for spec in [&specs[3], &specs[specs.len() - 1]] {
             let rays = |audit: &Audit| format!("{:?}", audit.batch(spec));
@@ -147,7 +120,10 @@ mod tests {
 
     #[test]
     fn detects_rounding_intersectors() {
-        let audit = Audit::new(4, 5000, Vec::new());
+        let audit = Audit {
+            seed: 4,
+            rays: 5000,
+        };
         let mut cpu = CpuBackend::new(Some(2)).unwrap();
         let mut tally = AuditCounts::default();
         for spec in audit.specs() {

@@ -86,16 +86,16 @@ fn glb(json: &str, bin: &[u8]) -> Vec<u8> {
     container(&[chunk(b"JSON", json.as_bytes()), chunk(b"BIN\0", bin)])
 }
 
-fn read_with(bytes: &[u8], options: &Options) -> Result<Scene> {
+fn read_with(bytes: &[u8], options: &SceneOptions) -> Result<Scene> {
     let file = tempfile::Builder::new().suffix(".glb").tempfile().unwrap();
     fs::write(file.path(), bytes).unwrap();
     open(file.path().to_str().unwrap(), options)
 }
 
 fn read(bin: &Bin, rest: &str) -> Result<Scene> {
-    let options = Options {
+    let options = SceneOptions {
         fps: 2.0,
-        ..Options::default()
+        ..SceneOptions::default()
     };
     read_with(&glb(&bin.json(rest, ""), &bin.bytes), &options)
 }
@@ -173,10 +173,10 @@ fn selects_clip_by_name_or_index() {
     let two = rest.replace(r#""animations":["#, more);
     let bytes = glb(&bin.json(&two, ""), &bin.bytes);
     let with = |fps, clip: Option<&str>| {
-        let options = Options {
+        let options = SceneOptions {
             fps,
             clip: clip.map(str::to_owned),
-            ..Options::default()
+            ..SceneOptions::default()
         };
         read_with(&bytes, &options)
     };

@@ -15,7 +15,7 @@ fn triangle(more: &str) -> (Bin, String) {
 fn read_text(json: impl AsRef<[u8]>) -> Result<Scene> {
     let folder = tempfile::tempdir().unwrap();
     let path = put(&folder, "a.gltf", json);
-    open(path.to_str().unwrap(), &Options::default())
+    open(path.to_str().unwrap(), &SceneOptions::default())
 }
 
 /// Asserts that the scene is the triangle of [`CORNERS`], and returns its remarks.
@@ -75,7 +75,7 @@ fn unused_buffers_may_be_missing() {
         "},{\"byteLength\":5},{\"byteLength\":5,\"uri\":\"absent.bin\"}],\"bufferViews\"",
     );
     assert!(json.contains("absent.bin"));
-    is_triangle(read_with(&glb(&json, &bin.bytes), &Options::default()));
+    is_triangle(read_with(&glb(&json, &bin.bytes), &SceneOptions::default()));
     let text = BASE64_STANDARD.encode(&bin.bytes);
     let uri = format!(r#""byteLength":36,"uri":"data:;base64,{text}""#);
     let json = json.replacen(r#""byteLength":36"#, &uri, 1);
@@ -120,7 +120,10 @@ fn integers_may_be_written_as_floats() {
         .replace(r#""componentType":5126"#, r#""componentType":5126.0"#)
         .replace(r#""POSITION":0"#, r#""POSITION":-0.0"#);
     assert_ne!(json, floats);
-    is_triangle(read_with(&glb(&floats, &bin.bytes), &Options::default()));
+    is_triangle(read_with(
+        &glb(&floats, &bin.bytes),
+        &SceneOptions::default(),
+    ));
     let changes = r#"
         "count":3 | "count":3.5 | 3.5 is not a whole number of at least 0
         "count":3 | "count":-3 | -3 is not a whole number of at least 0
@@ -173,7 +176,7 @@ fn unsupported_versions_are_named() {
     let with = |asset: &str| {
         let json = bin.json(&rest, "");
         let json = json.replace(r#""asset":{"version":"2.0"}"#, asset);
-        read_with(&glb(&json, &bin.bytes), &Options::default())
+        read_with(&glb(&json, &bin.bytes), &SceneOptions::default())
     };
     for asset in [
         r#""asset":{"version":"2.0","minVersion":"2.0"}"#,
@@ -219,7 +222,10 @@ fn byte_order_marks_are_rejected() {
     let marked = format!("\u{feff}{text}");
     let says = "begins with a byte order mark of UTF-8";
     refused(read_text(&marked), &[says]);
-    refused(read_with(&glb(&marked, &[]), &Options::default()), &[says]);
+    refused(
+        read_with(&glb(&marked, &[]), &SceneOptions::default()),
+        &[says],
+    );
     let wide = marked.encode_utf16().flat_map(u16::to_le_bytes);
     let says = "begins with a byte order mark of UTF-16";
     refused(read_text(wide.collect::<Vec<_>>()), &[says]);
@@ -231,7 +237,7 @@ fn ignores_unknown_chunks_and_trailing_bytes() {
     let json = chunk(b"JSON", bin.json(&rest, "").as_bytes());
     let data = chunk(b"BIN\0", &bin.bytes);
     let other = || chunk(b"\xffX\0Y", b"12345678");
-    let read = |bytes: &[u8]| read_with(bytes, &Options::default());
+    let read = |bytes: &[u8]| read_with(bytes, &SceneOptions::default());
     for chunks in [
         vec![json.clone(), data.clone()],
         vec![json.clone(), other(), data.clone(), other()],

@@ -11,9 +11,9 @@ fn reads_buffers_from_uris_and_files() {
     let read = |source: &str, allow_outside| {
         let json = bin.json(&rest, &format!(r#","uri":"{source}""#));
         let path = put(&all, "scene/a.gltf", json);
-        let options = Options {
+        let options = SceneOptions {
             allow_outside,
-            ..Options::default()
+            ..SceneOptions::default()
         };
         open(path.to_str().unwrap(), &options)
     };
@@ -43,7 +43,7 @@ pub(super) fn refuse(file: &str, bin: &Bin, changes: &str) {
         let [from, to, says] = std::array::from_fn(|_| parts.next().unwrap());
         let broken = file.replacen(from, &to.replace("HUGE", &u64::MAX.to_string()), 1);
         assert_ne!(broken, file, "{from}");
-        let opened = read_with(&glb(&broken, &bin.bytes), &Options::default());
+        let opened = read_with(&glb(&broken, &bin.bytes), &SceneOptions::default());
         refused(opened, &[says]);
     }
 }
@@ -76,7 +76,7 @@ fn errors_name_dangling_references() {
 fn rejects_mismatched_accessors_and_weights() {
     let (bin, rest) = morphing();
     let json = bin.json(&rest, "");
-    let read = |bytes: &[u8]| read_with(bytes, &Options::default());
+    let read = |bytes: &[u8]| read_with(bytes, &SceneOptions::default());
     let mut bytes = glb(&json, &bin.bytes);
     assert!(read(&bytes).is_ok());
     let changes = r#"
@@ -108,7 +108,7 @@ fn rejects_files_shorter_than_declared() {
     let most = "4294967295 bytes are declared";
     for (length, says) in [(5, "within its header"), (u32::MAX, most)] {
         let lies = [&whole[..8], &length.to_le_bytes(), &whole[12..]].concat();
-        refused(read_with(&lies, &Options::default()), &[says]);
+        refused(read_with(&lies, &SceneOptions::default()), &[says]);
     }
 }
 
@@ -130,13 +130,13 @@ fn rejects_scenes_beyond_memory_before_sampling() {
     let bytes = glb(&bin.json(&rest, ""), &bin.bytes);
     assert!(bytes.len() < 40_000);
     let with_run = |fps, memory, [more_bytes, triangle_bytes]: [u64; 2]| {
-        let options = Options {
+        let options = SceneOptions {
             fps,
             memory: Some(memory),
             more_bytes,
             triangle_bytes,
             key_bytes: u64::MAX,
-            ..Options::default()
+            ..SceneOptions::default()
         };
         read_with(&bytes, &options)
     };
