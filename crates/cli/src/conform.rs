@@ -2,7 +2,7 @@
 
 mod oracle;
 
-use crate::command::{Requirement, RunCommand};
+use crate::command::RunCommand;
 use crate::console::{self, ProgressLine};
 use crate::file_checks::CommandFiles;
 use crate::stop::Stop;

@@ -36,7 +36,7 @@ impl MovingLanes {
         let moving: u32 = lanes.iter().map(|lanes| lanes.count_ones()).sum();
         // Every block and every node but the root is in a lane.
         let all = shape.blocks.len() + shape.nodes.len() - 1;
-        StaticParts::pays(moving as usize, all).then(|| Self {
+        StaticParts::pays(moving as usize, all).then_some(Self {
             lanes,
             nodes,
             levels,

@@ -10,10 +10,12 @@ use libtest_mimic::Trial;
 use std::sync::Arc;
 
 type Opened = backend::Result<Box<dyn Backend>>;
+type Open = fn() -> Opened;
+type Check = fn(Box<dyn Backend>);
 
 /// Creates the tests of each device, ignored if the device is absent.
 pub(crate) fn trials() -> Vec<Trial> {
-    let open: [(&str, fn() -> Opened); 4] = [
+    let open: [(&str, Open); 4] = [
         ("cpu-ref", || {
             Ok(Box::new(cpu_ref::CpuBackend::new(Some(2))?))
         }),
@@ -25,7 +27,7 @@ pub(crate) fn trials() -> Vec<Trial> {
             Ok(Box::new(gpu_wgpu::open(&Default::default())?))
         }),
     ];
-    let tests: [(&str, fn(Box<dyn Backend>)); 4] = [
+    let tests: [(&str, Check); 4] = [
         ("boxes_near_the_origin_lose_no_exact_hit", near_the_origin),
         ("small_determinants_decide_no_distance", small_determinants),
         ("ties_at_zero_go_to_the_lowest_triangle", ties_at_zero),
@@ -117,8 +119,8 @@ fn small_determinants(backend: Box<dyn Backend>) {
 fn ties_at_zero(mut backend: Box<dyn Backend>) {
     let first = [
         [-2.052_907_2e-19, 1.577_45e-19, 1.084_211e-19],
-        [8.673_616_9e-19, 3.835_551_2e-19, 2.997_596_0e-19],
-        [6.458_097_3e-19, -7.241_718_1e-20, 4.677_732_7e-19],
+        [8.673_617e-19, 3.835_551_2e-19, 2.997_596e-19],
+        [6.458_097_3e-19, -7.241_718e-20, 4.677_732_7e-19],
     ];
     let (half, z) = ((-61_f32).exp2(), (-63_f32).exp2());
     let second = [[-half, -half, z], [half, -half, z], [0.0, half, z]];
