@@ -7,7 +7,7 @@ mod timing;
 use crate::camera::{CameraSettings, LitCamera};
 use crate::command::Requirement;
 use crate::devices::{BackendChoice, Opening, backend_name};
-use crate::frame_list::{self, FrameChoice};
+use crate::frame_list::{self, FrameChoice, TimeRange};
 use crate::parsers;
 use crate::scene_source::{self, SceneSettings};
 use crate::setup::{self, Setup, Started};
@@ -55,6 +55,9 @@ pub(crate) struct MeasureSettings {
     /// Frames of each run: N spread evenly over the time range, or those at key times A..B
     #[arg(long, value_name = "N|A..B")]
     pub(crate) frames: FrameChoice,
+    /// Time range, in key frames [default: the whole motion]
+    #[arg(long, value_name = "T0..T1", allow_hyphen_values = true)]
+    time_range: Option<TimeRange>,
     #[command(flatten)]
     pub(crate) camera: CameraSettings,
     /// Seconds for which a device repeats the first frame of each run before frames are timed. Warm-up continues until
@@ -88,7 +91,7 @@ impl MeasureSettings {
         let keys = scene.animation.key_count();
         Ok(MeasuredScene {
             name: name.to_owned(),
-            frames: frame_list::list(Some(&self.frames), None, keys, false)?,
+            frames: frame_list::list(Some(&self.frames), self.time_range, keys, false)?,
             shot: self.camera.aim(&scene)?,
             scene,
         })
