@@ -128,7 +128,7 @@ fn projected(params: Params, camera: &Camera) -> Option<Params> {
     // In units of 2^-24 of the largest depth, how far rounded directions move the depth of a hit: see "Depths" in
     // docs/design/packets.md.
     let depth_error = 3.0 * largest * size(depth);
-    let is_usual = exponent.abs() < 64.0 && margin < 0.25 && depth_error <= 10.0;
+    let is_usual = exponent.abs() < 64.0 && margin < 0.25 && depth_error <= 31.0;
     let is_seen = scaled.as_flattened().iter().all(|x| x.abs() < 1.0e9);
     let is_small = camera.width.max(camera.height) <= LONGEST;
     let [column, row, depth] = scaled;

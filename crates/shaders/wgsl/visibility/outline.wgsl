@@ -32,13 +32,13 @@ const PROJECTION_ERROR: f32 = 2.1457672119140625e-6;
 // Distance from the picture, in pixels, beyond which coverage is not computed.
 const MAX_OFFSCREEN_PIXELS: f32 = 16384.0;
 
-// Bounds the error of a depth, and of the depth of a hit, in the same units. 16 * 2^-24.
+// Bounds the error of a depth, and of the depth of a hit, in the same units. 38 * 2^-24.
 @if(EXACT)
-const DEPTH_ERROR: f32 = 9.5367431640625e-7;
+const DEPTH_ERROR: f32 = 2.26497650146484375e-6;
 
-// 36 * 2^-24.
+// 57 * 2^-24.
 @else
-const DEPTH_ERROR: f32 = 2.1457672119140625e-6;
+const DEPTH_ERROR: f32 = 3.397464752197265625e-6;
 
 fn l1_norm(v: vec3<f32>) -> f32 { return abs(v.x) + abs(v.y) + abs(v.z); }
 
@@ -60,6 +60,7 @@ fn near_limit(max_distance: f32) -> f32 { return 64.0 * PROJECTION_ERROR * max_d
 
 // Returns whether a triangle is certainly beyond one side of the picture. This also holds if it reaches behind the eye: no point
 // there is visible, and in front of the eye the sign of column times depth determines the side.
+@if(!WATERTIGHT)
 fn is_triangle_outside(x: vec3<f32>, y: vec3<f32>, z: vec3<f32>, depths: vec3<f32>, max_distance: f32) -> bool {
     let across = params.column.x * x + params.column.y * y + params.column.z * z;
     let down = params.row.x * x + params.row.y * y + params.row.z * z;
@@ -70,6 +71,40 @@ fn is_triangle_outside(x: vec3<f32>, y: vec3<f32>, z: vec3<f32>, depths: vec3<f3
         vec2<f32>(min_component(down - f32(params.height) * depths), max_component(down)),
         params.row, params.height, max_distance,
     );
+}
+
+// The computed t of a needle may be anywhere in the triangle's own box, so the box decides.
+@if(WATERTIGHT)
+fn is_triangle_outside(x: vec3<f32>, y: vec3<f32>, z: vec3<f32>, depths: vec3<f32>, max_distance: f32) -> bool {
+    let own = own_box_of(x, y, z);
+    return is_box_outside(own.low, own.high, max_distance);
+}
+
+// Returns whether nothing that the triangle contributes is in front of the eye.
+fn is_triangle_behind(x: vec3<f32>, y: vec3<f32>, z: vec3<f32>, depths: vec3<f32>, max_distance: f32) -> bool {
+    @if(WATERTIGHT) let farthest = max_box_depth(own_box_of(x, y, z));
+    @else let farthest = max_component(depths);
+    return farthest < -near_limit(max_distance) && max_distance < MAX_DISTANCE;
+}
+
+// The bounds of a triangle, relative to the eye.
+struct OwnBox { low: vec3<f32>, high: vec3<f32> }
+
+fn own_box_of(x: vec3<f32>, y: vec3<f32>, z: vec3<f32>) -> OwnBox {
+    return OwnBox(
+        vec3<f32>(min_component(x), min_component(y), min_component(z)),
+        vec3<f32>(max_component(x), max_component(y), max_component(z)),
+    );
+}
+
+fn min_box_depth(b: OwnBox) -> f32 {
+    let least = min(params.depth * b.low, params.depth * b.high);
+    return least.x + least.y + least.z;
+}
+
+fn max_box_depth(b: OwnBox) -> f32 {
+    let most = max(params.depth * b.low, params.depth * b.high);
+    return most.x + most.y + most.z;
 }
 
 // Returns the same for a box.
@@ -88,14 +123,8 @@ fn is_box_outside_along(low: vec3<f32>, high: vec3<f32>, axis: vec3<f32>, size: 
 // Returns whether two bounds, both times depth, show that: the least projected coordinate minus the picture's size, and the
 // greatest projected coordinate.
 fn is_outside(min_and_max: vec2<f32>, axis: vec3<f32>, size: u32, max_distance: f32) -> bool {
-    let error_bound = PROJECTION_ERROR * max_distance * (l1_norm(axis) + f32(size) * l1_norm(params.depth));
+    let error_bound = DEPTH_ERROR * max_distance * (l1_norm(axis) + f32(size) * l1_norm(params.depth));
     return max_distance < MAX_DISTANCE && (min_and_max.x > error_bound || min_and_max.y < -error_bound);
-}
-
-// Returns the least depth of the corners of a box. `low` and `high` are relative to the eye.
-fn box_depth(low: vec3<f32>, high: vec3<f32>) -> f32 {
-    let least = min(params.depth * low, params.depth * high);
-    return least.x + least.y + least.z;
 }
 
 // Returns the least depth of hits within something whose computed depth is `depth`; at least 0.
@@ -215,7 +244,7 @@ fn outline_of(leaf: u32, origin: vec3<f32>, max_distance: f32) -> Outline {
     let y = bitcast<vec3<f32>>(records[3u * leaf + 1u].xyz) - origin.y;
     let z = bitcast<vec3<f32>>(records[3u * leaf + 2u].xyz) - origin.z;
     let depths = params.depth.x * x + params.depth.y * y + params.depth.z * z;
-    let is_behind = max_component(depths) < -near_limit(max_distance) && max_distance < MAX_DISTANCE;
+    let is_behind = is_triangle_behind(x, y, z, depths, max_distance);
     if is_unhittable(leaf) || is_behind { return without_edges(vec2<i32>(0), vec2<i32>(-1)); }
     let inverse = 1.0 / depths;
     let across = loose_project(params.column, x, y, z, inverse, max_distance);

@@ -6,8 +6,8 @@ import package::geometry::record::is_unhittable;
 import package::lib::buffers::{covers, nodes, records, topology};
 import package::lib::params::{element_index, params};
 import package::visibility::outline::{
-    EMPTY_SPAN, FULL_SPAN, NO_COVERAGE, Projected, UNBOUNDED, box_depth, is_precise, is_triangle_outside, loose_pixel_span,
-    loose_project, near_limit, nearest_depth, project_box, project_own_box,
+    EMPTY_SPAN, FULL_SPAN, NO_COVERAGE, Projected, UNBOUNDED, is_precise, is_triangle_behind, is_triangle_outside, loose_pixel_span,
+    loose_project, min_box_depth, near_limit, nearest_depth, own_box_of, project_box, project_own_box,
 };
 
 // A bound for every row of pixels, in 256ths of a pixel: `at` in row `first`, plus `slope` per row. Covered pixels begin after it
@@ -88,7 +88,7 @@ fn project_triangle(leaf: u32, origin: vec3<f32>, max_distance: f32) {
     let y = bitcast<vec3<f32>>(records[3u * leaf + 1u].xyz) - origin.y;
     let z = bitcast<vec3<f32>>(records[3u * leaf + 2u].xyz) - origin.z;
     let depths = params.depth.x * x + params.depth.y * y + params.depth.z * z;
-    let is_behind = max_component(depths) < -near_limit(max_distance) && max_distance < MAX_DISTANCE;
+    let is_behind = is_triangle_behind(x, y, z, depths, max_distance);
     if is_unhittable(leaf) || is_behind {
         write_triangle(leaf, EMPTY_SPAN, EMPTY_SPAN, 0.0, no_lines());
         return;
@@ -97,11 +97,7 @@ fn project_triangle(leaf: u32, origin: vec3<f32>, max_distance: f32) {
     let across = loose_project(params.column, x, y, z, inverse, max_distance);
     let down = loose_project(params.row, x, y, z, inverse, max_distance);
     @if(EXACT) let depth = min_component(depths);
-    // The computed t of a needle may be anywhere in the triangle's own box.
-    @else let depth = box_depth(
-        vec3<f32>(min_component(x), min_component(y), min_component(z)),
-        vec3<f32>(max_component(x), max_component(y), max_component(z)),
-    );
+    @else let depth = min_box_depth(own_box_of(x, y, z));
     let begin = nearest_depth(depth, max_distance);
     if !(min_component(depths) > near_limit(max_distance) && is_precise(across) && is_precise(down)) {
         let all = select(FULL_SPAN, EMPTY_SPAN, is_triangle_outside(x, y, z, depths, max_distance));
