@@ -23,8 +23,8 @@ use backend::{AdapterInfo, Backend, BackendName, DeviceKind};
 use std::any::Any;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Opens the adapter of the given index, or the backend's default, with the given number of host threads if it uses
-/// them.
+/// Function that opens an adapter by index, or the default adapter. A backend that computes on the host uses the given
+/// number of threads.
 type Open<'a> = dyn Fn(Option<usize>, usize) -> backend::Result<Box<dyn Backend>> + 'a;
 
 /// A backend that this build includes.
@@ -50,7 +50,7 @@ pub const BACKENDS: &[BackendEntry<'static>] = &[
     #[cfg(feature = "vulkan")]
     BackendEntry {
         name: BackendName::Vulkan,
-        rank_reason: "vulkan comes before wgpu: trees and vertices travel on a queue of their own",
+        rank_reason: "vulkan comes before wgpu: it transfers trees and vertices on separate queues",
         kinds: GPUS,
         list: &gpu_vulkan::adapters,
         open: &|adapter, _| Ok(Box::new(gpu_vulkan::open(&gpu_options(adapter))?)),
@@ -84,7 +84,7 @@ const GPUS: &[DeviceKind] = &[DeviceKind::Gpu, DeviceKind::Software];
 
 const CPU: BackendEntry<'static> = BackendEntry {
     name: BackendName::Cpu,
-    rank_reason: "the host is always there",
+    rank_reason: "the host is always available",
     kinds: &[DeviceKind::Cpu],
     covered_by: None,
     list: &list_cpu,
@@ -133,7 +133,8 @@ pub fn open_reference() -> backend::Result<Box<dyn backend::Inspect>> {
     Ok(Box::new(cpu_ref::CpuBackend::new(Some(1))?))
 }
 
-/// Returns access to the output of single stages of an open backend, or `None` for a backend that is not one of [`BACKENDS`].
+/// Returns access to the output of single stages of an open backend, or `None` for a backend that is not one of
+/// [`BACKENDS`].
 #[cfg(feature = "unstable")]
 pub fn inspect(backend: &mut dyn Backend) -> Option<&mut dyn backend::Inspect> {
     fn cast<T: backend::Inspect>(backend: &mut dyn Any) -> Option<&mut dyn backend::Inspect> {

@@ -4,7 +4,7 @@ use crate::{Device, Error, Intersector, Mesh, Result, Update};
 use backend::{Backend, DeviceKind};
 use pipeline::{BuilderThreads, DriverOptions, Threads};
 
-/// Maximum number of threads that may be requested. Many more would take minutes to start.
+/// Maximum number of threads per option. Many more would take minutes to start.
 const MOST_THREADS: usize = 4096;
 
 /// Configures and creates a [`Tracer`](crate::Tracer).
@@ -81,8 +81,8 @@ impl TracerBuilder {
         Self { time_range, ..self }
     }
 
-    /// Sets whether trees are built for the predicted positions, which is the default. Otherwise they are built for the
-    /// positions at their request, for comparison.
+    /// Sets whether trees are built for predicted positions, which is the default. Otherwise they are built for the
+    /// positions of the step that requests them, for comparisons.
     #[must_use]
     pub fn predict(self, predict: bool) -> Self {
         Self { predict, ..self }
@@ -130,7 +130,7 @@ impl TracerBuilder {
         let requested = [self.threads, self.builder_threads];
         match requested.into_iter().flatten().max() {
             Some(most) if most > MOST_THREADS => {
-                let why = format!("{most} threads are too many: {MOST_THREADS} may be asked for");
+                let why = format!("{most} threads are too many: the maximum is {MOST_THREADS}");
                 Err(Error::Unsupported(why))
             }
             _ => Ok(Threads::share(host::cores(), kind, update, requested)),

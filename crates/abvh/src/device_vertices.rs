@@ -14,13 +14,13 @@ pub(crate) struct DeviceVertices {
 }
 
 impl DeviceVertices {
-    /// Notes that the vertices of a mesh, which are `range` of all vertices, are on the device.
+    /// Records that the vertices of a mesh, which are `range` of all vertices, are on the device.
     pub(crate) fn insert(&mut self, mesh: usize, range: &Range<usize>) {
         self.returned.retain(|other| other != range);
         self.lost.insert(mesh, false);
     }
 
-    /// Notes that the host provides the vertices of a mesh.
+    /// Records that the host provides the vertices of a mesh.
     pub(crate) fn remove(&mut self, mesh: usize, range: &Range<usize>) {
         if self.lost.remove(&mesh).is_some() {
             self.returned.push(range.clone());

@@ -4,13 +4,13 @@ use geom::lock;
 use std::sync::{Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 
-/// Threads that drop large objects, because that takes long. Its own drop waits for these threads, because drivers may
-/// fail if the process exits meanwhile.
+/// Threads that drop large objects, because such a drop takes long. Dropping this value waits for the threads, because
+/// drivers may fail if the process exits meanwhile.
 #[derive(Debug, Default)]
 pub(crate) struct Disposal(Mutex<Vec<JoinHandle<()>>>);
 
 impl Disposal {
-    /// Runs `free` on a new thread. If no thread can be started, drops it on this thread.
+    /// Runs `free` on a new thread. If no thread can be started, drops `free` on this thread.
     pub(crate) fn begin(&self, free: impl FnOnce() + Send + 'static) {
         let thread = thread::Builder::new().name("abvh-dispose".into());
         let started = thread.spawn(free);

@@ -45,7 +45,7 @@ const FOLDERS: [&str; 6] = [
 const NVIDIA_NODE: &str = "/dev/nvidiactl";
 const NODES: &str = "/dev/dri";
 
-/// Names of adapters, and whether they are GPUs. Or the error of listing them.
+/// Names of the adapters and whether each is a GPU, or the error of listing them.
 type Adapters = Result<Vec<(String, bool)>, String>;
 
 /// Returns the device files of GPUs, and whether this process may open them.

@@ -12,10 +12,10 @@ pub type Result<T, E = Error> = std::result::Result<T, E>;
 #[non_exhaustive]
 pub enum Error {
     /// The parts of a mesh are inconsistent.
-    #[error("the mesh does not fit together: {0}")]
+    #[error("invalid mesh: {0}")]
     Mesh(String),
     /// A step passed a wrong number of vertices or matrices for a mesh.
-    #[error("mesh {} takes {expected} {what}, {found} were given", mesh.index())]
+    #[error("mesh {} takes {expected} {what}, but {found} were passed", mesh.index())]
     Count {
         /// The mesh.
         mesh: MeshId,
@@ -27,7 +27,7 @@ pub enum Error {
         found: usize,
     },
     /// The mesh belongs to another scene.
-    #[error("mesh {} is of another scene", .0.index())]
+    #[error("mesh {} belongs to another scene", .0.index())]
     ForeignMesh(MeshId),
     /// The mesh does not move in this way: vertices are for streamed meshes, matrices for rigid meshes.
     #[error("mesh {} takes no {what}", mesh.index())]
@@ -37,19 +37,19 @@ pub enum Error {
         /// `vertices` or `matrices`.
         what: &'static str,
     },
-    /// A mesh was moved after a query of the same step, or a step was encoded after a query with rays in host memory or
-    /// a picture.
-    #[error("the step has begun to trace")]
+    /// A mesh was moved after a query of the same step. Or a step was encoded after a picture, or after a query with
+    /// rays in host memory.
+    #[error("too late: the step already has a query")]
     TooLate,
     /// The replacement of this mesh belongs to another tracer.
-    #[error("the replacement of mesh {} is of another tracer", .0.index())]
+    #[error("the replacement of mesh {} belongs to another tracer", .0.index())]
     ForeignReplacement(MeshId),
     /// Another replacement of this mesh was committed after this replacement was started.
-    #[error("the replacement of mesh {} was begun before another of the same mesh was committed", .0.index())]
+    #[error("mesh {} was replaced after this replacement was started", .0.index())]
     Conflict(MeshId),
     /// The query belongs to another step or tracer, or its result was dropped. A result can be read any number of times
-    /// until the second step after its own is submitted. Dropped steps have no results and do not count.
-    #[error("there is no result of this query any more, or it is of another step")]
+    /// until two more steps are submitted. Dropped steps have no results and do not count.
+    #[error("no result: the query belongs to another step, or its result was dropped")]
     NoResult,
     /// A key frame or a mesh file cannot be read.
     #[error("{0}")]
@@ -65,7 +65,7 @@ pub enum Error {
     Misuse(String),
     /// Vertices of this mesh that only the device had are lost, because a step that used them failed or was dropped.
     /// The next step must pass them again.
-    #[error("a step that failed or was dropped had vertices of mesh {} on the device: they have to come again", .0.index())]
+    #[error("a failed or dropped step lost the vertices of mesh {} on the device: pass them again", .0.index())]
     VerticesLost(MeshId),
     /// Device or host memory is exhausted. A smaller request may succeed.
     #[error("{0}")]
@@ -109,7 +109,7 @@ impl Error {
     /// Returns [`Error::Misuse`] unless rays and results are in separate buffers.
     #[cfg(any(feature = "vulkan", feature = "wgpu"))]
     pub(crate) fn check_separate(are_separate: bool) -> Result<()> {
-        let reason = || Self::Misuse("answers would be written over rays".into());
+        let reason = || Self::Misuse("rays and results need separate buffers".into());
         are_separate.then_some(()).ok_or_else(reason)
     }
 

@@ -4,8 +4,9 @@
 //! The library allocates and exports memory and semaphores as opaque file descriptors (`VK_KHR_external_memory_fd`,
 //! `VK_KHR_external_semaphore_fd`), and the other API imports them. This needs Linux,
 //! [`Device::Vulkan`](crate::Device::Vulkan), and a driver with these extensions. A timeline semaphore orders the work
-//! of both APIs: see [`Step::synchronize`](crate::Step::synchronize). Without one, the program must wait for the other API before a step's first
-//! query, and for [`Tracer::hits`](crate::Tracer::hits) of that step before the other API writes a buffer again.
+//! of both APIs: see [`Step::synchronize`](crate::Step::synchronize). Without a semaphore, the program must wait for
+//! the other API before a step's first query. It must also wait for [`Tracer::hits`](crate::Tracer::hits) of that step
+//! before the other API writes a buffer again.
 //!
 //! ```no_run
 //! # #[cfg(unix)] {
@@ -33,7 +34,8 @@
 //! ```
 //!
 //! The test `tests/tests/devices/cuda.rs` of the repository shows the calls of CUDA's driver API. It passes with
-//! NVIDIA's driver 580 on an H100. Buffers and semaphores remain valid when a mesh is [replaced](crate::Tracer::replace).
+//! NVIDIA's driver 580 on an H100. Buffers and semaphores remain valid when a mesh is
+//! [replaced](crate::Tracer::replace).
 
 use crate::{Error, Result};
 use gpu_vulkan::external::ExternalMemory;
@@ -91,8 +93,8 @@ impl fmt::Debug for ExternalBuffer {
     }
 }
 
-/// An exported timeline semaphore with initial value 0, created by [`Tracer::external_semaphore`](crate::Tracer::external_semaphore). Clones refer to the
-/// same semaphore.
+/// An exported timeline semaphore with initial value 0, created by
+/// [`Tracer::external_semaphore`](crate::Tracer::external_semaphore). Clones refer to the same semaphore.
 #[derive(Clone)]
 pub struct ExternalSemaphore(pub(crate) Arc<Timeline>);
 
@@ -120,9 +122,10 @@ pub struct ExternalRays<'a> {
     pub rays: &'a ExternalBuffer,
     /// Number of rays, from the start of the buffer.
     pub count: usize,
-    /// Results, in a different buffer than the rays. [`Query::Closest`](crate::Query::Closest) writes 16 bytes per ray: `t`, `u` and `v` as in
-    /// [`Hit`](crate::Hit), and the index of the triangle among the triangles of all meshes
-    /// ([`Tracer::first_triangle`](crate::Tracer::first_triangle)), or 4294967295 for a miss. [`Query::Any`](crate::Query::Any) writes a `u32` per ray, which is not 0
-    /// for a hit. Without this buffer, the library uses its own.
+    /// Results, in a different buffer than the rays. [`Query::Closest`](crate::Query::Closest) writes 16 bytes per ray:
+    /// `t`, `u` and `v` as in [`Hit`](crate::Hit), and the index of the triangle among the triangles of all meshes
+    /// ([`Tracer::first_triangle`](crate::Tracer::first_triangle)), or 4294967295 for a miss.
+    /// [`Query::Any`](crate::Query::Any) writes a `u32` per ray, which is not 0 for a hit. Without this buffer, the
+    /// library uses its own.
     pub answers: Option<&'a ExternalBuffer>,
 }

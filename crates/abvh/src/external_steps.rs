@@ -30,8 +30,7 @@ impl ExternalRays<'_> {
 
 impl Loaded {
     fn exporter(&mut self) -> Result<&mut VulkanDevice> {
-        let none =
-            || Error::Unsupported("it is no device of Vulkan's, which alone exports memory".into());
+        let none = || Error::Unsupported("only a Vulkan device can export memory".into());
         self.vulkan().ok_or_else(none)
     }
 
@@ -55,7 +54,7 @@ impl Loaded {
         Ok(())
     }
 
-    /// Takes over the vertices that only the device has from `before`, a scene that differs in mesh `but` only.
+    /// Copies vertices that only the device has from `before`. The scenes differ in mesh `but` only.
     pub(crate) fn take_external_vertices(&mut self, before: &mut Self, but: usize) -> Result<()> {
         for mesh in (0..self.joined.meshes.len()).filter(|&mesh| mesh != but) {
             let run = before.joined.range_of(mesh);

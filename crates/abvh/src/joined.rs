@@ -54,7 +54,7 @@ impl JoinedScene {
             ids: ids.map(|mesh| MeshId::of(&meshes, mesh)).collect(),
         };
         if let Some(&all) = vertices.last().filter(|&&all| u32::try_from(all).is_err()) {
-            let why = format!("all meshes have {all} vertices, more than can be numbered");
+            let why = format!("all meshes have {all} vertices, too many for 32-bit indices");
             return Err(Error::Mesh(why));
         }
         let alone = match &*meshes {
@@ -100,7 +100,7 @@ impl JoinedScene {
         self.animation.key(last).map_err(Error::of_reading)
     }
 
-    /// Copies the vertices of meshes that steps move from another scene, which differs in mesh `but` only.
+    /// Copies vertices from another scene, for all meshes that steps move. The scenes differ in mesh `but` only.
     pub(crate) fn copy_moved_from(&mut self, other: &[Point], but: usize) {
         for mesh in (0..self.meshes.len()).filter(|&mesh| mesh != but) {
             if self.meshes[mesh].motion.is_live() {
@@ -163,7 +163,7 @@ impl JoinedScene {
         &mut self.next[range]
     }
 
-    /// Notes that only the device has the newest vertices of a mesh.
+    /// Records that only the device has the newest vertices of a mesh.
     #[cfg(any(feature = "vulkan", feature = "wgpu"))]
     pub(crate) fn set_on_device(&mut self, mesh: usize) {
         let range = self.range_of(mesh);
@@ -178,8 +178,8 @@ impl JoinedScene {
         }
     }
 
-    /// Allocates the vertices of future steps in memory that the device reads. Allocates all buffers that are in use at
-    /// a time, because an allocation takes a driver milliseconds.
+    /// Allocates the vertices of future steps in memory that the device reads. Allocates all buffers that can be in use
+    /// at once, because an allocation takes the driver milliseconds.
     pub(crate) fn prepare(&mut self, backend: &mut dyn Backend) -> Result<()> {
         if self.is_streamed() {
             let first = self.animation.first();
@@ -265,7 +265,8 @@ fn copy_of(points: &[Point], backend: &mut dyn Backend) -> Result<PointBuffer> {
     Ok(points.to_vec().into())
 }
 
-/// Returns whether vertices arrive while the scene is traced: from steps, or from an animation among several meshes.
+/// Returns whether vertices arrive while the scene is traced: from steps, or from a moving animation that is joined
+/// with other meshes.
 fn is_live(meshes: &[Mesh]) -> bool {
     let is_read = |motion: &MeshMotion| {
         let is_animated = matches!(motion, MeshMotion::Animated(_));

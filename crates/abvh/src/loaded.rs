@@ -55,8 +55,8 @@ pub(crate) struct Loaded {
     pub(crate) results: VecDeque<QueryResult>,
     /// Memory of hits whose handles were all dropped.
     pool: SharedHitsPool,
-    /// `None` before the first picture. Then the colours of all triangles if the host shades, or `None` if the device
-    /// does.
+    /// Colours of all triangles, if the host shades. The outer `None` means that no picture was rendered yet, the inner
+    /// `None` that the device shades.
     pub(crate) host_colours: Option<Option<Arc<[Colour]>>>,
 }
 
@@ -92,7 +92,7 @@ impl Loaded {
         check_memory(&meshes)?;
         let mut joined = JoinedScene::of(meshes)?;
         let animation = Arc::clone(&joined.animation);
-        // Key frames that arrive are numbered from 0 on, independent of the times of steps.
+        // Pushed key frames are numbered from 0 on, independently of the times of steps.
         options.time_range = if joined.is_streamed() {
             [0.0, f64::MAX]
         } else {
@@ -139,8 +139,8 @@ impl Loaded {
         self.driver.generation().0 > 0
     }
 
-    /// Returns a function that creates a backend for another scene on the same device, on any thread. Returns `None` if the
-    /// device has to be opened again.
+    /// Returns a function that creates a backend for another scene on the same device, on any thread. Returns `None` if
+    /// the device has to be opened again.
     pub(crate) fn share_device(&mut self) -> Option<OpenBackend> {
         #[cfg(feature = "vulkan")]
         if let Some(vulkan) = self.backend_as::<VulkanBackend>() {
@@ -155,8 +155,8 @@ impl Loaded {
         None
     }
 
-    /// Builds the first tree for `time`, and prepares everything that such queries need, by tracing one ray of each
-    /// kind.
+    /// Builds the first tree for `time`. Prepares everything that queries of these forms need, by tracing one ray of
+    /// each.
     pub(crate) fn warm_up(&mut self, time: f64, forms: &[QueryForm]) -> Result<()> {
         let ray = [Ray::new([0.0; 3], [0.0, 0.0, 1.0])];
         // The first tree is built for the first query.
@@ -200,7 +200,7 @@ impl Loaded {
         self.joined.newest()
     }
 
-    /// Submits queries, in one submission if the device can, and notes where their results will be.
+    /// Submits queries, in one submission if the device can, and records where their results will be.
     pub(crate) fn begin(&mut self, time: f64, batch: Batch<'_>) -> Result<()> {
         let Batch { ids, queries } = batch;
         if queries.len() > 1 && !self.driver.can_batch(queries) {
@@ -211,8 +211,8 @@ impl Loaded {
             self.finish()?;
         }
         let started = self.start(time, queries).inspect_err(|_| {
-            // Backends keep reports for a number of submissions, and a refused submission counts. So read all reports
-            // now.
+            // Backends keep reports of a limited number of submissions, and a refused submission counts. So read all
+            // reports now.
             let _ = self.finish_all();
         });
         let ticket = started?;
@@ -231,7 +231,7 @@ impl Loaded {
         Ok(())
     }
 
-    /// Submits queries in one submission, without noting where their results will be.
+    /// Submits queries in one submission, without recording where their results will be.
     pub(crate) fn start(&mut self, time: f64, queries: &[Query<'_>]) -> Result<Ticket> {
         let ticket = self.submit(time, queries)?;
         queries.iter().for_each(|&query| self.note(query));
@@ -258,7 +258,7 @@ impl Loaded {
         begun
     }
 
-    /// Makes the device read vertices from the host again where they came from device memory before.
+    /// Makes the device read vertices from the host again, for meshes whose vertices came from device memory before.
     #[cfg(any(feature = "vulkan", feature = "wgpu"))]
     fn release_points(&mut self) {
         let returned = self.joined.on_device.take_returned();
@@ -407,7 +407,7 @@ impl Loaded {
 
 #[cfg(feature = "wgpu")]
 pub(crate) fn no_wgpu() -> Error {
-    Error::Unsupported("it has no buffers of wgpu's".into())
+    Error::Unsupported("this needs a wgpu device".into())
 }
 
 /// Returns an error if the scene needs more memory than the system has, because a build cannot report a failed

@@ -36,8 +36,8 @@ impl Mesh {
 
     /// Creates a mesh that never moves from vertices in double precision, such as those of a survey or a globe.
     ///
-    /// `offset` is subtracted from every vertex in double precision before rounding, so it should be near the mesh.
-    /// Meshes of one scene take the same offset, and so do the origins of its rays:
+    /// `offset` is subtracted from every vertex in double precision before rounding, so it should be near the mesh. Use
+    /// the same offset for all meshes of a scene, and subtract it from the origins of rays:
     ///
     /// ```
     /// use abvh::{Device, Mesh, Query, Ray, Scene, Tracer};
@@ -151,7 +151,7 @@ impl Mesh {
     pub fn rigid(rest: &[Point], triangles: &[[u32; 3]], part_of_vertex: &[u32]) -> Result<Self> {
         if part_of_vertex.len() != rest.len() {
             let (parts, vertices) = (part_of_vertex.len(), rest.len());
-            let why = format!("{parts} vertices have a part, there are {vertices}");
+            let why = format!("{parts} part indices were passed for {vertices} vertices");
             return Err(Error::Mesh(why));
         }
         let last = part_of_vertex.iter().max();
@@ -181,7 +181,7 @@ impl Mesh {
     pub fn with_colours(mut self, colours: &[[u8; 3]]) -> Result<Self> {
         let (found, triangles) = (colours.len(), self.triangle_count());
         if found != 1 && found != triangles {
-            let why = format!("{found} triangles have a colour, there are {triangles}");
+            let why = format!("{found} colours were passed for {triangles} triangles");
             return Err(Error::Mesh(why));
         }
         self.colours = colours.into();
@@ -221,7 +221,7 @@ impl Mesh {
         self.motion.first().len()
     }
 
-    /// Returns the number of positions that a scene copies, over all key frames.
+    /// Returns the number of positions that are copied when meshes are joined, over all key frames.
     pub(crate) fn joined_points(&self) -> usize {
         self.motion.key_count() * self.vertex_count()
     }
@@ -268,7 +268,7 @@ fn check_triangles(triangles: &[[u32; 3]], vertices: usize) -> Result<()> {
     };
     let [a, b, c] = triangles[triangle];
     let why =
-        format!("triangle {triangle} names vertices {a}, {b} and {c}, but there are {vertices}");
+        format!("triangle {triangle} uses vertices {a}, {b} and {c}, but there are {vertices}");
     Err(Error::Mesh(why))
 }
 

@@ -33,7 +33,7 @@ impl MeshMotion {
         }
     }
 
-    /// Returns the number of key frames that the animation of all meshes copies.
+    /// Returns the number of key frames that are copied when meshes are joined.
     pub(crate) fn key_count(&self) -> usize {
         match self {
             Self::Keys(keys) => keys.len(),

@@ -3,8 +3,8 @@
 //! Vertices and rays may come from the program's buffers: see [`Source::Wgpu`](crate::Source::Wgpu) and
 //! [`Step::trace_buffers`](crate::Step::trace_buffers).
 //!
-//! [`Step::encode`](crate::Step::encode) records a step into the program's command encoder, which the program submits. The program's shaders
-//! trace rays with [`shader_module`](crate::shader_module).
+//! [`Step::encode`](crate::Step::encode) records a step into the program's command encoder, which the program submits.
+//! The program's shaders trace rays with [`shader_module`](crate::shader_module).
 //!
 //! The device needs the features [`required_features`] and the limits [`required_limits`], and is faster with
 //! [`useful_features`]. The library and the program submit to the same queue, whose work runs in order. So a shader can
@@ -62,9 +62,9 @@ pub struct RayBuffers<'a> {
     pub rays: &'a wgpu::Buffer,
     /// Number of rays, from the start of the buffer.
     pub count: usize,
-    /// Results, with usages `STORAGE` and `COPY_DST`, and also `COPY_SRC` for [`Tracer::hits`](crate::Tracer::hits). [`Query::Closest`]
-    /// writes the format of [`Tracer::hits_buffer`](crate::Tracer::hits_buffer), and [`Query::Any`] a `u32` per ray, which is not 0 for a hit.
-    /// Without this buffer, the library uses its own.
+    /// Results, with usages `STORAGE` and `COPY_DST`, and also `COPY_SRC` for [`Tracer::hits`](crate::Tracer::hits).
+    /// [`Query::Closest`] writes the format of [`Tracer::hits_buffer`](crate::Tracer::hits_buffer), and [`Query::Any`]
+    /// a `u32` per ray, which is not 0 for a hit. Without this buffer, the library uses its own.
     pub answers: Option<&'a wgpu::Buffer>,
 }
 
@@ -81,7 +81,7 @@ impl RayBuffers<'_> {
                 .is_some_and(|all| all <= buffer.size());
             if !is_large || !buffer.usage().contains(usage) {
                 let why = format!(
-                    "a buffer of {} rays or answers needs {bytes} bytes each and the usage {usage:?}",
+                    "a buffer of {} rays or results needs {bytes} bytes per element and the usage {usage:?}",
                     self.count
                 );
                 return Err(Error::Misuse(why));

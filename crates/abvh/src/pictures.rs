@@ -104,7 +104,7 @@ impl Loaded {
 }
 
 impl JoinedScene {
-    /// Returns the triangles of the last step, which was at `time`.
+    /// Returns the triangles with their positions at `time`, or with the newest positions if vertices are streamed.
     pub(crate) fn surfaces<'a>(&'a self, time: f64, colours: &'a [Colour]) -> Result<Surfaces<'a>> {
         let time = if self.is_streamed() {
             self.animation.end()

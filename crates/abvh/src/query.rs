@@ -56,6 +56,7 @@ pub(crate) struct DeferredQuery {
 #[derive(Debug)]
 pub(crate) enum DeferredRays {
     Camera(Camera),
+    /// No rays, for an encoded step without queries.
     #[cfg(feature = "wgpu")]
     Empty,
     #[cfg(feature = "wgpu")]

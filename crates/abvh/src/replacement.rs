@@ -44,7 +44,7 @@ impl Replacement {
     fn wait(mut self) -> Result<Loaded> {
         match self.preparation.take().map(JoinHandle::join) {
             Some(Ok(prepared)) => prepared,
-            _ => Err(Error::Device("the preparation broke off".to_owned())),
+            _ => Err(Error::Device("the preparation panicked".to_owned())),
         }
     }
 }
@@ -107,7 +107,7 @@ impl Tracer {
         let cancelled = Arc::clone(&is_cancelled);
         let thread = thread::Builder::new().name("abvh-replace".into());
         let started = thread.spawn(move || prepare(&cancelled));
-        let no_thread = |e| Error::Unsupported(format!("no thread to prepare it: {e}"));
+        let no_thread = |e| Error::Unsupported(format!("no thread for the replacement: {e}"));
         Ok(Replacement {
             mesh,
             with,
@@ -125,10 +125,9 @@ impl Tracer {
     ///
     /// If another mesh was replaced since this replacement was started, the call prepares it again and waits for that.
     ///
-    /// # Errors
     /// [`Error::Conflict`] if the same mesh was replaced since this replacement was started.
-    /// [`Error::ForeignReplacement`]. The errors of [`TracerBuilder::build`](crate::TracerBuilder::build). After an error, the old
-    /// mesh remains.
+    /// [`Error::ForeignReplacement`]. The errors of [`TracerBuilder::build`](crate::TracerBuilder::build). After an
+    /// error, the old mesh remains.
     pub fn commit(&mut self, replacement: Replacement) -> Result<()> {
         let (mesh, state) = (replacement.mesh, self.state());
         if !Arc::ptr_eq(&state.disposal, &replacement.disposal) {
@@ -169,7 +168,8 @@ impl TracerState {
         let (newest, time) = (current.joined.newest()?, current.joined.time);
         let forms = current.traced_forms.clone();
         let threads = match current.update {
-            // Builder threads of this policy use all cores, because steps wait for them. Steps do not wait here.
+            // With this policy, builder threads use all cores, because steps wait for them. Here, steps need cores at
+            // the same time.
             Update::Refit => builder.builders(self.kind, Update::Async)?,
             _ => current.builders.clone(),
         };
@@ -187,7 +187,7 @@ impl TracerState {
             };
             let found = device_name(backend.as_ref());
             if found != expected {
-                let why = format!("{expected} cannot be opened once more, only {found}");
+                let why = format!("{expected} cannot be opened again, only {found}");
                 return Err(Error::NoDevice(why));
             }
             let (options, shared) = (builder.options(update), threads.clone());
@@ -195,7 +195,7 @@ impl TracerState {
                 let mut loaded = Loaded::new(meshes, backend, options, shared)?;
                 loaded.joined.copy_moved_from(&positions, mesh);
                 if is_cancelled.load(Ordering::Relaxed) {
-                    return Err(Error::Device("it was given up".to_owned()));
+                    return Err(Error::Device("the replacement was cancelled".to_owned()));
                 }
                 loaded.warm_up(time, &forms)?;
                 Ok(loaded)

@@ -53,8 +53,7 @@ impl Tracer {
     pub fn scene_buffers(&mut self) -> Result<SceneBuffers> {
         let backend = self.state().current.wgpu().ok_or_else(no_wgpu)?;
         let found = traced_scene(backend).map_err(Error::of_backend)?;
-        let why =
-            "shaders trace by `watertight`, after a step with a query or one that was encoded";
+        let why = "shaders need `watertight`, and an earlier step with a query or `encode`";
         let found = found.ok_or_else(|| Error::Misuse(why.into()));
         found.map(SceneBuffers)
     }

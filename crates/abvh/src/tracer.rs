@@ -51,7 +51,8 @@ impl Tracer {
     /// if there is a tree.
     ///
     /// # Errors
-    /// [`Error::KeyFrame`](crate::Error::KeyFrame) if a key frame cannot be read; [`Error::Device`](crate::Error::Device).
+    /// [`Error::KeyFrame`](crate::Error::KeyFrame) if a key frame cannot be read;
+    /// [`Error::Device`](crate::Error::Device).
     pub fn warm_up(&mut self, time: f64) -> Result<()> {
         let current = &mut self.state().current;
         if current.has_tree() {
@@ -76,8 +77,8 @@ impl Tracer {
         }
     }
 
-    /// Waits for a query and returns its results without a copy. They remain valid while further steps are prepared.
-    /// A result can be read any number of times until the second step after its own is submitted.
+    /// Waits for a query and returns its results without a copy. They remain valid while further steps are prepared. A
+    /// result can be read any number of times until two more steps are submitted.
     ///
     /// ```
     /// # use abvh::{Device, Mesh, Query, Ray, Scene, SceneHit, Tracer};
@@ -102,8 +103,8 @@ impl Tracer {
     /// ```
     ///
     /// # Errors
-    /// [`Error::NoResult`](crate::Error::NoResult) if the query belongs to another step or tracer, or its result was dropped;
-    /// [`Error::Device`](crate::Error::Device).
+    /// [`Error::NoResult`](crate::Error::NoResult) if the query belongs to another step or tracer, or its result was
+    /// dropped; [`Error::Device`](crate::Error::Device).
     pub fn hits(&self, step: StepId, query: QueryId) -> Result<Hits> {
         let mut state = self.shared_state();
         let (loaded, index) = state.find(step, query)?;
@@ -148,15 +149,16 @@ impl TracerBuilder {
     /// Opens the device and loads the scene.
     ///
     /// # Errors
-    /// [`Error::NoDevice`](crate::Error::NoDevice). [`Error::Unsupported`](crate::Error::Unsupported) if the scene exceeds the device's limits. [`Error::OutOfMemory`](crate::Error::OutOfMemory) if
-    /// the system is known to have too little memory for its trees (about 345 bytes per triangle). [`Error::Device`](crate::Error::Device).
+    /// [`Error::NoDevice`](crate::Error::NoDevice). [`Error::Unsupported`](crate::Error::Unsupported) if the scene
+    /// exceeds the device's limits. [`Error::OutOfMemory`](crate::Error::OutOfMemory) if the system is known to have
+    /// too little memory for its trees (about 345 bytes per triangle). [`Error::Device`](crate::Error::Device).
     pub fn build(self, scene: Scene) -> Result<Tracer> {
         let backend = self.open(self.policy(&scene.meshes))?;
         self.load(backend, scene)
     }
 
-    /// Loads the scene on the device of another tracer, whose kernels stay ready. Ignores [`TracerBuilder::device`], and also
-    /// [`TracerBuilder::threads`] if the host traces.
+    /// Loads the scene on the device of another tracer, whose kernels remain compiled. Ignores
+    /// [`TracerBuilder::device`], and also [`TracerBuilder::threads`] if the host traces.
     ///
     /// # Errors
     /// [`Error::Unsupported`](crate::Error::Unsupported), [`Error::Device`](crate::Error::Device).

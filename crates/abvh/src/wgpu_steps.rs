@@ -63,12 +63,12 @@ impl Loaded {
         let is_one = self.driver.can_batch(&all);
         self.wgpu().ok_or_else(no_wgpu)?;
         if !self.has_tree() {
-            let why = "the first tree is built before a step is encoded";
+            let why = "there is no tree yet: call `Tracer::warm_up` before `Step::encode`";
             return Err(Error::Misuse(why.into()));
         }
         let why = match (self.update, is_one) {
-            (Update::Rebuild, _) => "trees that steps wait for are not encoded",
-            (_, false) => "such queries are encoded in a step each",
+            (Update::Rebuild, _) => "steps that wait for their own tree cannot be encoded",
+            (_, false) => "each of these queries needs its own encoded step",
             _ => return Ok(()),
         };
         Err(Error::Unsupported(why.into()))
@@ -89,7 +89,7 @@ impl Loaded {
         }
     }
 
-    /// Takes over the vertices that only the device has from `before`, a scene that differs in mesh `but` only.
+    /// Takes over vertices that only the device has from `before`. The scenes differ in mesh `but` only.
     pub(crate) fn take_wgpu_vertices(&mut self, before: &mut Self, but: usize) -> Result<()> {
         before.abandon_dropped();
         let backend = before.wgpu();
@@ -139,10 +139,10 @@ impl Step<'_> {
     ///
     /// A step without queries updates the scene for the program's shaders ([`shader_module`](crate::shader_module)).
     ///
-    /// The program must submit encoded steps in their order. Until a step is submitted, [`Tracer::hits`] of this step
-    /// and the second step after it fail. If the encoder or its commands are dropped instead, this step has no results,
-    /// nor do later steps that were begun before. Vertices that only the device had are then lost, and steps return
-    /// [`Error::VerticesLost`] until they are passed again.
+    /// The program must submit encoded steps in their order. Until it submits a step, [`Tracer::hits`] of this step
+    /// fails, and the second step after it cannot be encoded. If the encoder or its commands are dropped instead, this
+    /// step has no results, nor do later steps that were begun before the drop. Vertices that only the device had are
+    /// then lost, and steps return [`Error::VerticesLost`] until they are passed again.
     ///
     /// wgpu validates commands only when the encoder is finished. It may refuse them, for example because the encoder
     /// belongs to another device or has an open pass. Then [`Tracer::hits`] of this step or the second step after it

@@ -24,7 +24,7 @@ pub fn cores() -> usize {
 pub struct Free {
     /// Number of free bytes.
     pub bytes: u64,
-    /// Name of the limit.
+    /// The limit that applies, in words for messages.
     pub by: &'static str,
 }
 
@@ -87,10 +87,10 @@ pub fn resident() -> Option<u64> {
 /// # Errors
 /// Returns errors of the operating system, and [`ErrorKind::InvalidInput`] for anything but a regular file.
 pub fn open(path: &Path) -> io::Result<File> {
-    // Opening some devices has side effects, so they are refused before.
+    // Opening some devices has side effects, so check the type before opening.
     regular(&fs::metadata(path)?)?;
     let file = without_waiting().open(path)?;
-    // The path may refer to another file since the first check.
+    // The path may now refer to another file, so check again.
     regular(&file.metadata()?)?;
     Ok(file)
 }
@@ -109,7 +109,7 @@ pub fn read(path: &Path) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Refuses contents that begin like a Git LFS pointer, which replaces a file that was not downloaded.
+/// Returns an error for contents that begin like a Git LFS pointer, which stands in for a file that was not downloaded.
 ///
 /// # Errors
 /// Returns [`ErrorKind::InvalidData`] for a pointer.
@@ -152,7 +152,7 @@ fn kind(of: FileType) -> &'static str {
         t if t.is_socket() => "a socket",
         #[cfg(unix)]
         t if t.is_char_device() || t.is_block_device() => "a device",
-        _ => "what has this name",
+        _ => "this path",
     }
 }
 
@@ -191,7 +191,7 @@ mod linux {
         let mut all = Vec::new();
         let mut add = |bytes: Option<u64>, by| all.extend(bytes.map(|bytes| Free { bytes, by }));
         let machine = read_to_string("/proc/meminfo").unwrap_or_default();
-        add(kilobytes(&machine, "MemAvailable:"), "free on this machine");
+        add(kilobytes(&machine, "MemAvailable:"), "this machine");
         let own = status();
         let left = |resource, used| {
             let limit = getrlimit(resource).current?;
@@ -216,7 +216,8 @@ mod linux {
         Some(number * 1024)
     }
 
-    /// Names of the limit, of the usage, and of the statistic for inactive file cache, by version of control groups.
+    /// Names by version of control groups: the file of the limit, the file of the usage, and the entry for inactive
+    /// file cache in `memory.stat`.
     const VERSION_1: [&str; 3] = [
         "memory.limit_in_bytes",
         "memory.usage_in_bytes",

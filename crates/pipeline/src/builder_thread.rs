@@ -63,7 +63,7 @@ impl BuilderThread {
         if let Some(work) = self.work.take() {
             let thread = std::thread::Builder::new().name("abvh-builder".into());
             let started = thread.spawn(work);
-            self.thread = Some(started.map_err(|e| format!("no builder thread: {e}"))?);
+            self.thread = Some(started.map_err(|e| format!("cannot start builder thread: {e}"))?);
         }
         let jobs = self.jobs.as_ref().ok_or_else(gone)?;
         match jobs.try_send(job) {
@@ -99,7 +99,7 @@ impl Drop for BuilderThread {
 }
 
 fn gone() -> String {
-    "the builder thread is gone".into()
+    "the builder thread has ended".into()
 }
 
 /// Threads that build trees, for any number of drivers.
@@ -125,7 +125,7 @@ impl BuilderThreads {
     }
 }
 
-/// Runs the builds of first trees, of `rebuild` and of the builder thread.
+/// Builds trees in a pool of threads, one at a time: first trees, trees of `rebuild`, and jobs of the builder thread.
 pub(crate) struct BuilderPool {
     threads: BuilderThreads,
     builder: Mutex<TreeBuilder>,

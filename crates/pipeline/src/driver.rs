@@ -1,4 +1,5 @@
-//! The frame loop: follows the schedule's plan for each frame and never waits for the builder thread.
+//! The frame loop: follows the schedule's plan for each frame. Waits for a build only for the first tree, with the
+//! policy `rebuild`, and in lockstep.
 
 mod adoption;
 mod next_tree;
@@ -36,8 +37,10 @@ pub struct DriverOptions {
     pub update: Policy,
     /// First and last time to render, in key frames. Predicted times stay within this range.
     pub time_range: [f64; 2],
-    /// With [`Policy::Async`]: build each tree from key frames, for the middle of the time in which it will be used.
-    /// Otherwise trees are built from the positions of the frame that requests them, read back from the backend.
+    /// Build each tree for the middle of the time in which it will be used. Applies to [`Policy::Async`], and to
+    /// [`Policy::Lockstep`] with a latency above 0. Trees are built from key frames, or from extrapolated positions if
+    /// only the backend has the positions. Otherwise trees are built from the positions of the frame that requests
+    /// them, read back from the backend.
     pub predict: bool,
 }
 
@@ -45,7 +48,8 @@ pub struct DriverOptions {
 struct PendingFrame {
     ticket: Ticket,
     record: FrameRecord,
-    /// Divisor of the refitted cost in [`FrameTreeStats::sah_ratio`](crate::FrameTreeStats::sah_ratio); `None` if the tree was built for the frame's pose.
+    /// Divisor of the refitted cost in [`FrameTreeStats::sah_ratio`](crate::FrameTreeStats::sah_ratio); `None` if the
+    /// tree was built for the frame's pose.
     cost_before: Option<f64>,
 }
 
@@ -55,7 +59,7 @@ struct FrameRecording {
     number: u64,
     /// Pose of the backend's positions; `None` if unknown.
     pose: Option<Pose>,
-    /// Target of the frame's shadow rays. Builders order the children of nodes for these rays.
+    /// Position of the light, where shadow rays end. Builders order the children of nodes for these rays.
     light: Option<Point>,
     /// Statistics of the frame.
     record: FrameRecord,
@@ -136,12 +140,13 @@ impl Driver {
         Ok(self.backend.load_palette(palette)?)
     }
 
-    /// Switches to positions that only the backend receives. Trees are then built from positions read back from it.
+    /// Declares that from now on only the backend receives positions. Trees are then built from positions that are read
+    /// back.
     pub fn forget_key_frames(&mut self) {
         self.knows_key_frames = false;
     }
 
-    /// Drops the frames of these tickets, which were abandoned before they ran.
+    /// Removes submitted frames that the device will never run.
     ///
     /// The next frame uploads positions again. A build that waits for positions is cancelled. A finished tree is
     /// evaluated again, because the device dropped its boxes.
@@ -215,7 +220,8 @@ impl Driver {
             && !matches!(e, BackendError::KeyFrame(_))
         {
             self.recording.is_refused = true;
-            // Its submission delivers the positions that it requested.
+            // The refused frame still reads back the positions that it requested. With another number, the next frame
+            // does not request them again.
             self.recording.number += 1;
         }
         recorded?;
@@ -253,7 +259,8 @@ impl Driver {
         Ok(())
     }
 
-    /// Brings the backend's positions to `pose`. Returns whether `preprocess` and `refit` must follow.
+    /// Moves the backend's positions to `pose`, and requests a read-back if a build waits for them. Returns whether
+    /// `preprocess` and `refit` must follow.
     fn record_positions(&mut self, pose: Pose) -> Result<bool, PipelineError> {
         let moved = self.recording.pose != Some(pose);
         let is_requested = self.wants_positions(moved);

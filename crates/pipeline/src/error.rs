@@ -9,9 +9,9 @@ pub enum PipelineError {
     #[error(transparent)]
     Backend(#[from] BackendError),
     /// The first tree could not be built.
-    #[error("the first tree: {0}")]
+    #[error("the first tree cannot be built: {0}")]
     FirstTree(String),
     /// The builder's threads could not be started.
-    #[error("no builder threads: {0}")]
+    #[error("builder threads cannot be started: {0}")]
     Threads(String),
 }

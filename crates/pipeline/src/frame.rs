@@ -27,8 +27,8 @@ pub struct FrameRecord {
     /// Milliseconds that the driver spent on the frame: from its start to the end of its submission, plus the wait for
     /// its results.
     pub wall_ms: f64,
-    /// Milliseconds of `wall_ms` in which the driver was blocked by a build. 0 for every frame but the first with
-    /// `async` and `refit`.
+    /// Milliseconds of `wall_ms` in which the driver was blocked by a build. With `async` and `refit`, 0 for every
+    /// frame except the first.
     pub build_wait_ms: f64,
     /// Generation of the tree that this frame requested, if any.
     pub requested: Option<Generation>,
@@ -40,7 +40,8 @@ pub struct FrameRecord {
     pub device_bytes: Option<DeviceBytes>,
     /// Times of the driver's steps.
     pub moments: FrameMoments,
-    /// Submission that read back vertices for the frame's own tree, if any.
+    /// Separate submission that read back vertices, if any: for the frame's own tree, or to measure the range of
+    /// coordinates.
     pub fetched: Option<TimedSubmission>,
     /// Submission that traced the frame.
     pub traced: TimedSubmission,
@@ -75,8 +76,8 @@ impl FrameRecord {
         }
     }
 
-    /// Completes the statistics after the driver has waited for the frame and read its results. An earlier
-    /// report is that of the submission that read back vertices for the frame's own tree, and counts for the frame.
+    /// Completes the statistics after the driver has waited for the frame and read its results. If a separate
+    /// submission read back vertices, `self.report` holds its report. Its times and bytes count for the frame.
     pub(crate) fn finish(&mut self, mut report: FrameReport, [waited, seen, read]: [Instant; 3]) {
         (self.traced.seen, self.traced.times) = (seen, report.times);
         let (times, fetched) = (&mut report.times, &self.report.times);
@@ -106,16 +107,18 @@ pub struct FrameTreeStats {
     /// Whether a finished tree was rejected. It cost no less than the current one, or a newer tree would arrive before
     /// its time of use.
     pub rejected: bool,
-    /// Milliseconds from vertices to the binary tree, if this frame adopted it.
+    /// Milliseconds from vertices to the complete binary tree, if this frame adopted it. For a tree built on the
+    /// device, milliseconds of the stage `rebuild`.
     #[serde(serialize_with = "rounded")]
     pub build_ms: Option<f64>,
-    /// Milliseconds from the binary tree to the topology, with its lists of moving nodes.
+    /// Milliseconds from the binary tree to the topology, including its lists of moving nodes, if this frame adopted
+    /// it.
     #[serde(serialize_with = "rounded")]
     pub convert_ms: Option<f64>,
     /// Bytes of the adopted topology that are uploaded.
     pub upload_bytes: u64,
-    /// Refitted cost divided by the cost of a fresh tree at the same time, if known, otherwise by the cost when the
-    /// tree was built. `None` if the backend measures no cost.
+    /// Cost of the refitted tree divided by its cost when it was built; 1 if it was built for this frame's pose. `None`
+    /// if the backend measures no cost.
     #[serde(serialize_with = "rounded")]
     pub sah_ratio: Option<f64>,
 }
@@ -157,7 +160,7 @@ pub struct TimedSubmission {
 pub struct Adopted {
     /// Bytes of vertices that were read back for the build.
     pub snapshot_bytes: u64,
-    /// Number of triangles.
+    /// Number of triangles in the tree.
     pub triangles: usize,
     /// Pose that it was built for.
     pub built_for: Pose,
@@ -170,7 +173,7 @@ pub struct Adopted {
 pub struct TreeMoments {
     /// A frame requested it.
     pub requested: Instant,
-    /// Its vertices were on the host; at once, if it was built from key frames.
+    /// The vertices were on the host. A build from key frames reaches this step immediately.
     pub arrived: Instant,
     /// Times of the build.
     pub build: BuildMoments,

@@ -1,4 +1,5 @@
-//! A driver's builder on the host: the memory that builds share, and the thread that runs them while frames are rendered.
+//! A driver's builder on the host: the memory that builds share, and the thread that runs them while frames are
+//! rendered.
 
 use crate::builder_thread::{BuildResult, BuilderPool, BuilderThread, BuilderThreads};
 use crate::tree_builder::{BuildInput, Built, Job, TreeBuilder};
@@ -42,8 +43,8 @@ impl HostBuilder {
         }
     }
 
-    /// Starts a build on the thread. Its nodes are ordered for rays that end at `toward`. Fails if the thread cannot be
-    /// started or has ended.
+    /// Starts a build on the thread. Children of nodes are ordered for rays that end at `toward`, such as shadow rays.
+    /// Fails if the thread cannot be started or has ended.
     pub(crate) fn start(
         &mut self,
         input: BuildInput,

@@ -1,19 +1,20 @@
 //! Predicts when a tree that is requested now will be used.
 //!
 //! Key frames are known before they are reached, so a tree can be built for the time at which it will be used. The
-//! prediction assumes that time continues by its last step. It also assumes that a build takes as many frames as
-//! earlier builds by the same strategy. Before the first such build, it uses the duration of the first tree's build and
-//! the rate of the first frames.
+//! prediction assumes that time advances by its last step. It also assumes that a build takes as many frames as earlier
+//! builds by the same strategy. Before the first such build, it uses the duration of the first tree's build and the
+//! rate of the first frames.
 
 use crate::tree_builder::BuildStrategy;
 use std::time::{Duration, Instant};
 
-/// Number of initial frames that do not count for the frame rate. The first waits for its tree; others may begin before
-/// the queue of frames in flight is full.
+/// Number of initial frames that do not count for the frame rate. The first frame waits for its tree. The next one may
+/// begin early, because the queue of frames in flight is not full yet.
 const UNSETTLED: u32 = 2;
 /// Duration of a later build relative to the first, because later builds reuse allocated memory.
 pub(crate) const LATER_BUILD: f64 = 0.4;
-/// Number of key frames that the first tree is built for. Motion is nearly straight within one.
+/// Length of the interval that the first tree is built for, in key frames. Within one key frame, motion is nearly
+/// straight.
 const FIRST_USE: f64 = 1.0;
 /// Duration of a build from subtrees relative to a build from scratch.
 const SUBTREES: f64 = 0.5;
@@ -24,7 +25,7 @@ pub(crate) struct LatencyPredictor {
     range: [f64; 2],
     time: f64,
     step: f64,
-    /// Latency in frames from request to adoption, if it is fixed.
+    /// Latency in frames from request to adoption, if the policy fixes it.
     agreed: Option<f64>,
     /// Observed latency in frames, for each strategy: from scratch, from subtrees.
     seen: [Option<f64>; 2],
@@ -33,10 +34,11 @@ pub(crate) struct LatencyPredictor {
     /// Estimated latency in frames, used until one is observed.
     guess: Option<f64>,
     first_build: Option<Duration>,
-    /// Number of frames from the first one that may evaluate a tree to the one that may adopt it.
+    /// Number of frames from the evaluation of a tree to the earliest frame that can adopt it.
     evaluation: f64,
-    /// Number of frames begun, and when the measurement of the frame rate began.
+    /// Number of frames begun.
     frames: u32,
+    /// Time at which the measurement of the frame rate began.
     settled: Option<Instant>,
 }
 
@@ -84,8 +86,8 @@ impl LatencyPredictor {
         self.latency().or(self.guess).is_some()
     }
 
-    /// Records that a tree arrived `frames` frames after its request. A shorter latency than before is used at once,
-    /// because early builds still allocate memory. A longer latency is averaged with the value before.
+    /// Records that a tree arrived `frames` frames after its request. A latency below the previous value replaces it,
+    /// because allocations slow down early builds. A higher latency is averaged with the previous value.
     pub(crate) fn observe_latency(&mut self, frames: u64, strategy: BuildStrategy) {
         let seen = &mut self.seen[strategy as usize];
         let frames = frames as f64;
@@ -103,8 +105,8 @@ impl LatencyPredictor {
         self.next = strategy;
     }
 
-    /// Returns whether a tree for the time `new` should replace one for the time `last`: `new` is at least as near as
-    /// `last`, or time does not approach `new`.
+    /// Returns whether the current time is at least as near to `new`, the target time of a finished tree, as to `last`,
+    /// that of the current tree. Also returns `true` if time does not approach `new`.
     pub(crate) fn is_nearer_than(&self, last: f64, new: f64) -> bool {
         let nearer = |left| left <= (last - self.time).abs();
         self.approach(new).is_none_or(nearer)
@@ -116,8 +118,9 @@ impl LatencyPredictor {
         comes_nearer.then_some((new - self.time).abs())
     }
 
-    /// Returns whether a tree for the time `new` should be evaluated: for the first time, or again because the distance
-    /// has halved since `costlier_at`, where it cost too much, or because time does not approach `new`.
+    /// Returns whether a tree with target time `new` should be evaluated. `costlier_at` is the distance at which it was
+    /// last found to cost too much, if it was evaluated before. It is evaluated again once the distance has halved, or
+    /// if time does not approach `new`.
     pub(crate) fn has_halved(&self, new: f64, costlier_at: Option<f64>) -> bool {
         match self.approach(new).zip(costlier_at) {
             Some((left, before)) => left <= 0.5 * before,
@@ -125,7 +128,8 @@ impl LatencyPredictor {
         }
     }
 
-    /// Returns whether a tree requested now would arrive before one for the time `new` should be adopted.
+    /// Returns whether a tree requested now would arrive before the tree with target time `new` should replace the one
+    /// with target time `last`.
     pub(crate) fn newer_tree_arrives_first(&self, last: f64, new: f64) -> bool {
         let ripe = f64::midpoint(last, new);
         (ripe - self.time) / self.step > self.expected()
@@ -137,7 +141,7 @@ impl LatencyPredictor {
         self.in_use(0.5)
     }
 
-    /// Returns the middles of both halves of the time in which a tree requested now is used.
+    /// Returns the middles of the first and of the second half of the time in which a tree requested now is used.
     pub(crate) fn halves_of_use(&self) -> [f64; 2] {
         [0.25, 0.75].map(|share| self.in_use(share))
     }
@@ -148,8 +152,8 @@ impl LatencyPredictor {
         self.ahead(latency + share * (latency - 1.0).max(0.0))
     }
 
-    /// Returns the middles of both halves of the time that the first tree is built for, because its actual time of use
-    /// is unknown. Returns `None` at the end of the range.
+    /// Returns the middles of the first and of the second half of the interval that the first tree is built for. The
+    /// length of the interval is fixed, because the time of use is unknown. Returns `None` at the end of the range.
     pub(crate) fn halves_of_first_use(&self) -> Option<[f64; 2]> {
         let left = FIRST_USE.min(self.range[1] - self.time);
         (left > 0.0).then(|| [0.25, 0.75].map(|share| self.time + share * left))

@@ -1,10 +1,14 @@
-//! Rebuild on the host while the device refits and traces.
+//! Builds trees on the host while the device refits and traces.
 //!
 //! Implements the asynchronous scheme of Ize, Wald, Parker (*Asynchronous BVH Construction for Ray Tracing Dynamic
-//! Scenes*, 2007), divided between a device and its host as by Kim, Kim, Lee, Han (2014). A schedule decides when to
-//! build, without threads or clocks. A builder runs on its own thread. [`Driver`] owns the backend, follows the
-//! schedule and never waits for the builder, except with [`Policy::Lockstep`](backend::Policy::Lockstep). Each
-//! [`FrameRecord`] contains the times of the driver's steps.
+//! Scenes*, 2007), divided between a device and its host as by Kim, Kim, Lee, Han (2014). The schedule is a pure
+//! function that decides when to request and adopt trees. The builder runs on its own thread. [`Driver`] owns the
+//! backend and follows the schedule.
+//!
+//! With [`Policy::Refit`](backend::Policy::Refit) and [`Policy::Async`](backend::Policy::Async), the driver waits for a
+//! build only in the first frame. With [`Policy::Rebuild`](backend::Policy::Rebuild), each frame with motion waits for
+//! its own tree. With [`Policy::Lockstep`](backend::Policy::Lockstep), the adopting frame waits if the tree is not
+//! finished. Each [`FrameRecord`] contains the times of the driver's steps.
 
 mod builder_thread;
 mod driver;

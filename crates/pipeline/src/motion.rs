@@ -8,11 +8,11 @@ use serde::Serialize;
 /// Motion of a scene's vertices.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct MotionStats {
-    /// Share of the vertices that have another position in some key frame than in the first.
+    /// Share of the vertices whose position in some key frame differs from that in the first.
     pub moving: f64,
     /// Mean distance that a vertex moves per key frame, divided by the diagonal of the bounds.
     pub mean_step: f64,
-    /// Largest such distance, divided by the same diagonal.
+    /// Largest distance that a vertex moves from one key frame to the next, divided by the diagonal of the bounds.
     pub max_step: f64,
 }
 

@@ -25,7 +25,8 @@ pub struct RunFacts {
     pub decay: RefitDecay,
     /// Kind of the device that traces.
     pub device: DeviceKind,
-    /// Bytes of device memory for trees built on the device ([`Policy::DeviceRebuild`]); `None` if it cannot.
+    /// Device memory of the whole run in bytes, if the device builds the trees ([`Policy::DeviceRebuild`]). `None` if
+    /// the device cannot build trees.
     pub rebuild_bytes: Option<u64>,
     /// Number of host threads that trace, if the host does.
     pub threads: usize,
@@ -33,29 +34,29 @@ pub struct RunFacts {
     pub builder_threads: usize,
 }
 
-/// Step in key frames from which on the tree of an earlier frame is of no use.
+/// Step in key frames from which on the tree of one frame is useless for the next.
 const FAR_APART: f64 = 2.0;
-/// Cost ratio up to which the first tree is as good as a fresh one.
+/// Cost ratio up to which the first tree is considered as good as a fresh one.
 const LASTS: f64 = 1.05;
-/// Ratio to the lowest estimate up to which estimates count as equal. The first of these policies wins.
+/// Estimates up to this factor times the lowest count as equal. The first of them wins.
 const TIE: f64 = 1.05;
-/// Bytes of device memory from which on trees are not built on the device, because the memory is worth more than the
-/// time saved. Common GPUs have this much free while they also drive a desktop.
+/// Device memory of a run, in bytes, from which on the estimates leave out [`Policy::DeviceRebuild`], because the
+/// memory is worth more than the time saved. Common GPUs have this much free while they also drive a desktop.
 const LARGE_REBUILD_BYTES: u64 = 4_000_000_000;
 
 impl RunFacts {
     /// Returns the policy that is expected to finish the run first, and the reason in one line.
     pub fn choose(&self) -> (Policy, String) {
         let (update, why) = if !self.moves {
-            let why = "the scene does not move, so its first tree stays the best";
+            let why = "the scene does not move, so the first tree remains the best";
             (Policy::Refit, why)
         } else if self.frames <= 1 {
             (Policy::Refit, "one frame needs one tree")
         } else if self.step >= FAR_APART {
-            let why = "the frames lie key frames apart: the tree of one is of no use to the next";
+            let why = "consecutive frames are far apart, so each frame needs its own tree";
             (self.rebuild(), why)
         } else if self.decay.worst <= LASTS {
-            (Policy::Refit, "the first tree stays as good as a fresh one")
+            (Policy::Refit, "the first tree is as good as a fresh one")
         } else {
             return self.least();
         };
@@ -79,15 +80,14 @@ impl RunFacts {
             .iter()
             .map(|e| format!("{} {:.2}", e.0.name(), e.1 * 1e-3));
         let mut why = format!(
-            "estimated seconds for {} frames: {}; refitted, the first tree costs {:.2} times a fresh one",
+            "estimated seconds for {} frames: {}; the refitted first tree costs {:.2} times as much as a fresh one",
             self.frames,
             words.collect::<Vec<_>>().join(", "),
             self.decay.mean
         );
         if let Some(bytes) = self.rebuild_bytes.filter(|&b| b >= LARGE_REBUILD_BYTES) {
             let gigabytes = bytes as f64 * 1e-9;
-            why +=
-                &format!("; trees built on the device would take {gigabytes:.1} GB of its memory");
+            why += &format!("; device-rebuild would take {gigabytes:.1} GB of device memory");
         }
         (taken.0, why)
     }
@@ -98,7 +98,7 @@ impl RunFacts {
         let frames = self.frames as f64;
         let tracing = frames * frame;
         let slower = TREE_SHARE * (self.decay.mean - 1.0);
-        // Share of the run that passes while a tree is built.
+        // Duration of a build, as a share of the run.
         let age = (LATER_BUILD * build / tracing).min(1.0);
         let aged = 1.0 + slower * age * age;
         let mut all = vec![
@@ -142,12 +142,12 @@ impl RunFacts {
 const TREE_SHARE: f64 = 0.5;
 /// Milliseconds per triangle on one thread: first build, conversion, and transfer to a GPU.
 const GPU_BUILD: f64 = 1.5e-3;
-/// On an H100: milliseconds per frame and per triangle, then the same for a build on the device.
+/// Milliseconds on an H100: constant and per triangle, first for a frame, then for a build on the device.
 const GPU_FRAME: f64 = 0.2;
 const GPU_TRIANGLE: f64 = 0.25e-6;
 const GPU_FRAME_BUILD: f64 = 0.4;
 const GPU_TRIANGLE_BUILD: f64 = 0.28e-6;
-/// Milliseconds on one host thread: per triangle of a build, per primary ray with its shadow ray, per refitted
+/// Milliseconds on one host thread: a build per triangle, tracing per primary ray with its shadow ray, and a refit per
 /// triangle.
 const HOST_BUILD: f64 = 0.8e-3;
 const HOST_RAY: f64 = 70e-6;

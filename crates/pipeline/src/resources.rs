@@ -11,8 +11,8 @@ pub const TREE_BYTES: u64 = 345;
 /// Bytes per ray: hits, shadows and pixels in three frames.
 const RAY_BYTES: u64 = 64;
 const BASE_BYTES: u64 = 16 << 20;
-/// Bytes per triangle of the trees on a device: records, nodes and lists of all trees that may exist at once. Measured:
-/// 119 with `refit`, up to 171 with `async`, whose trees are replaced.
+/// Bytes per triangle on a device: triangle records, nodes and lists of all trees that may exist at once. Measured: 119
+/// with `refit`, up to 171 with `async`, which replaces trees.
 const DEVICE_TREE_BYTES: u64 = 176;
 /// The same if the device builds the trees, including scratch memory.
 const DEVICE_REBUILD_BYTES: u64 = 260;
@@ -20,9 +20,9 @@ const DEVICE_REBUILD_BYTES: u64 = 260;
 const CANDIDATE_BYTES: u64 = 130;
 /// Bytes of device buffers whose size is constant.
 const DEVICE_BASE_BYTES: u64 = 1 << 20;
-/// Constant part of the buffers in which `exact` decides rays, in bytes.
+/// Constant part of the memory that `exact` needs for undecided rays, in bytes.
 const EXACT_BASE_BYTES: u64 = 4 * (3 << 16) + 4 * 64 * 2048;
-/// Number of frames whose rays a device stores at a time.
+/// Number of traces whose results a device stores at a time.
 const TRACES: u64 = backend::FRAMES_IN_FLIGHT as u64 + 1;
 
 /// Expected maximum memory of a run, estimated before trees are built.
@@ -45,7 +45,7 @@ impl ExpectedMemory {
     ) -> Self {
         let keys = keys_bytes(animation);
         let trees = trees_bytes(animation.triangle_count(), rays);
-        // A tree that is adopted by cost exists beside the current one until then.
+        // With adoption by cost, a candidate tree exists beside the current one.
         let candidate = if options.update.adopts_by_cost() {
             animation.live_count() as u64 * CANDIDATE_BYTES
         } else {

@@ -1,4 +1,4 @@
-//! Decides when trees are requested and swapped in: a pure function, without threads or clocks.
+//! Decides when trees are requested and adopted: a pure function, without threads or clocks.
 
 use backend::Policy;
 
@@ -7,14 +7,14 @@ use backend::Policy;
 pub(crate) struct InFlight {
     /// Number of the frame that requested it.
     pub(crate) requested_at: u64,
-    /// Whether its tree is finished, and is adopted or rejected at the next frame boundary.
+    /// Whether the tree was accepted or rejected. The next frame boundary adopts or drops it.
     pub(crate) is_decided: bool,
 }
 
 /// Steps of a frame that concern trees.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct FramePlan {
-    /// Swap to the tree in flight before any other step.
+    /// Adopt the tree in flight, or drop it if it was rejected, before any other step.
     pub(crate) swap: bool,
     /// The tree may be unfinished, so the driver must wait for it.
     pub(crate) wait: bool,
@@ -22,8 +22,8 @@ pub(crate) struct FramePlan {
     pub(crate) request: bool,
 }
 
-/// Returns when to request and when to swap trees. At most one build is in flight. `outdated` is set if the newest tree
-/// was built for another pose than this frame's.
+/// Returns the steps of frame `frame` that concern trees. At most one build is in flight. `outdated` is set if the
+/// newest tree was built for another pose than the frame would request, and a request is allowed.
 pub(crate) fn plan(
     policy: Policy,
     frame: u64,
@@ -38,7 +38,7 @@ pub(crate) fn plan(
     FramePlan {
         swap,
         wait: swap && !is_decided,
-        // A tree that is swapped in now was built for an earlier frame. It is outdated unless nothing has moved since.
+        // A tree that is adopted now was built for an earlier frame. It is outdated unless nothing has moved since.
         request: policy.requests_trees() && outdated && (swap || build.is_none()),
     }
 }

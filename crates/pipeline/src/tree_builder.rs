@@ -52,7 +52,7 @@ pub struct BuildMoments {
     pub begun: Instant,
     /// The binary tree was complete.
     pub built: Instant,
-    /// Its cost was known, and the current tree's if they are compared.
+    /// The tree's cost was known, and the current tree's cost if both are compared.
     pub weighed: Instant,
     /// The topology was complete.
     pub ended: Instant,
@@ -71,7 +71,7 @@ pub(crate) struct TreeBuilder {
     positions: Vec<Point>,
     boxes: Vec<Aabb>,
     spare: Spare,
-    /// The form that topologies contain, so that their adoption takes little time in a frame.
+    /// Format to which topologies are converted during the build, so that their adoption takes little time in a frame.
     format: TreeFormat,
     degradation: DegradationMonitor,
     extrapolation: ExtrapolationMonitor,
@@ -80,7 +80,7 @@ pub(crate) struct TreeBuilder {
 }
 
 impl TreeBuilder {
-    /// Creates a builder whose topologies contain this form.
+    /// Creates a builder whose topologies contain trees of this format.
     pub(crate) fn with_format(format: TreeFormat) -> Self {
         let mut builder = SahBuilder::default();
         if format == TreeFormat::WideBlocks {
@@ -110,8 +110,8 @@ impl TreeBuilder {
         std::mem::swap(&mut self.tree, &mut self.in_use);
     }
 
-    /// Builds a tree from scratch and converts it. With two poses, it is built over boxes that contain each triangle at
-    /// both. In either case, its cost refers to the vertices.
+    /// Builds a tree from scratch and converts it. If `input` has two poses, the tree is built over boxes that contain
+    /// each triangle at both. Its cost is always measured at the vertices of `input`.
     pub(crate) fn build(
         &mut self,
         animation: &Animation,
@@ -145,7 +145,7 @@ impl TreeBuilder {
         Ok(built)
     }
 
-    /// Stores observed positions as key frames.
+    /// Copies observed positions into the builder's own key frames.
     fn store(&mut self, seen: Observed) -> [KeyFrame; 2] {
         seen.frames
             .into_iter()
@@ -226,9 +226,10 @@ impl TreeBuilder {
         leaves > 0 && leaves == animation.live_count()
     }
 
-    /// Builds a tree from the vertices or, with two poses, over boxes that contain each triangle at both. Then the
-    /// boxes are those of the vertices. A build from subtrees leaves the old boxes, unless blocks need new ones.
-    /// Returns the costs at the vertices if the build computed them.
+    /// Builds a tree from the vertices of `input`. If `input` has two poses, builds the tree over boxes that contain
+    /// each triangle at both, and then computes the boxes at the vertices. A build from subtrees does not update the
+    /// boxes, unless the format is [`TreeFormat::WideBlocks`]. Returns the costs at the vertices if the build computed
+    /// them.
     fn build_tree(
         &mut self,
         source: &PoseSource<'_>,

@@ -1,7 +1,7 @@
 //! Selects a backend automatically.
 //!
-//! A GPU is preferred to the host's cores, and these to a driver that runs shaders on the same cores. Backends are
-//! listed and opened only when their turn comes, because both take time.
+//! Prefers a GPU, then the host's cores, then a driver that runs shaders on these cores. Backends are listed and opened
+//! only when their turn comes, because both take time.
 
 use super::adapters::match_adapter;
 use super::{BACKENDS, BackendEntry};

@@ -13,20 +13,22 @@
 //! exact values, each rounded once to the nearest float.
 //!
 //! A hit depends only on the ray, the triangle and the intersector. A vertex that is very far away does not change hits
-//! of triangles without this vertex. Only rays that hit triangles with this vertex take notably longer.
+//! of triangles without this vertex. Up to a distance of `2^40`, only rays that hit triangles with this vertex take
+//! notably longer.
 //!
 //! # Far away
 //!
-//! `Watertight` is exact for a ray that differs from the given ray by rounding, in single precision at the distance of
-//! the triangle. At a distance of `1e12`, the spacing of floats is 65,536. So a ray may hit a triangle that it actually
-//! misses by a few units. A direction component below `2^-37` of the largest component counts as 0. `Exact` has no such
-//! error.
+//! The result of `Watertight` is exact for a ray that differs slightly from the given ray: by rounding errors in single
+//! precision, at the distance of the triangle. At a distance of `1e12`, the spacing of floats is 65,536. So a ray may
+//! hit a triangle that it misses by a few such steps. A direction component below `2^-37` of the largest component
+//! counts as 0. `Exact` has no such error.
 //!
 //! A ray is *extreme* if it starts `2^40` (`1.1e12`) or more from the origin along some axis, or if some vertex is that
 //! far away. A ray that starts within `2^-24` of the origin is also extreme if there are vertices within `2^-32` of the
-//! origin, other than at the origin itself. Single precision cannot bound its error for such rays. Both intersectors
-//! trace them in exact arithmetic, which is slow: from very far away, a ray is tested against all triangles. So
-//! `Watertight` may hit a triangle from just below `1.1e12` that it correctly misses from just above.
+//! origin, other than at the origin itself. The error of single precision is unbounded for such rays. Both intersectors
+//! trace them in exact arithmetic, which is slow: a ray from very far away is tested against all triangles. So results
+//! of `Watertight` may change where rays become extreme: a ray from just below `1.1e12` may hit a triangle that a ray
+//! from just above correctly misses.
 //!
 //! If the largest coordinate of all key frames or initial positions is outside `2^-10..=2^30`, all coordinates are
 //! scaled by a power of two. Scaled coordinates below `2^-64` then count as 0. So coordinates of one scene should not
@@ -63,8 +65,8 @@
 //! # Rays and triangles that never hit
 //!
 //! - A ray whose direction is zero, whose origin or direction is not finite, or whose interval is empty.
-//! - A triangle whose reported `t` is not strictly between `t_min` and `t_max`. No epsilon is added to `t_min`: a ray that
-//!   starts on a surface needs a `t_min` above 0 to miss that surface.
+//! - A triangle whose reported `t` is not strictly between `t_min` and `t_max`. No epsilon is added to `t_min`: a ray
+//!   that starts on a surface needs a `t_min` above 0 to miss that surface.
 //! - A triangle with a vertex that is not finite, or without area. [`Statistics`](crate::Statistics) counts both.
 //!
 //! Both sides of a triangle are hit.

@@ -16,9 +16,9 @@
 //!
 //! A [`Step`](crate::Step) first moves meshes, then traces any number of queries, and is then submitted.
 //! [`Tracer::hits`](crate::Tracer::hits) waits for a query and returns a handle to its results, without a copy.
-//! [`Tracer::is_done`](crate::Tracer::is_done) polls.
-//! A result can be read until the second step after its own is submitted. [`Hits`](crate::Hits) that were read before
-//! remain valid. A step that is dropped instead of submitted frees its results at once and does not count.
+//! [`Tracer::is_done`](crate::Tracer::is_done) polls. A step's results can be read until two more steps are submitted.
+//! [`Hits`](crate::Hits) that were read before remain valid. A step that is dropped instead of submitted frees its
+//! results at once and does not count.
 //!
 //! ```
 //! use abvh::{Device, Mesh, Query, Ray, Scene, Tracer};

@@ -51,9 +51,9 @@
 //! commits it between two steps with [`Tracer::commit`](crate::Tracer::commit). From then on,
 //! [`Step::vertices`](crate::Step::vertices) takes the new number of vertices.
 //!
-//! [`Replacement::is_ready`](crate::Replacement::is_ready) returns whether the commit would not wait. Other meshes keep
-//! their positions, and all meshes keep their [`MeshId`](crate::MeshId). Hits of earlier steps can still be read. Until
-//! they are dropped, both scenes take memory.
+//! [`Replacement::is_ready`](crate::Replacement::is_ready) returns whether a commit would return without a wait. Other
+//! meshes keep their positions, and all meshes keep their [`MeshId`](crate::MeshId). Hits of earlier steps can still be
+//! read. Until they are dropped, both scenes take memory.
 //!
 //! Several meshes can be replaced at the same time. Each replacement is prepared for the current scene, so after the
 //! first commit, `commit` prepares each of the others again and waits for that.

@@ -50,7 +50,8 @@ fn mix(a: Vec3, b: Vec3, s: f32) -> Vec3 {
     a + (b - a) * s
 }
 
-/// Table steps per unit of linear light. One step is at most 0.8 of an 8-bit level, in the darkest part of the curve.
+/// Table entries per unit of linear light. From one entry to the next, sRGB changes by at most 0.8 of an 8-bit level,
+/// at the dark end of the curve.
 const STEPS: usize = 4096;
 
 /// Last step of the table, which exceeds all light in this model.

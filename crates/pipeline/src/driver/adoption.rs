@@ -31,8 +31,8 @@ impl AdoptionRule {
         }
     }
 
-    /// Decides about a tree that is on the device. `current` is the target time of the current tree, or NaN. Returns
-    /// `None` if the tree keeps waiting.
+    /// Decides about a tree that is on the device. `current` is the target time of the current tree, or NaN if there is
+    /// none. Returns `None` if the tree keeps waiting.
     pub(super) fn review(
         self,
         tree: &CandidateTree,

@@ -5,7 +5,7 @@ use backend::{Generation, Snapshot, Ticket};
 use geom::Pose;
 use std::time::Instant;
 
-/// Which tree was requested, when, and for what time of use.
+/// Request of a tree.
 #[derive(Clone, Debug)]
 pub(super) struct Request {
     pub(super) generation: Generation,
@@ -17,7 +17,7 @@ pub(super) struct Request {
     pub(super) pose: Pose,
     /// Middle of the expected time of use, in key frames.
     pub(super) target_time: f64,
-    /// Middles of both halves of the expected time of use, in key frames.
+    /// Middles of the first and of the second half of the expected time of use, in key frames.
     pub(super) halves: [f64; 2],
     pub(super) requested: Instant,
 }
@@ -103,20 +103,20 @@ pub(super) enum NextTreeState {
     /// No tree is requested.
     #[default]
     Idle,
-    /// Waits for the vertices that it is built from.
+    /// The tree waits for its vertices.
     Requested(Request, Observation),
-    /// The builder thread builds it.
+    /// The builder thread builds the tree.
     Building(Request, VerticesArrived),
-    /// On the host. It is being uploaded, or waits until its target time is near enough.
+    /// The tree is finished. It is being uploaded, or waits until its target time is near enough.
     Waiting(CandidateTree),
-    /// The next frame evaluates it.
+    /// The next frame evaluates the tree.
     Due(CandidateTree),
-    /// A frame evaluates it.
+    /// A frame evaluates the tree.
     Evaluating(CandidateTree, Evaluation),
-    /// Adopted at the next frame boundary.
+    /// The tree is adopted at the next frame boundary.
     Accepted(CandidateTree),
-    /// Dropped at the next frame boundary. Contains the pose at which it cost more than the current tree, if that is
-    /// the reason.
+    /// The tree is dropped at the next frame boundary. Contains the pose at which it cost more than the current tree,
+    /// if that is the reason.
     Rejected(CandidateTree, Option<Pose>),
 }
 

@@ -5,11 +5,11 @@
 //! unit is the time from request to rejection. An adopted tree that saves little counts as a rejection. The pauses end
 //! when a tree saves more, or when the current tree's cost exceeds its previous maximum by [`COST_RISE`].
 
-/// Number of rejections in a row after which pauses stop growing. Builds then take a thirty-second of the time.
+/// Number of consecutive rejections after which pauses stop growing. Builds then take 1/32 of the time.
 const MAX_REJECTIONS: u32 = 6;
-/// Largest cost of an adopted tree, divided by the replaced tree's, that ends the pauses.
+/// An adopted tree ends the pauses if its cost is at most this fraction of the replaced tree's.
 const GOOD_RATIO: f64 = 0.9;
-/// Factor by which a cost must exceed the previous maximum to end the pauses.
+/// The pauses end if the current tree's cost exceeds its previous maximum by more than this factor.
 const COST_RISE: f64 = 1.1;
 
 /// Counts rejections and sets the pause.

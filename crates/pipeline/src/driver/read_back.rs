@@ -1,5 +1,5 @@
-//! Reads positions back from the backend for builds: those of the requesting frame. If only the backend has the
-//! positions, also those of the next frame that moves, to extrapolate the motion.
+//! Reads positions back from the backend for builds. The frame that requests a tree reads its positions back. If only
+//! the backend has the positions, the next frame that moves does so, too. The motion is then extrapolated from both.
 
 use super::Driver;
 use super::next_tree::NextTreeState;
@@ -101,6 +101,8 @@ impl Driver {
         Ok(())
     }
 
+    /// Starts the build that waits for these positions. If the build observes two frames, stores the positions of the
+    /// first until those of the second arrive.
     fn take_read_back(&mut self, positions: Snapshot) -> Result<(), PipelineError> {
         if !self.observes_two_frames() {
             return self.build_read_back(positions);

@@ -43,8 +43,8 @@ pub struct FrameOutputs {
 
 impl Driver {
     /// Renders `frames` in order, with as many in flight as the backend allows. Passes each finished frame to
-    /// `on_frame`, with the selected results. `on_frame` may swap the memory of the results for other
-    /// memory, which later frames then use.
+    /// `on_frame`, with the selected results. `on_frame` may take or replace the buffers of the results. Later frames
+    /// reuse the buffers that it leaves.
     ///
     /// # Errors
     /// Those of the backend and of `on_frame`.
@@ -106,7 +106,7 @@ impl Driver {
         Ok(Some(record))
     }
 
-    /// Returns how many frames with such queries may be in flight, including the next one to [begin](Self::begin).
+    /// Returns how many frames with these queries may be in flight, including the next one to [begin](Self::begin).
     pub fn max_in_flight(&self, queries: &[Query<'_>]) -> usize {
         // A frame that waits for its own tree or positions takes two submissions, so no other frame may be unfinished.
         if self.options.update.waits_for_tree() || self.must_measure_range(queries) {

@@ -26,7 +26,7 @@ pub(super) struct Trees {
     newest: Generation,
     /// Pause between requests after trees were rejected.
     pause: RequestPause,
-    /// Pose at which the last build made no better tree than the current one.
+    /// Pose for which the last build produced no better tree than the current one.
     no_better_at: Option<Pose>,
 }
 
@@ -51,6 +51,7 @@ pub(super) struct CurrentTree {
     pub(super) pose: Pose,
     /// Middle of its expected time of use, in key frames.
     pub(super) target_time: f64,
+    /// Cost at the vertices that the tree was built from; 0 if the device built it.
     pub(super) cost: f64,
 }
 
@@ -266,7 +267,7 @@ impl Driver {
         };
         input.is_compared = self.adoption_rule().by_cost;
         let vertices = VerticesArrived {
-            // Only the builder thread reads the vertices, because the first read of a snapshot may be slow.
+            // Do not read the vertices here: the first read of a snapshot may be slow, so the builder thread does it.
             at: Instant::now(),
             bytes: read_back,
             last_time: observation.second_time.unwrap_or(request.time),
@@ -292,7 +293,8 @@ impl Driver {
         match self.trees.next.take_decided() {
             Some(Decided::Adopt(tree)) => {
                 let frames = number - tree.request.frame;
-                // A tree from known key frames is built for the time of its use, so small gains add up.
+                // With prediction, the tree is built for the time in which it is used. So even a small gain ends the
+                // pauses.
                 let cost_ratio = tree.cost_ratio.filter(|_| !self.predicts());
                 self.adopt(tree)?;
                 let cost_ratio = cost_ratio.unwrap_or(0.0);

@@ -1,4 +1,4 @@
-//! Uncounted frames after the first one, because an idle device runs at a low clock and takes long to raise it.
+//! Warms the device up with uncounted frames, because an idle device runs at a low clock and takes long to raise it.
 //!
 //! Opening a device, compiling kernels and building the first tree leave the device idle for milliseconds to seconds.
 //! The first frame of a run waits for these steps. It is then traced again, uncounted, for a fixed time and until frame
@@ -12,8 +12,8 @@ use serde::Serialize;
 use std::collections::VecDeque;
 use std::time::Instant;
 
-/// Default seconds of warm-up on a GPU. After ten idle seconds of kernel compilation, an H200 was still four times too
-/// slow after 60 frames that took a quarter of a second in all.
+/// Default seconds of warm-up on a GPU. After ten idle seconds of kernel compilation, an H200 was still four times
+/// slower than usual after 60 frames, which took 0.25 s.
 const USUAL: f64 = 0.7;
 /// Seconds in each of the two consecutive windows whose medians are compared.
 const WINDOW: f64 = 0.1;
@@ -53,7 +53,8 @@ pub struct WarmUp {
 }
 
 impl WarmUp {
-    /// Begins a warm-up of `asked` seconds, or of the default duration for such a device. Returns `None` if the duration is 0.
+    /// Begins a warm-up of `asked` seconds, or of the default duration for such a device. Returns `None` if the
+    /// duration is 0.
     #[must_use]
     pub fn begin(asked: Option<f64>, kind: DeviceKind) -> Option<Self> {
         let seconds = seconds(asked, kind);
@@ -64,7 +65,7 @@ impl WarmUp {
         })
     }
 
-    /// Takes the device's milliseconds of a trace. Returns whether another trace should follow.
+    /// Records the device time of a trace, in milliseconds. Returns whether another trace should follow.
     pub fn goes_on(&mut self, device_ms: f64) -> bool {
         let now = self.begun.elapsed().as_secs_f64();
         self.seen.push(TimedTrace {
@@ -88,7 +89,7 @@ impl WarmUp {
 /// A trace of a warm-up.
 #[derive(Clone, Copy, Debug)]
 struct TimedTrace {
-    /// Seconds since the begin of the warm-up.
+    /// Seconds since the start of the warm-up.
     finished: f64,
     device_ms: f64,
 }
@@ -132,7 +133,7 @@ impl Driver {
         mut on_frame: impl FnMut(&FrameRecord) -> Result<(), E>,
     ) -> Result<(Option<Warmed>, &'a [Frame]), E> {
         let kind = self.backend.device().kind;
-        // Nothing comes after a single frame that could gain by it.
+        // A single frame has no later frames that would gain from a warm-up.
         if seconds(asked, kind) <= 0.0 || frames.len() < 2 {
             return Ok((None, frames));
         }

@@ -26,8 +26,8 @@ impl DegradationMonitor {
     const FAST: f64 = 1.5;
     /// Cost ratio above which `is_slow` becomes false.
     const NOT_SLOW: f64 = 1.2;
-    /// Cost ratio up to which `is_slow` becomes true. Cost grows with the square of time, so such trees remain good for
-    /// more than twice as long. Trees that are built from scratch also cost less.
+    /// Cost ratio up to which `is_slow` becomes true. The excess cost grows with the square of time, so it remains
+    /// small if the next build takes twice as long. A tree that is built from scratch also costs less.
     const SLOW: f64 = 1.01;
 
     /// Returns how to build a tree that is compared with the current one.

@@ -9,7 +9,7 @@ use geom::{Point, Pose};
 pub(crate) struct BuildInput {
     /// Source of the vertices.
     pub(crate) vertices: Vertices,
-    /// Poses at the middles of both halves of the tree's expected use, if known.
+    /// Poses at the middles of the first and of the second half of the tree's expected use, if known.
     pub(crate) halves: Option<[Pose; 2]>,
     /// Positions that all poses refer to, if they do not refer to key frames.
     pub(crate) observed: Option<Observed>,
