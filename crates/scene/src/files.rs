@@ -63,7 +63,7 @@ fn with_companions(file: &Path, all: &mut Vec<PathBuf>) -> Result<()> {
     Ok(())
 }
 
-/// Returns the names after `mtllib`, with the same line rules as the OBJ reader.
+/// Returns the text after each `mtllib` as one name. Splits lines as the OBJ reader does, but joins no continued lines.
 fn materials(obj: &Path) -> std::io::Result<Vec<String>> {
     let mut names = Vec::new();
     for part in BufReader::new(fs::File::open(obj)?).split(b'\n') {

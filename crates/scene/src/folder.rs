@@ -1,4 +1,4 @@
-//! The folder of a scene's file, and the files in it that the file refers to.
+//! Access to the files that a scene's file refers to. Files outside its folder are read only if the options allow it.
 
 use std::fs;
 use std::io::{self, ErrorKind};
@@ -12,7 +12,7 @@ pub(crate) struct Folder {
 }
 
 impl Folder {
-    /// Returns the folder of `file`. With `allow_outside`, references may lead to files anywhere.
+    /// Returns the folder of `file`. With `allow_outside`, [`Self::read`] also reads files outside the folder.
     #[must_use]
     pub(crate) fn of(file: &Path, allow_outside: bool) -> Self {
         Self {
@@ -21,7 +21,7 @@ impl Folder {
         }
     }
 
-    /// Returns the path of a name relative to the folder.
+    /// Returns the folder's path joined with `name`.
     pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.folder.join(name)
     }
@@ -29,8 +29,8 @@ impl Folder {
     /// Reads a regular file by its name relative to the folder.
     ///
     /// # Errors
-    /// Returns errors of [`host::read`], and [`ErrorKind::PermissionDenied`] for a file that is outside the folder after
-    /// following links, unless that is allowed.
+    /// Returns the errors of [`host::read`]. Returns [`ErrorKind::PermissionDenied`] if the file, after links are
+    /// resolved, is outside the folder and `allow_outside` is not set.
     pub(crate) fn read(&self, name: &str) -> io::Result<Vec<u8>> {
         let path = self.path(name);
         if self.allow_outside {
@@ -38,7 +38,7 @@ impl Folder {
         }
         let (file, folder) = (fs::canonicalize(&path)?, fs::canonicalize(&self.folder)?);
         if !file.starts_with(&folder) {
-            let message = "it lies outside the scene's folder (--allow-outside reads it)";
+            let message = "it is outside the scene's folder; --allow-outside permits it";
             return Err(io::Error::new(ErrorKind::PermissionDenied, message));
         }
         host::read(&file)

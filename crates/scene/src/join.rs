@@ -65,10 +65,11 @@ pub(crate) fn inputs<'a>(all: &'a str, exists: &dyn Fn(&str) -> bool) -> Result<
     Ok(inputs)
 }
 
-/// Splits off the longest prefix that ends at a `+` or at the end and names an existing input. Otherwise splits at the
-/// first `+`.
+/// Splits off the first input, and returns it and the text after its `+`. The first input is the longest prefix that
+/// names an existing input and is followed by `+` or nothing. If there is none, the text is split at the first `+`.
 ///
-/// Prefixes that end at a `+` are limited in length. Otherwise the time would be quadratic in the number of inputs.
+/// Of the prefixes before a `+`, only those of at most `LONGEST` bytes are tested. Without this limit, a long list
+/// of inputs would take quadratic time.
 fn first_input<'a>(spec: &'a str, exists: &dyn Fn(&str) -> bool) -> (&'a str, Option<&'a str>) {
     const LONGEST: usize = 1024;
     let all = spec.match_indices(AND).map(|(at, _)| at);
@@ -85,7 +86,7 @@ fn input<'a>(text: &'a str, exists: &dyn Fn(&str) -> bool) -> Result<Input<'a>> 
     let (spec, place) = match placed.map(|(spec, at)| (spec, at, parse(at))) {
         Some((spec, at, None)) if exists(spec) => {
             return Err(SceneError(format!(
-                "bad place {at:?} for {spec}: give @x,y,z or @x,y,z*scale, with a scale above 0"
+                "bad placement {at:?} for {spec}: use @x,y,z or @x,y,z*scale with a scale above 0"
             )));
         }
         Some((spec, _, place @ Some(_))) => (spec, place),
@@ -113,7 +114,7 @@ pub fn open(spec: &str, options: &SceneOptions) -> Result<Scene> {
     }
 }
 
-/// Opens and joins all inputs. Moving inputs must have the same number of key frames.
+/// Opens and joins all inputs.
 fn join(spec: &str, inputs: &[Input<'_>], options: &SceneOptions) -> Result<Scene> {
     if !inputs.iter().any(|i| has_clips(i.spec)) {
         refuse_clip(spec, options)?;
@@ -166,8 +167,8 @@ fn join(spec: &str, inputs: &[Input<'_>], options: &SceneOptions) -> Result<Scen
     })
 }
 
-/// Makes all placements relative to one common offset, since each input was recentred by its own offset. Returns the
-/// common offset: the centre of the first input.
+/// Adapts the placements, because each input was recentred by an offset of its own. Returns the common offset of the
+/// joined scene: the centre of the first input after its placement.
 fn recentre(places: &mut [InputPlacement], scenes: &[Scene]) -> Position {
     let mut common = None;
     for (place, scene) in places.iter_mut().zip(scenes) {
@@ -188,8 +189,8 @@ fn key_count(scenes: &[Scene]) -> Result<usize> {
     match moving.find(|s| count(s) != count(first)) {
         None => Ok(count(first)),
         Some(other) => Err(SceneError(format!(
-            "{} has {} key frames and {} {}: inputs that move must have equally many; \
-             one with a single key frame is repeated",
+            "{} has {} key frames and {} {}: moving inputs must have the same number of key frames; \
+             an input with a single key frame is static",
             first.name,
             count(first),
             other.name,

@@ -2,7 +2,8 @@
 //!
 //! A scene is named by a string. It is `demo:NAME[:TRIANGLES]`, one `.obj`, `.ply`, `.gltf` or `.glb` file, or a
 //! directory or glob of `.obj` or `.ply` files. Each file of a directory or glob is one key frame, in natural order.
-//! Several names joined by `+` make one scene. Each may be followed by its placement: `@x,y,z` or `@x,y,z*scale`.
+//! Several names joined by `+` make one scene. Each may be followed by a placement: `@x,y,z` or `@x,y,z*scale`. The
+//! placement moves each point `p` of that input to `p * scale + (x, y, z)`.
 //!
 //! [`Viewpoint`] chooses a camera and a light for any scene.
 //!
@@ -61,8 +62,8 @@ pub struct Facts {
     pub clip: Option<String>,
     /// Seconds between key frames, if the source specifies them.
     pub seconds_per_key: Option<f64>,
-    /// The point that was subtracted from all coordinates, in the units of the files. `None` unless
-    /// [`SceneOptions::recentre`] is set; demos have no offset.
+    /// The point that was subtracted from all coordinates, in the units of the files. `None` for a single demo, and if
+    /// [`SceneOptions::recentre`] is not set.
     pub offset: Option<[f64; 3]>,
     /// Remarks for the user: data that was skipped, assumed or missing.
     pub notes: Vec<String>,
@@ -83,7 +84,8 @@ pub struct SceneOptions {
     /// Whether the centre of the first key frame is subtracted from all coordinates before they are rounded to single
     /// precision. [`Facts::offset`] holds that centre.
     pub recentre: bool,
-    /// Largest size in bytes of key frames that are held in memory. Larger sequences are read during playback.
+    /// Maximum size in bytes of an animation whose key frames are all held in memory. A larger animation is paged: it
+    /// holds a few key frames, and reads or computes the others during playback.
     pub key_bytes: u64,
     /// Memory limit in bytes. `None` selects the host's available memory.
     pub memory: Option<u64>,
@@ -116,7 +118,8 @@ pub struct SceneError(pub(crate) String);
 /// Result of reading a scene.
 pub type Result<T, E = SceneError> = std::result::Result<T, E>;
 
-/// Location of an error in a file: a line counted from 1, or a byte or a list item counted from 0.
+/// Location of an error in a file: its kind, such as `line`, `byte` or `face`, and its number. Lines count from 1,
+/// bytes and list items from 0.
 pub(crate) type Location = (&'static str, usize);
 
 impl SceneError {

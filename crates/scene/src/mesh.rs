@@ -1,4 +1,4 @@
-//! A mesh file of any format: vertices, faces and colours, and the comparison with the next key frame.
+//! Contents of a mesh file of any format: vertices, faces and colours. Compares its faces with the first key frame's.
 
 use crate::rounding::Position;
 use crate::stream::check_counts;
@@ -21,7 +21,7 @@ pub(crate) struct Polygons {
     pub(crate) vertices: usize,
     /// Concatenated vertex indices of all faces, counted from 0.
     corners: Vec<u32>,
-    /// End of each face in `corners`.
+    /// Index in `corners` after the last corner of each face.
     ends: Vec<usize>,
 }
 
@@ -84,7 +84,7 @@ impl Polygons {
         check_counts(path, [self.vertices, self.triangle_count()], &hint)
     }
 
-    /// Checks that the key frame in `path` has the topology of the first one, in the file `first`.
+    /// Checks that a key frame, read from `path`, has the topology `expected` of the first one, read from `first`.
     pub(crate) fn check_same(&self, path: &Path, first: &Path, expected: &Self) -> Result<()> {
         let first = first.display();
         let bad = |cause: String| {
@@ -109,7 +109,8 @@ impl Polygons {
     }
 }
 
-/// Concatenates the triangles of several meshes. Each mesh has its number of vertices as the second value.
+/// Concatenates the triangles of several meshes, and offsets their indices to match concatenated vertices. A mesh is
+/// given by its triangles and its number of vertices.
 pub(crate) fn joined_triangles<'a>(
     meshes: impl Iterator<Item = (&'a [[u32; 3]], usize)>,
 ) -> Vec<[u32; 3]> {
@@ -189,9 +190,10 @@ impl Colours {
         self.0.push(colour);
     }
 
-    /// Converts all colours. If any component is above 1, the file's range is taken as 0 to 255, and a remark is added.
+    /// Converts all colours. If a component exceeds `MAX_ONE`, all colours are read as 0 to 255, and a remark is added.
+    /// Otherwise they are read as 0 to 1.
     pub(crate) fn into_display(self, path: &Path, notes: &mut Vec<String>) -> Vec<Rgb> {
-        /// Tolerance for white components that rounding leaves slightly above 1.
+        /// Largest component that counts as 1, because rounding can leave white slightly above 1.
         const MAX_ONE: f32 = 1.01;
         let is_above_one = |c: &f32| *c > MAX_ONE && c.is_finite();
         let mut scale = 1.0;

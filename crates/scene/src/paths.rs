@@ -38,7 +38,7 @@ pub(crate) fn path(word: &str) -> PathBuf {
         }
         Some(std::ffi::OsString::from_vec(bytes).into())
     };
-    // A malformed escape is no path. Opening the undecoded string reports the error.
+    // A name with a malformed escape encodes no path. It is returned unchanged, and opening it reports the error.
     decoded().unwrap_or_else(|| word.into())
 }
 
@@ -47,7 +47,7 @@ pub(crate) fn path(word: &str) -> PathBuf {
     word.into()
 }
 
-/// Returns whether `spec` as a whole names an existing input.
+/// Returns whether all of `spec` names one input: a demo of any name, an existing path, or a glob with a match.
 pub(crate) fn exists(spec: &str) -> bool {
     let matches = || glob::glob(spec).is_ok_and(|mut all| all.next().is_some());
     let is_demo = spec.starts_with("demo:") && !spec.contains(['+', '@']);

@@ -1,7 +1,8 @@
 //! Triangulation of polygons into n - 2 triangles per polygon of n vertices, in the order of the faces.
 //!
-//! A polygon that is covered by the fan from its first vertex becomes that fan. This includes every convex polygon.
-//! Other polygons are triangulated by ear clipping in their plane. Both methods keep the polygon's orientation.
+//! If the fan from a polygon's first vertex contains no flipped triangle, the polygon becomes that fan. Convex polygons
+//! always do. So do polygons without area and polygons with more than [`MAX_CLIPPED`] vertices. All other polygons are
+//! triangulated by ear clipping in their plane. Both methods keep the polygon's orientation.
 
 use crate::mesh::Polygons;
 use crate::rounding::Position;
@@ -48,7 +49,7 @@ struct Clipper<'a> {
     /// The polygon's vertices projected to a plane, counter-clockwise.
     flat: Vec<[f64; 2]>,
     indices: Vec<u32>,
-    /// Ears as sorted positions of their corners in the polygon.
+    /// Triangles from ear clipping. Corners are indices into the polygon in ascending order.
     ears: Vec<[u32; 3]>,
 }
 
@@ -70,10 +71,11 @@ impl Clipper<'_> {
         });
     }
 
-    /// Projects a polygon along the longest axis of its normal, which Newell's method computes. The projection is an
-    /// affine map of the polygon's plane, so it preserves inside and outside. It rounds no coordinate.
+    /// Projects a polygon along the axis of the largest component of its normal, as in Newell's method. The normal is
+    /// the sum of cross products over the fan. The projection is an affine map of the polygon's plane, so it preserves
+    /// inside and outside. It drops one coordinate and does not round the others.
     ///
-    /// Returns whether the polygon has a plane: all vertices are finite, and its projected area is not 0.
+    /// Returns `false` if the normal is not finite or the projected area is 0.
     fn flatten(&mut self, corners: &[u32]) -> bool {
         let point = |&vertex: &u32| self.points[vertex as usize];
         let first = point(&corners[0]);
@@ -121,16 +123,17 @@ impl Clipper<'_> {
             ear.sort_unstable();
             ear
         }));
-        // Sorts by first corner, then by last corner in descending order.
+        // The order that `complete` expects.
         self.ears.sort_unstable_by_key(|&[a, b, c]| (a, !c, b));
     }
 }
 
-/// Emits `vertices - 2` triangles that fill a polygon. Corners are positions in ascending order, so each triangle has
-/// the polygon's orientation.
+/// Emits `vertices - 2` triangles that fill a polygon. Corners are indices into the polygon in ascending order, so each
+/// triangle has the polygon's orientation.
 ///
-/// `ears` is sorted, and its triangles do not cross. Some ears may be missing: ears without area, from collinear and
-/// repeated vertices, are not clipped, and a polygon that crosses itself has no triangulation. Fans fill the gaps.
+/// `ears` is sorted by first corner, then by last corner in descending order. Its triangles do not cross. Some may be
+/// missing: `earcut` omits triangles without area, and a polygon that crosses itself has no triangulation. Fans fill
+/// the gaps.
 fn complete(ears: &[[u32; 3]], vertices: usize, mut emit: impl FnMut([u32; 3])) {
     let apex = |from: u32, to: u32| {
         let at = ears.partition_point(|&[a, _, c]| (a, !c) < (from, !to));

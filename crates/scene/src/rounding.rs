@@ -95,7 +95,7 @@ impl Rounding {
     }
 }
 
-/// Formats a number with about three digits.
+/// Formats a number with three decimals. Very small and large numbers use scientific notation.
 fn figure(number: f64) -> String {
     match number {
         0.01..1e6 => format!("{number:.3}"),

@@ -28,7 +28,8 @@ fn read(path: &Path) -> Result<Ply> {
 
 /// Opens `files` as the key frames of one animation. There is at least one file, and all are `.obj` or all `.ply`.
 ///
-/// The first key frame determines the triangulation of polygons. Later ones have equal faces, so equal triangles.
+/// The first key frame determines the triangulation of polygons. Later key frames must have the same faces, and use the
+/// same triangles.
 pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &SceneOptions) -> Result<Scene> {
     let path = files[0].as_path();
     let Ply { mesh, pattern } = read(path)?;
@@ -42,7 +43,7 @@ pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &SceneOptions) ->
     if fanned > 0 {
         let file = path.display();
         notes.push(format!(
-            "{file}: {fanned} concave faces have too many vertices to be triangulated, and are read as fans"
+            "{file}: {fanned} concave faces have too many vertices for ear clipping and become triangle fans"
         ));
     }
     let surface = Surface {
@@ -99,7 +100,7 @@ fn pick(points: &[Position], vertices: &[u32]) -> Vec<Position> {
 /// Key-frame files, which are read again when a key frame is not in memory.
 struct Sequence {
     files: Vec<PathBuf>,
-    /// Size and modification time of each file when it was first read.
+    /// Size and modification time of each file when [`Self::read`] first opened it.
     stamps: Vec<OnceLock<Stamp>>,
     /// Whether each file is known to differ from the first in its vertices only.
     alike: Vec<AtomicBool>,
@@ -142,7 +143,8 @@ impl Sequence {
         let mesh = read(path)?.mesh;
         let (first, expected) = (&self.files[0], &self.polygons);
         mesh.polygons.check_same(path, first, expected)?;
-        // Remarks that every file of a sequence repeats are reported once, for the first file.
+        // Keeps only the remark that the file may be cut short. All files repeat the other remarks, so those of
+        // the first file suffice.
         let notes = mesh.notes.into_iter();
         let notes: Vec<_> = notes.filter(|note| note.contains("cut short")).collect();
         if !notes.is_empty() && key > 0 {
@@ -151,7 +153,7 @@ impl Sequence {
         Ok(self.rounding.points(&pick(&mesh.points, &self.kept)))
     }
 
-    /// Checks that a file still has the size and time of its first read. Cached results are valid only then.
+    /// Checks that the size and time of a file match its stamp. `alike` is valid only for an unchanged file.
     fn check_unchanged(&self, key: usize) -> Result<()> {
         let path = &self.files[key];
         let about = fs::metadata(path).map_err(|e| SceneError::unreadable(path, e))?;

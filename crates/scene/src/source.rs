@@ -97,7 +97,7 @@ fn frames(
         (obj, ply) => {
             return bad(format!(
                 "{obj} .obj and {ply} .ply files are mixed; \
-                 key frames must be of one format (a pattern such as '*.obj' picks some)"
+                 all key frames must have one format, which a pattern such as '*.obj' selects"
             ));
         }
     };

@@ -73,7 +73,8 @@ pub(crate) fn within(path: &Path, what: &str, found: usize, limit: usize) -> Res
     Err(SceneError::unusable(path, cause))
 }
 
-/// Refuses counts of vertices or triangles that exceed their index types, and scenes without triangles.
+/// Refuses scenes without triangles, and scenes with too many vertices or triangles. `hint` is appended to the message
+/// "no triangles".
 pub(crate) fn check_counts(
     path: &Path,
     [vertices, triangles]: [usize; 2],
@@ -87,8 +88,8 @@ pub(crate) fn check_counts(
     Ok(())
 }
 
-/// Refuses key frames that exceed the memory limit, before they are allocated. Includes the memory that the caller
-/// needs.
+/// Refuses an animation that would exceed the memory limit, before its key frames are allocated. Counts the key frames
+/// that are held at once and the memory that the caller needs.
 pub(crate) fn check_keys(
     place: impl AsRef<Path>,
     size: KeySize,
@@ -119,7 +120,7 @@ pub(crate) fn with_more(bytes: u64, triangles: usize, options: &SceneOptions) ->
         .saturating_add(bytes)
 }
 
-/// Upper bounds of what reading a mesh file takes.
+/// Upper bounds for reading a mesh file: numbers of vertices and faces, and bytes of memory.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct ReadSize {
     pub(crate) vertices: usize,

@@ -26,7 +26,7 @@ impl LineError {
     }
 }
 
-/// Iterator over lines that end in a line feed, a carriage return, or both.
+/// Iterator over lines that end in LF, CR or CR LF.
 #[derive(Clone)]
 pub(crate) struct Lines<'a> {
     rest: &'a [u8],
@@ -73,7 +73,8 @@ fn not_finite(word: &str) -> Option<&'static str> {
     (head.eq_ignore_ascii_case("nan(") && bare.ends_with(')')).then_some("nan")
 }
 
-/// Returns whether `name` can follow `1.#` in Visual C++ output. Names are padded by digits or exponents, or cut.
+/// Returns whether `name` can follow `1.#` in Visual C++ output. Its `printf` pads names with zeros and exponents, or
+/// truncates them to the requested precision.
 fn is_msvc_name(name: &str) -> bool {
     let letters = name.trim_end_matches(|c: char| c.is_ascii_digit() || "e+-".contains(c));
     !letters.is_empty() && letters.bytes().all(|b| b.is_ascii_uppercase())

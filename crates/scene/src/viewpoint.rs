@@ -4,10 +4,10 @@ use geom::{Aabb, Animation, Camera, CameraPose, Point};
 use glam::{DVec2, DVec3, dvec2, dvec3};
 use rayon::prelude::*;
 
-/// Direction from the scene to the eye: from the front, the right and slightly above.
+/// Direction from the scene to the eye, which is in front, to the right and slightly above.
 const TO_EYE: DVec3 = dvec3(0.50, 0.38, 0.78);
 const UP: DVec3 = DVec3::Y;
-/// Fraction of the field of view that the scene fills, in the direction that limits its size.
+/// Fraction of the picture that the scene fills along one axis. Along the other axis, it fills less.
 const FILL: f64 = 0.94;
 
 /// Parameters of a camera, and the position of a light.
@@ -26,10 +26,10 @@ pub struct Viewpoint {
 }
 
 impl Viewpoint {
-    /// Chooses a view that shows every finite vertex of every key frame. It looks from the front, the side and slightly
-    /// above. For paged key frames, the view shows their bounding boxes instead.
+    /// Chooses a view from the front, the right and slightly above that shows every finite vertex of every key frame.
+    /// For paged animations, it shows the bounding boxes of the key frames instead.
     ///
-    /// The light is above and to the side, outside the bounds. Animations may be flat, single points or empty.
+    /// The light is above and to the left, outside the bounds. Flat, single-point and empty animations also get a view.
     #[must_use]
     pub fn framing(animation: &Animation, fov_degrees: f32, [width, height]: [u32; 2]) -> Self {
         let bounds = animation.bounds();
@@ -54,7 +54,7 @@ impl Viewpoint {
         }
     }
 
-    /// Returns the camera for a picture of `size` (width, height), or `None` if [`Camera::look_at`] does.
+    /// Returns the camera for a picture of `size` (width, height), or `None` if [`Camera::look_at`] returns `None`.
     #[must_use]
     pub fn camera(&self, size: [u32; 2]) -> Option<Camera> {
         let pose = CameraPose::new(self.eye, self.look_at).with_up(self.up);
@@ -62,11 +62,13 @@ impl Viewpoint {
     }
 }
 
-/// Bounds of the vertices against the four sides of a view pyramid. For both axes they are the largest `x + z * tan`
-/// and the largest `-x + z * tan`, with `z` towards the eye.
+/// Extent of the vertices relative to the four sides of a view pyramid. Coordinates are along the camera's axes, with
+/// `z` towards the eye.
 #[derive(Clone, Copy)]
 struct PyramidExtent {
+    /// Maximum of `x + z * tan` along each axis of the picture.
     high: DVec2,
+    /// Maximum of `-x + z * tan` along each axis of the picture.
     low: DVec2,
     /// Largest `z`.
     near: f64,
@@ -111,7 +113,7 @@ impl PyramidExtent {
         }
     }
 
-    /// Returns whether there is any vertex.
+    /// Returns whether there is any finite vertex.
     fn is_finite(&self) -> bool {
         self.high.is_finite() && self.low.is_finite()
     }
@@ -144,8 +146,8 @@ fn centre(bounds: &Aabb) -> DVec3 {
     }
 }
 
-/// Returns the length of the bounds' diagonal. The length is increased if it would vanish in the rounding of the
-/// coordinates.
+/// Returns the length of the bounds' diagonal, but at least 1e-4 of the centre's largest coordinate. A shorter
+/// length would be lost in the rounding of the coordinates.
 fn size(bounds: &Aabb) -> f64 {
     if bounds.is_empty() {
         return 1.0;
@@ -158,7 +160,7 @@ fn size(bounds: &Aabb) -> f64 {
     }
 }
 
-/// Rounds to f32 and clamps to finite values.
+/// Rounds to f32. Clamps to half the largest finite value, so that differences stay finite.
 fn narrow(p: DVec3) -> Point {
     let limit = f64::from(f32::MAX) * 0.5;
     p.to_array().map(|x| x.clamp(-limit, limit) as f32)

@@ -89,7 +89,7 @@ pub(super) fn floats<const N: usize>(file: &GltfFile, index: Whole) -> Result<Ve
     })
 }
 
-/// Reads an optional accessor. `None` has no elements.
+/// Reads an optional accessor. Returns an empty list if there is none.
 pub(super) fn listed<const N: usize>(
     file: &GltfFile,
     index: Option<Whole>,
@@ -115,7 +115,7 @@ pub(super) fn count(file: &GltfFile, index: Whole) -> Result<usize> {
     Ok(elements.accessor.count.0)
 }
 
-/// Iterator over byte slices that begin at each element and extend to the next one.
+/// Iterator over elements as byte slices. Each slice extends to the next element, so it may be longer than the element.
 type Rows<'a> = std::iter::Take<std::slice::Chunks<'a, u8>>;
 
 /// Sequence of equally sized elements in a buffer view.
@@ -150,10 +150,11 @@ impl ElementSpan {
     }
 }
 
-/// Located values of an accessor.
+/// Bytes of an accessor's elements, in the buffers of the file.
 #[derive(Default)]
 struct ElementBytes<'a> {
-    /// Elements in the buffer view. `None` if all elements are zero.
+    /// Elements in the buffer view. `None` if the accessor has no buffer view, so that all elements are zero unless
+    /// replaced.
     own: Option<Rows<'a>>,
     /// Elements of a sparse accessor that replace others, by index.
     replaced: Vec<(usize, &'a [u8])>,
@@ -206,6 +207,7 @@ impl<'a> Elements<'a> {
     }
 
     fn find(&self) -> Result<ElementBytes<'a>, String> {
+        /// Maximum number of elements without a buffer view. Their number is not bounded by the size of the file.
         const MOST_ZEROS: usize = 1 << 26;
         let count = self.accessor.count.0;
         if count == 0 {
@@ -236,7 +238,7 @@ impl<'a> Elements<'a> {
         let kind = Component::of(sparse.indices.component_type)?;
         if !matches!(kind, Component::U8 | Component::U16 | Component::U32) {
             return Err(format!(
-                "sparse indices are {kind:?}, which is not unsigned"
+                "sparse indices are {kind:?}, but must be U8, U16 or U32"
             ));
         }
         let places = ElementSpan {

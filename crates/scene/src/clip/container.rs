@@ -9,7 +9,7 @@ pub(super) struct Container<'a> {
 }
 
 impl<'a> Container<'a> {
-    /// Splits a file into its chunks. The error is the reason.
+    /// Splits a file into its chunks. The error does not contain the path.
     pub(super) fn split(bytes: &'a [u8]) -> Result<Self, String> {
         let container = match bytes.strip_prefix(b"glTF") {
             Some(_) => Self::split_chunks(bytes)?,

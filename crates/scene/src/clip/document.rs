@@ -65,7 +65,7 @@ impl GltfFile {
         let mut notes = extensions(&document).map_err(malformed)?;
         if document.scenes.is_empty() && document.nodes.is_empty() && !document.meshes.is_empty() {
             place_meshes(&mut document);
-            notes.push("the file has no nodes; each mesh is shown once, as it is".to_owned());
+            notes.push("the file has no nodes; each mesh is shown once, untransformed".to_owned());
         }
         Ok(Self {
             path: path.to_owned(),
@@ -94,7 +94,7 @@ impl GltfFile {
         self.item("accessor", &self.document.accessors, index)
     }
 
-    /// Returns a buffer view and its bytes. The error is the reason.
+    /// Returns a buffer view and its bytes. The error does not contain the path.
     pub(super) fn view_bytes(&self, index: Whole) -> Result<(&BufferView, &[u8]), String> {
         let views = &self.document.buffer_views;
         let Some(view) = views.get(index.0) else {
@@ -150,7 +150,7 @@ fn fetch(folder: &Folder, uri: &str) -> Result<Vec<u8>, String> {
     }
     if uri.contains("://") {
         return Err(format!(
-            "{uri:?} is not a file beside this one; nothing is fetched from a network"
+            "{uri:?} is not a local file; files are never fetched from a network"
         ));
     }
     let name = percent_encoding::percent_decode_str(uri).decode_utf8_lossy();
@@ -180,7 +180,7 @@ fn parse(json: &[u8]) -> Result<Document, String> {
         Some(own) if own.major != SUPPORTED.major => {
             Err(format!("glTF {own} is not supported, only {SUPPORTED}"))
         }
-        // Files of a later minor version are readable, unless they require a higher minimum version.
+        // Any file of version 2.x is readable, unless its `minVersion` is above the supported version.
         Some(_) => read(json),
     }
 }
@@ -224,7 +224,7 @@ fn extensions(document: &Document) -> Result<Vec<String>, String> {
     }
     let used = document.extensions_used.iter();
     let used = used.filter(|name| !is_complete_with(name));
-    let remark = |name| format!("the extension {name:?} is not supported and left out");
+    let remark = |name| format!("the extension {name:?} is not supported and is ignored");
     Ok(used.map(remark).collect())
 }
 

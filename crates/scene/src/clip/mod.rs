@@ -33,7 +33,7 @@ pub(crate) fn open(name: String, path: &Path, options: &SceneOptions) -> Result<
     let fps = options.fps;
     if !(fps > 0.0 && fps <= MAX_FPS) {
         return Err(SceneError(format!(
-            "bad frame rate {fps}: give frames a second above 0 and at most {MAX_FPS}"
+            "bad frame rate {fps}: it must be above 0 and at most {MAX_FPS} frames per second"
         )));
     }
     let mut file = GltfFile::open(path, options.allow_outside)?;

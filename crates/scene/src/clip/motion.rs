@@ -29,7 +29,7 @@ enum Interpolation {
 pub(super) struct ClipMotion {
     /// Tracks by node and property.
     tracks: BTreeMap<(usize, NodeProperty), Track>,
-    /// Earliest and latest time of any key, in seconds.
+    /// Earliest and latest time of any key, in seconds. `None` if there is no key.
     span: Option<[f64; 2]>,
 }
 
@@ -75,7 +75,7 @@ impl ClipMotion {
         self.at(node, NodeProperty::Weights, time)
     }
 
-    /// Returns the first and last time in seconds.
+    /// Returns the first and last time in seconds. Both are 0 if there is no key.
     pub(super) fn span(&self) -> [f64; 2] {
         self.span.unwrap_or_default()
     }
@@ -83,7 +83,7 @@ impl ClipMotion {
     /// Adds the track of a channel.
     fn add(&mut self, file: &GltfFile, clip: &Clip, index: usize) -> Result<()> {
         let channel = &clip.channels[index];
-        // The specification ignores a channel without a node.
+        // The specification requires readers to ignore a channel without a node.
         let Some(node) = channel.target.node else {
             return Ok(());
         };
@@ -178,7 +178,7 @@ struct Track {
 }
 
 impl Track {
-    /// Checks that the number of values matches the number of times. The error is the reason.
+    /// Checks that the number of values matches the number of times. The error does not contain the path.
     fn check(&self) -> Result<(), String> {
         let (size, found, times) = (self.size, self.values.len(), self.times.len());
         if size == 0 {
@@ -226,7 +226,7 @@ impl Track {
         let (from, to) = (self.value(last), self.value(next));
         match self.interpolation {
             Interpolation::Step => from.to_vec(),
-            // Follows the shorter arc.
+            // Interpolates along the shorter arc between the quaternions.
             Interpolation::Linear if self.turns => {
                 unit(from).slerp(unit(to), weight).to_array().to_vec()
             }

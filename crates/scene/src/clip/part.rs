@@ -100,7 +100,7 @@ impl<'a> Drawn<'a> {
         skipped.map(remark).collect()
     }
 
-    /// Refuses meshes that exceed the memory limit. A small file may show one mesh many times.
+    /// Refuses meshes that exceed the memory limit. A small file can exceed it, because many nodes may share a mesh.
     pub(super) fn check_memory(&self, file: &GltfFile, options: &SceneOptions) -> Result<()> {
         let mut bytes = 0_u64;
         for item in &self.items {
@@ -214,7 +214,7 @@ impl Item<'_> {
                 let (whole, rest) = list.as_chunks::<3>();
                 if !rest.is_empty() {
                     let left = rest.len();
-                    let note = format!("left out {left} indices that make no whole triangle");
+                    let note = format!("skipped {left} indices after the last whole triangle");
                     notes.push(note);
                 }
                 whole.to_vec()
@@ -239,10 +239,11 @@ pub(super) struct ClipPart {
     place: DMat4,
     pub(super) triangles: Vec<[u32; 3]>,
     pub(super) colour: Rgb,
+    /// Positions of the vertices without animation, relative to the mesh.
     rest: Vec<DVec3>,
-    /// Displacements of all vertices, for each morph target with displacements.
+    /// Index of each morph target with displacements, and its displacement of each vertex.
     targets: Vec<(usize, Vec<DVec3>)>,
-    /// Weights of the morph targets if no clip animates them.
+    /// Weights of the morph targets, used if the clip does not animate them.
     weights: Vec<f64>,
     skin: Option<VertexSkin>,
 }
@@ -367,7 +368,8 @@ impl VertexSkin {
         Ok(())
     }
 
-    /// Transforms each vertex by its joints, but not by the skinned node itself (glTF 2.0, 3.7.3.3).
+    /// Transforms each vertex by its joints. The node's own transform `world` applies only to vertices without
+    /// influences (glTF 2.0, 3.7.3.3).
     fn bend(&self, points: &mut [DVec3], pose: &[DMat4], world: DMat4) {
         let joints = self.joints.iter();
         let joints: Vec<_> = joints.map(|j| pose[j.node] * j.inverse_bind).collect();
@@ -382,7 +384,7 @@ impl VertexSkin {
     }
 }
 
-/// Scales the weights so that their sum is 1, since they are often stored with few bits.
+/// Scales the weights so that their sum is 1. Files often store them with few bits, so that their sum is inexact.
 fn normalise(influences: &mut Vec<Influence>) {
     let sum: f64 = influences.iter().map(|i| i.weight).sum();
     if sum == 0.0 {

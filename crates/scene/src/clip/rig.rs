@@ -110,7 +110,7 @@ impl Rig {
     }
 }
 
-/// Returns `roots` and all their descendants, each after its parent. A node that is reached twice appears once.
+/// Returns `roots` and all their descendants in depth-first order, each once and after its parent.
 fn descend(file: &GltfFile, roots: Vec<Whole>) -> Vec<usize> {
     let nodes = &file.document.nodes;
     let mut seen = vec![false; nodes.len()];

@@ -1,7 +1,7 @@
 //! Parts of a glTF document that affect geometry and motion.
 //!
-//! All other properties are skipped, so errors in a texture, a camera or an `extras` do not fail the file. Numbers are
-//! read in double precision.
+//! All other properties are skipped, so a file with errors in a texture, a camera or `extras` can still be read.
+//! Numbers are read in double precision.
 
 use serde::Deserialize;
 use serde::de::{Deserializer, Error};
@@ -27,7 +27,7 @@ impl<'de> Deserialize<'de> for Whole {
     }
 }
 
-/// Properties that determine whether the rest can be read.
+/// Properties that are read first, to determine whether the document is supported.
 #[derive(Deserialize)]
 pub(super) struct Head {
     pub(super) asset: Option<Asset>,

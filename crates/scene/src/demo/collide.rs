@@ -7,7 +7,7 @@ use crate::Rgb;
 use glam::{DAffine3, DMat3, DVec3};
 use std::f64::consts::{PI, TAU};
 
-/// Duration of the animation in seconds, for falling objects.
+/// Duration of the animation in seconds. Only the flight of the splinters depends on it.
 const SECONDS: f64 = 2.0;
 /// Times at which the bodies touch and separate, as fractions of the duration.
 const CONTACT: [f64; 2] = [0.32, 0.52];
@@ -21,8 +21,11 @@ const SPLINTERS: [Rgb; 2] = [[226, 120, 48], [120, 170, 172]];
 #[derive(Clone, Copy)]
 struct SoftBody {
     side: f64,
+    /// Relative depth of the grooves between meridian lobes.
     lobes: f64,
+    /// Axis of rotation.
     axis: DVec3,
+    /// Rotation in radians per duration, until the bodies separate.
     spin: f64,
 }
 

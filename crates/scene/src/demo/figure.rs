@@ -25,7 +25,7 @@ pub(super) struct Stride {
     pub(super) phase: f64,
 }
 
-/// Kind of limb, attached at a joint. `side` is -1 for a left limb, 1 for a right one, and 0 for a single one.
+/// Kind of limb. Functions also take a `side`: -1 for a left limb, 1 for a right limb, and 0 for a single limb.
 #[derive(Clone, Copy)]
 enum Limb {
     Pelvis,

@@ -89,7 +89,7 @@ fn grass(budget: usize) -> DemoPart {
     let mut mesh = DemoMesh::default();
     for blade in 0..(budget / 3) as u64 {
         let [x, z] = [111, 112].map(|seed| between(seed, blade, [-HALF, HALF]));
-        // Moves blades off the path, so that their number is unchanged.
+        // Moves blades off the path instead of dropping them, so that their number does not change.
         let aside = if unit(113, blade) < 0.5 { -1.1 } else { 1.1 };
         let z = if on_path(x, z) { z + aside } else { z };
         add_blade(&mut mesh, blade, x, z);

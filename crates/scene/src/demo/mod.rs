@@ -30,7 +30,7 @@ type Demo = (&'static str, fn(usize) -> Vec<DemoPart>, usize, u32);
 const DEMOS: [Demo; 5] = [
     ("grove", grove::build, 174_000, 24),
     ("collide", collide::build, 252_000, 24),
-    // Fewer key frames, so that ten million triangles need less than 200 bytes each.
+    // Fewer key frames than the others, so that ten million triangles need less than 200 bytes per triangle.
     ("shatter", shatter::build, shatter::TRIANGLES, 16),
     ("twist", twist::build, 100_000, 24),
     ("hall", hall::build, 150_000, 24),
@@ -53,7 +53,7 @@ pub(crate) fn open(name: &str, options: &SceneOptions) -> Result<Scene> {
     let made = animation.triangle_count();
     let facts = Facts {
         format: "demo".to_owned(),
-        notes: vec![format!("{made} triangles made, {budget} asked for")],
+        notes: vec![format!("made {made} triangles, {budget} requested")],
         ..Facts::default()
     };
     Ok(Scene {

@@ -24,7 +24,7 @@ impl DemoMesh {
         (a + b + c) / 3.0
     }
 
-    /// Adds a piece. Its triangles index `points`.
+    /// Adds a piece. Its triangles index its own `points`, counted from 0.
     pub(super) fn add(
         &mut self,
         points: impl IntoIterator<Item = DVec3>,

@@ -36,15 +36,16 @@ pub(super) fn build(budget: usize) -> Vec<DemoPart> {
     parts
 }
 
-/// Returns the cells along an edge. The default size has 16 (4096 pieces). Larger budgets increase the number and the
-/// detail of pieces.
+/// Returns the number of cells along an edge of the lattice. The default budget gives 16 (4096 pieces). Larger budgets
+/// increase both the number and the detail of the pieces.
 fn cells_along(budget: usize) -> u32 {
     let ideal = 16.0 * libm::pow(budget as f64 / TRIANGLES as f64, 2.0 / 9.0);
     let most = libm::floor(libm::cbrt(budget as f64 / 12.0));
     libm::round(ideal).min(most).max(1.0) as u32
 }
 
-/// Returns the squares along a piece's edge. Two successive sizes are mixed so that their total meets the budget.
+/// Returns the number of squares along a piece's edge. Pieces have one of two successive numbers, mixed so that the
+/// total meets the budget.
 fn cuts_of(piece: u64, pieces: u64, budget: u64) -> u32 {
     let small = (budget / (12 * pieces)).isqrt().max(1);
     let missing = budget.saturating_sub(12 * pieces * small * small);
@@ -54,7 +55,8 @@ fn cuts_of(piece: u64, pieces: u64, budget: u64) -> u32 {
     (small + u64::from(rises)) as u32
 }
 
-/// Creates one closed piece: a cell of the cube's lattice, bent together with its neighbours, mapped to the ball.
+/// Creates one closed piece: a cell of the cube's lattice, deformed by [`bend`] and mapped to the ball. [`bend`]
+/// moves the common face of two cells alike.
 fn shard(piece: u64, cells: u32, cuts: u32) -> DemoPart {
     let n = u64::from(cells);
     let cell = DVec3::new(

@@ -1,5 +1,5 @@
-//! Moving parts, their assembly into one animation, and ballistic fragments. Fragments are thrown, slowed by drag,
-//! tumble, and bounce until they rest on the floor.
+//! Moving parts, their assembly into one animation, and ballistic fragments. Thrown fragments tumble, slow down by
+//! drag, and bounce until they rest on the floor.
 
 use super::shapes::{DemoMesh, sheet, sheet_size};
 use crate::mesh::joined_triangles;
@@ -15,7 +15,7 @@ const RUN: usize = 1 << 15;
 /// Writes the positions of vertices at a time in `0.0..=1.0`, from their rest positions.
 type MotionFunction = Box<dyn Fn(f64, &[DVec3], &mut [Point]) + Send + Sync>;
 
-/// DemoMesh with one colour per triangle and a motion.
+/// Mesh with one colour per triangle and a motion.
 pub(super) struct DemoPart {
     mesh: DemoMesh,
     colours: Vec<Rgb>,
@@ -55,7 +55,8 @@ impl DemoPart {
         })
     }
 
-    /// Creates a static part. Adding zero turns -0 into +0, because blending key frames would change -0.
+    /// Creates a static part. Adds zero to turn -0 into +0. Interpolation would change a -0, so its vertex would not
+    /// count as static.
     pub(super) fn still(mesh: DemoMesh, colour: impl Fn(DVec3) -> Rgb + Sync) -> Self {
         Self::new(mesh.map(|p| p + DVec3::ZERO), colour, |_| |p| p)
     }
@@ -155,7 +156,8 @@ impl Trajectory {
     }
 }
 
-/// Returns the height of a bouncing ball that is thrown up from `height`. Each bounce reduces its speed to two fifths.
+/// Returns the height of a bouncing ball that is thrown up from `height`. Each bounce reduces its speed to two fifths,
+/// and the ball rests after the sixth.
 fn bounce(mut height: f64, mut speed: f64, mut seconds: f64) -> f64 {
     const GRAVITY: f64 = 9.81;
     for _ in 0..6 {

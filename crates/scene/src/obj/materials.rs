@@ -1,7 +1,8 @@
 //! Diffuse colours from material libraries (MTL), parsed by `tobj`.
 //!
-//! A missing or malformed library only costs colours: it adds a remark, and the scene still opens. `tobj` receives only
-//! `newmtl` and well-formed `Kd` lines. Other lines could make it refuse the library, or panic on a short `Kd`.
+//! If a library is missing or malformed, the scene opens with a remark and without these colours. `tobj` receives only
+//! `newmtl` and well-formed `Kd` lines. It would panic on a short `Kd`, and other lines could make it refuse the
+//! library.
 
 use crate::Rgb;
 use crate::folder::Folder;
@@ -35,14 +36,15 @@ impl Materials {
         if missing > 0 {
             let (file, all) = (path.display(), self.uses.len());
             notes.push(format!(
-                "{file}: {missing} of {all} uses of materials name none with a colour"
+                "{file}: {missing} of {all} uses of materials refer to no material with a colour"
             ));
         }
         colours
     }
 }
 
-/// Adds the materials of a `mtllib` statement: one file name with spaces, or several without.
+/// Adds the materials of a `mtllib` statement. It names one file, which may contain spaces, or several separated by
+/// spaces.
 fn read_library(
     folder: &Folder,
     library: &str,
@@ -69,7 +71,7 @@ fn read_library(
                 into.extend(materials.into_iter().filter_map(coloured));
             }
             Err(e) => notes.push(format!(
-                "{}: material library left out: {e}",
+                "{}: skipped the material library: {e}",
                 file.display()
             )),
         }

@@ -82,7 +82,7 @@ impl Statements {
         }
         if found.open_end && found.short_faces.last == Some(("line", last_line)) {
             let cause =
-                "a face of fewer than 3 vertices in a line without end; the file is cut short";
+                "a face of fewer than 3 vertices in an unterminated line; the file is cut short";
             return Err(LineError::new(last_line, cause));
         }
         found.polygons.vertices = found.points.len();
@@ -127,7 +127,7 @@ impl Statements {
         }
         if !matches!(count, 3 | 4 | 6 | 7) {
             return Err(format!(
-                "a vertex of {count} numbers, where 3 are expected, or 4 with w, or 6 with a colour"
+                "a vertex of {count} numbers; expected 3, 4 with a weight, 6 with a colour, or 7 with an alpha"
             ));
         }
         let [x, y, z, r, g, b, _] = numbers;
@@ -174,7 +174,7 @@ impl Statements {
         notes.extend(self.short_faces.note(path, SHORT_FACES));
         if self.open_end {
             notes.push(format!(
-                "{file}: the last line has no end; the file may be cut short"
+                "{file}: the last line is unterminated; the file may be cut short"
             ));
         }
         notes
@@ -223,11 +223,11 @@ fn corner(word: &str, vertices: usize) -> Result<u32, String> {
     })
 }
 
-/// Returns how much a text takes to read. Sizes include spare capacity, since lists grow by doubling.
+/// Returns upper bounds for reading a text. Sizes include spare capacity, because lists grow by doubling.
 fn size(text: &[u8]) -> ReadSize {
     /// Bytes of a position and a colour.
     const VERTEX: usize = 84;
-    /// Bytes of a face's end in the list of corners, and of its line number.
+    /// Bytes of a face in the list of ends, and of its line number.
     const FACE: usize = 32;
     /// Bytes of a corner and of the triangle that it may add.
     const CORNER: usize = 20;

@@ -12,9 +12,9 @@ pub(super) struct AsciiBody<'a> {
     pub(super) rest: &'a [u8],
     /// Current line, counted from 1.
     line: usize,
-    /// Line in which the last element ends.
+    /// Line in which the previous element ends.
     last_line: usize,
-    /// Description of the first element that is not a whole line.
+    /// Description of the first element that does not occupy exactly one line.
     unaligned: Option<String>,
     /// Current element, converted to the parser's grammar.
     text: String,
@@ -63,7 +63,8 @@ impl<'a> AsciiBody<'a> {
         read.map_err(|_| self.bad(of, index, &cause(&self.text)))
     }
 
-    /// Reads an element that is a whole line in the parser's grammar, the usual case, without copying its words.
+    /// Reads an element that occupies exactly one line, without copying its words. Returns `None` if the line does not
+    /// match the element or the parser's grammar.
     fn whole_line(&mut self, of: &ElementDef) -> Option<Element> {
         // Avoids quadratic time: a long line with many elements is searched for its end only once.
         if self.last_line == self.line {
@@ -91,8 +92,8 @@ impl<'a> AsciiBody<'a> {
         Some(element)
     }
 
-    /// Skips trailing blanks. If any element was not a whole line, numbers must not follow. A missing or extra number
-    /// would have shifted all later elements.
+    /// Skips trailing blanks. If some element did not occupy exactly one line, checks that nothing follows. A leftover
+    /// number then means that an extra number has shifted the elements after it.
     pub(super) fn check_end(&mut self) -> Result<(), LineError> {
         self.skip_blanks();
         if self.unaligned.is_some() && !self.rest.is_empty() {
@@ -129,8 +130,8 @@ impl<'a> AsciiBody<'a> {
         self.error(&format!("bad '{}' {index}: {cause}", of.name))
     }
 
-    /// Returns an error in the current line, with a hint at the first element that is not a whole line. From there on,
-    /// numbers may have been misread.
+    /// Returns an error in the current line. It also names the first element that does not occupy exactly one line,
+    /// since numbers may have been misread from there on.
     fn error(&self, cause: &str) -> LineError {
         let hint = |first: &String| format!("{cause}; {first} is not on a line of its own");
         let hinted = self.unaligned.as_ref().map(hint);

@@ -1,20 +1,20 @@
-//! Vertex, face or strip that the parser fills, and conversion of numbers to the grammar of the parser.
+//! The element type that the parser fills, and conversion of numbers to the parser's grammar.
 
 use crate::rounding::Position;
 use crate::text::number;
 use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
 use std::fmt::Write;
 
-/// Separator of strips within a list of vertices: -1 as an unsigned number. It is no valid index.
+/// Index that separates strips in a list of vertices. Files store it as -1.
 pub(super) const RESTART: u32 = u32::MAX;
 
-/// Properties of any kind of element that the reader uses.
+/// The properties that the reader uses, for a vertex, face or strip.
 #[derive(Debug, Default)]
 pub(super) struct Element {
     pub(super) point: Position,
     /// Red, green and blue, where present.
     colour: [Option<f32>; 3],
-    /// Vertices of a face or strip, with [`RESTART`] for -1. `None` if any other index is negative.
+    /// Vertices of a face or strip, with [`RESTART`] for -1. `None` if any other index is negative or there is no list.
     pub(super) corners: Option<Vec<u32>>,
 }
 
@@ -52,7 +52,7 @@ impl Element {
     }
 }
 
-/// Converts a coordinate without loss, if the property has an integer or floating-point type.
+/// Converts a coordinate without loss. Returns `None` for a list.
 fn coordinate(property: &Property) -> Option<f64> {
     match property {
         Property::Int(value) => Some((*value).into()),
@@ -86,8 +86,9 @@ fn indices(property: &Property) -> Option<Vec<u32>> {
 
 /// Appends a number in the parser's grammar, which lacks the common forms `nan`, `inf`, `.5` and `5.`.
 ///
-/// NaN and infinities become numbers that overflow every type. In both cases the vertex counts as absent. Words that
-/// are not numbers are unchanged, and the parser refuses them.
+/// NaN and infinities become numbers that overflow to infinity. This suffices, because a triangle is
+/// inactive whether its vertex is NaN or infinite. Words that are not numbers are unchanged, and the parser refuses
+/// them.
 pub(super) fn push_number(text: &mut String, word: &str) {
     text.push(' ');
     if is_plain(word) {
@@ -103,7 +104,7 @@ pub(super) fn push_number(text: &mut String, word: &str) {
     }
 }
 
-/// Returns whether a word is in the parser's grammar, provided that it is a number.
+/// Returns whether the parser can read `word`. Words that are not numbers may pass, because the parser refuses them.
 pub(super) fn is_plain(word: &str) -> bool {
     let bytes = word.as_bytes();
     let digit = |i: usize| bytes.get(i).is_some_and(u8::is_ascii_digit);

@@ -15,7 +15,7 @@ pub(super) struct PlyHeader {
 impl PlyHeader {
     pub(super) fn read(bytes: &[u8]) -> Result<Self, LineError> {
         let Some(length) = length(bytes) else {
-            let cause = "not a whole PLY header: no line 'end_header'";
+            let cause = "the PLY header is incomplete: no line 'end_header'";
             return Err(LineError::new(None, cause));
         };
         let mut declared = Declared::default();
@@ -116,7 +116,8 @@ impl Declared {
         Some(())
     }
 
-    /// Adds a property. A repeated name is replaced by a unique one, since the second property is read but not used.
+    /// Adds a property. Properties are stored by name, so a repeated name is replaced by a unique one. The property is
+    /// then read but not used.
     fn property(&mut self, name: &str, kind: PropertyType) -> Option<()> {
         let properties = &mut self.elements.last_mut()?.properties;
         let mut name = name.to_owned();

@@ -18,7 +18,8 @@ pub(crate) use pattern::Pattern;
 /// Contents of a file.
 pub(crate) struct Ply {
     pub(crate) mesh: PolygonMesh,
-    /// Bytes that later key frames repeat. `None` if the file cannot be compared without parsing.
+    /// Bytes by which a later key frame of equal topology is recognized without parsing it. `None` for files that
+    /// do not support this.
     pub(crate) pattern: Option<Pattern>,
 }
 

@@ -19,7 +19,7 @@ pub(super) struct PlyFile<'a> {
     pub(super) bytes: &'a [u8],
     /// Unread part of the file.
     body: AsciiBody<'a>,
-    /// Byte offsets of the end of the header and, once the vertices are read, of their end.
+    /// Byte offsets of the end of the header and of the end of the vertices. Equal until the vertices are read.
     pub(super) ends: [usize; 2],
     pub(super) points: Vec<Position>,
     colours: Colours,
@@ -51,9 +51,9 @@ impl<'a> PlyFile<'a> {
         Ok(file)
     }
 
-    /// Returns how much the file takes to read.
+    /// Returns upper bounds for reading the file.
     pub(super) fn size(&self) -> ReadSize {
-        // No file holds more elements than bytes, whatever its header declares.
+        // The header may declare more elements than the file contains. Each element takes at least one byte.
         let count = |name: &str| {
             let element = self.header.element(name);
             element.map_or(0, |e| e.count.min(self.bytes.len()))
@@ -67,7 +67,7 @@ impl<'a> PlyFile<'a> {
             faces = faces.saturating_add(listed);
             more = 0;
         }
-        // The constants include spare capacity, because lists grow by doubling.
+        // Bytes per vertex, face and further corner. They include spare capacity, because lists grow by doubling.
         let bytes = vertices * 84 + faces.saturating_mul(80) + more.saturating_mul(32);
         ReadSize {
             vertices,
@@ -76,7 +76,8 @@ impl<'a> PlyFile<'a> {
         }
     }
 
-    /// Returns an upper bound of the number of corners: the numbers in all lists, as far as the file extends.
+    /// Returns an upper bound of the number of corners: the size of all lists in the file, divided by the size of
+    /// a corner.
     fn listed(&self) -> usize {
         let ascii = self.header.encoding == Encoding::Ascii;
         let size = |kind: &ScalarType| if ascii { 1 } else { size(kind) };
@@ -87,7 +88,7 @@ impl<'a> PlyFile<'a> {
         } else {
             rest.len()
         };
-        // Bytes or words that every element occupies: its numbers and the lengths of its lists.
+        // Size of an element without its list items, in bytes, or in words of an ascii file.
         let own = |element: &ElementDef| {
             let kinds = element.properties.values().map(|p| match &p.data_type {
                 PropertyType::Scalar(kind) | PropertyType::List(kind, _) => size(kind),
@@ -114,7 +115,8 @@ impl<'a> PlyFile<'a> {
         SceneError::malformed(self.path, place, cause)
     }
 
-    /// Checks that vertices with coordinates, and faces or strips with lists of integers, are each declared once.
+    /// Checks that the header declares vertices with coordinates, and faces or strips with lists of integers,
+    /// each at most once.
     fn check_header(&self) -> Result<()> {
         let wrong = |cause: &str| Err(self.wrong(None, cause));
         for name in ["vertex", "face", STRIPS] {
@@ -151,7 +153,7 @@ impl<'a> PlyFile<'a> {
                 Some(PropertyType::List(..)) => {}
                 _ => {
                     return wrong(&format!(
-                        "the header has no '{name}' with a list vertex_indices"
+                        "the header has no '{name}' with a list property vertex_indices"
                     ));
                 }
             }
@@ -160,7 +162,7 @@ impl<'a> PlyFile<'a> {
     }
 
     pub(super) fn element(&mut self, definition: &ElementDef) -> Result<()> {
-        // Elements without properties occupy no bytes, so their count is unbounded. Others occupy at least one byte.
+        // Elements without properties occupy no bytes, so the size of the file would not bound the loop below.
         if definition.properties.is_empty() {
             return Ok(());
         }
@@ -235,7 +237,8 @@ impl<'a> PlyFile<'a> {
         Ok(())
     }
 
-    /// Returns the vertices of a face, or of strips separated by [`RESTART`]. Checks that all other indices exist.
+    /// Returns the vertices of a face, or of strips separated by [`RESTART`]. Checks that all other indices exist,
+    /// except in lists of fewer than three corners, which are skipped.
     fn corners(&self, place: Location, element: Element) -> Result<Vec<u32>> {
         let corners = element.corners;
         let corners = corners.ok_or_else(|| self.wrong(place, NEGATIVE))?;
@@ -252,8 +255,8 @@ impl<'a> PlyFile<'a> {
     }
 
     /// Adds the triangles of a strip. The first two vertices of every second triangle are swapped, so that all
-    /// triangles face the same side. Degenerate triangles that connect parts of the strip are kept, because triangle
-    /// indices count them.
+    /// triangles face the same side. Degenerate triangles that connect parts of the strip are kept, so that triangle
+    /// indices match the file.
     fn strip(&mut self, place: Location, strip: &[u32]) {
         if matches!(strip.len(), 1 | 2) {
             self.short_faces.add(place);
@@ -275,7 +278,7 @@ impl<'a> PlyFile<'a> {
         let mut notes: Vec<_> = short_faces.into_iter().collect();
         if !self.body.rest.is_empty() {
             let (file, left) = (self.path.display(), self.body.rest.len());
-            let note = format!("{file}: {left} bytes after the last element are left out");
+            let note = format!("{file}: {left} bytes after the last element are ignored");
             notes.push(note);
         }
         let faces = self.polygons.faces().count();
