@@ -34,7 +34,7 @@ impl<D: GpuDevice> BufferTable<D> {
 
     /// Fills some of the buffers from their beginning.
     pub(crate) fn fill(&self, gpu: &mut D, contents: &[(BufferName, &[u8])]) -> Result<()> {
-        let buffer = |name| self.get(name).expect("what is filled is there");
+        let buffer = |name| self.get(name).expect("the table has this buffer");
         let all = contents.iter().map(|&(name, c)| (c, buffer(name)));
         gpu.upload(&all.collect::<Vec<_>>())
     }

@@ -2,20 +2,20 @@
 
 use backend::StageTimes;
 
-/// A stage of a frame, in order.
+/// A stage of a frame. The variants are in order of execution.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
-    /// Key frames to positions.
+    /// Blends key frames to positions.
     Interpolate,
-    /// Positions to triangle records and boxes of leaves.
+    /// Computes triangle records and boxes of leaves from positions.
     Preprocess,
-    /// Positions to a tree.
+    /// Builds a tree from positions.
     Rebuild,
-    /// Boxes of leaves to boxes of inner nodes.
+    /// Computes boxes of inner nodes from boxes of leaves.
     Refit,
-    /// Primary rays.
+    /// Traces primary rays.
     TracePrimary,
-    /// Shadow rays.
+    /// Traces shadow rays.
     TraceShadow,
 }
 

@@ -22,7 +22,8 @@ pub struct ComputeBackend<D: GpuDevice> {
     pub(crate) tree: Option<TreeBuffers<D>>,
     /// The intersector of the loaded scene.
     intersector: Intersector,
-    /// Range of the coordinates at the current pose; `None` if only the device has measured it.
+    /// Range of the coordinates at the current pose, or `None` if the host has not computed it. A kernel then measures
+    /// it where needed.
     range: Option<Range>,
 }
 
@@ -41,8 +42,8 @@ impl<D: GpuDevice> ComputeBackend<D> {
         Ok(Self::with(engine))
     }
 
-    /// Returns a function that creates a backend for another scene on the same device, on any thread. Both scenes can be
-    /// loaded and traced at the same time.
+    /// Returns a function that creates a backend for another scene on the same device. Any thread may call it. Both
+    /// scenes can be loaded and traced at the same time.
     pub fn share_device(&self) -> impl FnOnce() -> Result<Self> + Send + use<D> {
         let open = self.engine.another();
         move || open().map(Self::with)
@@ -97,7 +98,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
     fn params_of(&self, shape: &Shape, pose: Pose) -> Params {
         let params = Params {
             alpha: pose.alpha,
-            // A hint for poses whose range the host did not measure. It changes no hit.
+            // Used if the host has not computed the range. It selects kernels and affects speed, but changes no hit.
             spread: self.engine.frames.spread.into(),
             ..Params::of(self.engine.scene().scale_exponent, shape)
         };
@@ -125,12 +126,12 @@ impl<D: GpuDevice> ComputeBackend<D> {
         Ok(())
     }
 
-    /// Returns whether the current tree was built on the device from the current positions. Such a tree has its records
-    /// and boxes.
+    /// Returns whether the current tree was built on the device from the current positions. Its triangle records and
+    /// boxes are then up to date.
     fn is_built_at_pose(&self) -> bool {
         let is_built_here = self.tree().is_built_here;
         let anew = is_built_here && self.engine.stale < Stale::Fresh;
-        assert!(!anew, "a tree made on the device is made anew");
+        assert!(!anew, "new positions require a rebuild of the tree");
         is_built_here
     }
 
@@ -202,7 +203,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()> {
         assert!(
             generation > self.tree().current.generation,
-            "generations rise"
+            "generations must increase"
         );
         let Engine { gpu, frames, .. } = &mut self.engine;
         let is_between = !frames.is_recording();
@@ -289,7 +290,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         assert!(self.engine.stale >= Stale::Records, "positions come first");
         assert!(
             generation > self.tree().current.generation,
-            "generations rise"
+            "generations must increase"
         );
         self.engine
             .info

@@ -18,8 +18,8 @@ pub struct Options {
     pub cache: Option<PathBuf>,
     /// Use of the interface's validation layer.
     pub validation: Validation,
-    /// Whether to pass kernels as WGSL with checks of bounds and loops, if the interface accepts it. Otherwise they are
-    /// passed as SPIR-V if the device accepts it, or as WGSL without checks.
+    /// Whether to pass kernels as WGSL with run-time checks of array bounds and loops. Interfaces that accept no WGSL
+    /// ignore this. By default kernels are passed as SPIR-V if the device accepts it, or else as WGSL without checks.
     pub checks_kernels: bool,
 }
 
@@ -38,11 +38,11 @@ pub enum Validation {
 /// Properties of an open device, and its state at the time of the call.
 #[derive(Clone, Debug)]
 pub struct DeviceInfo {
-    /// Name, driver and kind. The arithmetic is tested later.
+    /// Name, driver and kind. The backend replaces `arithmetic` and `capabilities`, which are placeholders here.
     pub device: Device,
-    /// How invocations traverse in packets; `None` if they cannot. See [`shaders::Traits`].
+    /// How rays are traced in packets, or `None` if the device cannot trace packets. See [`shaders::Traits`].
     pub packets: Option<Packets>,
-    /// Whether the device may rasterize.
+    /// Whether the device can find first hits by rasterization. See [`shaders::Traits`].
     pub rasterizes: bool,
     /// Clock of the timestamps.
     pub clock: Clock,
@@ -50,9 +50,10 @@ pub struct DeviceInfo {
     pub max_groups: u32,
     /// Limits that a kernel may exceed.
     pub kernel_limits: Vec<KernelLimit>,
-    /// Whether positions are copied to the host while the rest of their submission runs.
+    /// Whether the device executes [`RecordedCommand::Split`](crate::RecordedCommand::Split): the positions are copied
+    /// to the host while the rest of their submission runs.
     pub splits: bool,
-    /// Whether a kernel may copy positions. See [`LentBuffers::copies`].
+    /// Whether a kernel copies positions from lent buffers to key frames. See [`LentBuffers::copies`].
     pub copies_points: bool,
     /// Bytes of device memory that are still available, or `None` if the driver does not report them.
     pub free_bytes: Option<u64>,
@@ -66,9 +67,9 @@ pub struct DeviceInfo {
 pub struct KernelLimit {
     /// Name in the device's interface.
     pub name: &'static str,
-    /// Returns the need of a kernel.
+    /// Returns the amount that a kernel needs.
     pub need: fn(&Kernel) -> u32,
-    /// The largest need that the device satisfies.
+    /// Maximum amount that the device supports.
     pub most: u32,
 }
 
@@ -113,7 +114,7 @@ pub enum Upload<'a, S> {
     },
 }
 
-/// Work whose end can be polled.
+/// Work whose completion can be polled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PendingWork {
     /// A submission.
@@ -138,13 +139,13 @@ pub enum Outcome {
 pub struct SubmissionOutput {
     /// Counts written by its kernels.
     pub counts: Counts,
-    /// For each timestamp, the stage that runs from it to the next; `None` for work that is not timed.
+    /// For each timestamp, the stage between this timestamp and the next; `None` if no stage is timed there.
     pub marks: Vec<Option<Stage>>,
     /// Value of each timestamp, in ticks of [`DeviceInfo::clock`]; `None` without a clock.
     pub ticks: Option<Vec<u64>>,
 }
 
-/// Buffers of the device's owner with rays and memory for their results. See [`backend::Rays::OnDevice`].
+/// Buffers of the calling program: one with rays, and one for their results. See [`backend::Rays::OnDevice`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LentRays<B> {
     /// One ray per element, in the memory layout of [`geom::Ray`].
@@ -154,8 +155,8 @@ pub struct LentRays<B> {
     pub answers: Option<B>,
 }
 
-/// A copy of positions from a buffer of the device's owner to a key frame. Both ends are a buffer and an offset in
-/// bytes.
+/// A copy of positions from a buffer of the calling program to a key frame. Source and destination are a buffer and a
+/// byte offset.
 pub struct PointsCopy<B> {
     /// Source.
     pub from: (B, u64),
@@ -165,7 +166,7 @@ pub struct PointsCopy<B> {
     pub bytes: u64,
 }
 
-/// Buffers of the device's owner that the next recording uses.
+/// Buffers of the calling program that the next recording uses.
 pub struct LentBuffers<B> {
     /// Rays of the next queries, in order.
     pub rays: VecDeque<LentRays<B>>,
@@ -186,11 +187,11 @@ impl<B> Default for LentBuffers<B> {
 pub type RecordingOf<D> =
     Recording<<D as GpuDevice>::Pipeline, <D as GpuDevice>::Binding, <D as GpuDevice>::Native>;
 
-/// A device that runs the kernels of one scene. It has one owner, so only state that several scenes share needs a lock.
+/// A device that runs the kernels of one scene. One backend owns it, so only state shared between scenes needs a lock.
 ///
 /// Only `upload`, `read`, `finish`, `unload`, `wait` and the methods that reuse memory (`staging`, `send`) may block.
-/// They wait only for work of this scene. Submissions run in order, and recorded work reads the results of work recorded
-/// earlier. If copies run on queues of their own, the device orders them with the submissions that need them.
+/// They wait only for work of this scene. Submissions run in order, and recorded work reads the results of earlier
+/// recorded work. If copies run on separate queues, the device synchronizes them with the submissions that need them.
 pub trait GpuDevice: Send + Sized + 'static {
     /// A buffer. No unfinished submission and no recording may use a buffer that is dropped.
     type Buffer: Send + 'static;
@@ -198,12 +199,12 @@ pub trait GpuDevice: Send + Sized + 'static {
     type Binding: Clone + PartialEq + Send;
     /// A compiled kernel.
     type Pipeline: Send + Sync + 'static;
-    /// A command that only this kind of device knows.
+    /// A command that only this type of device can execute.
     type Native: Send;
     /// Host memory to upload a tree from.
     type Staging: Staging;
 
-    /// Returns a function that opens the same device for another scene, which is traced in addition to its other scenes.
+    /// Returns a function that opens the same device for another scene. Both scenes can be used at the same time.
     fn another(&self) -> impl FnOnce() -> Result<Self> + Send + use<Self>;
 
     /// Returns a function that compiles a kernel. Several threads may call it at the same time.
@@ -228,15 +229,15 @@ pub trait GpuDevice: Send + Sized + 'static {
     /// Returns a reference to a buffer for a recording.
     fn bind(buffer: &Self::Buffer) -> Self::Binding;
 
-    /// Returns the buffers that the device's owner lent.
+    /// Returns the buffers that the calling program lent.
     fn lent(&mut self) -> &mut LentBuffers<Self::Buffer>;
 
     /// Fills buffers from their beginning. Blocks until the copies have finished. No unfinished submission may use the
     /// buffers.
     fn upload(&mut self, all: &[(&[u8], &Self::Buffer)]) -> Result<()>;
 
-    /// Writes the first rows of a buffer of rays, or of lent results, for the next submission. No unfinished submission
-    /// may use the buffer.
+    /// Writes elements to the beginning of a buffer, for the next submission. The buffer contains rays or is a lent
+    /// buffer for results. No unfinished submission may use it.
     fn write<T: Pod + Send + Sync>(&mut self, to: &mut Self::Buffer, rows: &[T]) -> Result<()>;
 
     /// Passes the first `count` elements of a buffer to `each` in parts, each with the index of its first element. A
@@ -255,8 +256,7 @@ pub trait GpuDevice: Send + Sized + 'static {
     /// [`Recording::after_upload`]. Never copies a tree on the calling thread.
     fn send(&mut self, upload: Upload<'_, Self::Staging>, to: &Self::Buffer) -> Result<u64>;
 
-    /// Submits a recording. At most [`backend::FRAMES_IN_FLIGHT`] submissions are unfinished. Leaves no command in the
-    /// recording.
+    /// Submits a recording and removes its commands. At most [`backend::FRAMES_IN_FLIGHT`] submissions are unfinished.
     fn submit(&mut self, recording: &mut RecordingOf<Self>, ticket: Ticket) -> Result<()>;
 
     /// Returns whether work has finished, or will never run. Never blocks.
@@ -272,7 +272,7 @@ pub trait GpuDevice: Send + Sized + 'static {
     /// Returns the copied positions of a submission, once the copy has finished. They may outlive the device.
     fn take_positions(&mut self, ticket: Ticket, vertices: usize) -> Result<Snapshot>;
 
-    /// Waits for all unfinished work and frees everything of the scene.
+    /// Waits for all unfinished work and frees all resources of the scene.
     fn unload(&mut self) -> Result<()>;
 }
 
@@ -320,7 +320,7 @@ pub fn read_parts<T>(count: usize) -> impl Iterator<Item = ReadPart> {
     })
 }
 
-/// Checks that all `wanted` kernels can run on a device.
+/// Checks that all kernels for which `wanted` returns `true` can run on a device.
 ///
 /// # Errors
 /// [`backend::BackendError::Limit`] with the largest need of a kernel, and the names of the kernel and the limit.

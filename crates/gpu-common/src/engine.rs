@@ -26,7 +26,8 @@ pub enum Stale {
     Fresh,
 }
 
-/// A device with a scene, its positions, submissions and traces. The owner implements trees and traversal.
+/// A device with a scene, its positions, submissions and traces. The backend that owns the engine implements trees and
+/// traversal.
 ///
 /// Stages are timed by the device's clock. Without such a clock, each stage's time is `None`. Then `device_ms` is the
 /// host's time from the submission until its end was noticed.
@@ -119,8 +120,8 @@ impl<D: GpuDevice> Engine<D> {
         Ok(())
     }
 
-    /// Records the interpolation of positions at `pose`, whose weight `params` contains. `measure` measures the range
-    /// of the key frames at the same time.
+    /// Records the interpolation of positions at `pose`. `params` contains the blend weight. The dispatch `measure`
+    /// measures the coordinate range of the key frames and runs concurrently.
     pub fn interpolate(&mut self, pose: Pose, params: Params, measure: Option<Work>) -> Result<()> {
         let gpu = &mut self.gpu;
         let (position, overwritten) = self.snapshots.position_to_write(gpu, self.position)?;
@@ -143,7 +144,7 @@ impl<D: GpuDevice> Engine<D> {
         Ok(())
     }
 
-    /// Records the copies of positions from buffers of the device's owner.
+    /// Records the copies of positions from buffers of the calling program.
     fn copy_points(&mut self) -> Result<()> {
         for copy in std::mem::take(&mut self.gpu.lent().copies) {
             let words = |bytes: u64| bytes as usize / 4;
@@ -158,8 +159,9 @@ impl<D: GpuDevice> Engine<D> {
         Ok(())
     }
 
-    /// Records kernels as a stage, or as part of no stage, and compiles missing ones. `own` returns buffers that do not
-    /// belong to the scene, or that replace the scene's.
+    /// Records dispatches, and then the end of `stage`. Without a stage, they are timed as part of the next stage that
+    /// ends. Compiles missing kernels. `own` returns buffers that do not belong to the scene, or that replace the
+    /// scene's.
     ///
     /// # Panics
     /// If no buffer exists for a name in a kernel.
@@ -282,7 +284,8 @@ impl<D: GpuDevice> Engine<D> {
         self.snapshots.take(&mut self.gpu, vertices)
     }
 
-    /// Returns the bytes of device memory by purpose. Adds the owner's bytes of trees, of scratch memory and of frames.
+    /// Returns the bytes of device memory by purpose. The argument contains the bytes that the backend itself
+    /// allocated.
     pub fn bytes(&self, [tree, scratch, frames]: [u64; 3]) -> DeviceBytes {
         let memory = self.gpu.memory();
         let scratch = scratch + memory.waiting;
@@ -333,7 +336,7 @@ fn test_arithmetic<D: GpuDevice>(
     ];
     let buffers = BufferTable::new(gpu, sizes)?;
     buffers.fill(gpu, &[(BufferName::Operands, operands)])?;
-    let find = |name| buffers.get(name).expect("it names no other buffer");
+    let find = |name| buffers.get(name).expect("the kernel binds no other buffer");
     let work = [work::arithmetic(all.len())];
     frames.record().record(pipelines, None, &work, find)?;
     let ticket = frames.submit(gpu, None, 0)?;

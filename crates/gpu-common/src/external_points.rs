@@ -1,4 +1,4 @@
-//! Positions whose source is a buffer of the device's owner instead of the host.
+//! Positions whose source is a buffer of the calling program instead of the host.
 
 use std::ops::Range;
 
@@ -13,9 +13,9 @@ pub struct PointsSource<B> {
     pub run: Range<usize>,
 }
 
-/// The runs of a scene's vertices whose source is a buffer of the device's owner.
+/// The runs of a scene's vertices whose source is a buffer of the calling program.
 pub struct ExternalPoints<B> {
-    /// In order.
+    /// Sorted by first vertex.
     runs: Vec<Range<usize>>,
     /// Sources from which the device has not copied yet.
     pub pending: Vec<PointsSource<B>>,

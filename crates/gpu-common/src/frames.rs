@@ -17,7 +17,7 @@ pub struct Frames<D: GpuDevice> {
     awaited_upload: u64,
     /// Traces that are recorded but not yet submitted, in order.
     pub pending: Vec<TraceBuffers<D>>,
-    /// Traces of a batch that failed in part. Recorded commands still use their buffers.
+    /// Traces of a batch in which one query failed. Recorded commands still use their buffers.
     refused: Vec<TraceBuffers<D>>,
     /// Buffers that were replaced, each with the last ticket that may use it.
     replaced: Vec<(Ticket, D::Buffer)>,
@@ -29,7 +29,7 @@ pub struct Frames<D: GpuDevice> {
     tree_counts: TreeCounts,
     /// Latest results of traces by rasterization.
     pub(crate) raster_backoff: RasterBackoff,
-    /// Whether the last submission that measured coordinates found very different sizes.
+    /// Whether the last submission that measured coordinates found very different magnitudes.
     pub(crate) spread: bool,
     clock: Clock,
 }
@@ -39,7 +39,7 @@ struct SubmissionRecord<D: GpuDevice> {
     traces: Vec<TraceBuffers<D>>,
     /// Whether it has traces that were not released.
     is_traced: bool,
-    /// Whether [`backend::Backend::retain_traces`] names it.
+    /// Whether the last call of [`backend::Backend::retain_traces`] named it.
     is_retained: bool,
     /// See [`backend::Backend::retain_traces`]. A released trace only keeps its buffers for later traces.
     is_released: bool,
@@ -115,8 +115,8 @@ impl<D: GpuDevice> Frames<D> {
         self.refused.clear();
     }
 
-    /// Returns a trace that the device has finished and whose results are no longer available: a released one, or one
-    /// that expires with the next submission.
+    /// Removes and returns a finished trace whose results are no longer available, to reuse its buffers: a released
+    /// one, or one that expires with the next submission.
     pub fn expired(&mut self) -> Option<TraceBuffers<D>> {
         let mut later_traced = self.ledger.iter().filter(|s| s.is_traced).count();
         let found = self.ledger.iter_mut().find(|submission| {
@@ -150,11 +150,12 @@ impl<D: GpuDevice> Frames<D> {
     pub(crate) fn trace(&mut self, ticket: Ticket, index: usize) -> &mut TraceBuffers<D> {
         let submission = self.ledger.iter_mut().find(|s| s.ticket == ticket);
         let found = submission.and_then(|s| s.traces.get_mut(index));
-        found.expect("this submission had no trace, or was too long ago")
+        found.expect("the submission has no such trace or has expired")
     }
 
-    /// Submits the recording. Copies `positions`, a buffer and its bytes, to the host. Waits for the oldest submission if
-    /// too many are unfinished. See [`backend::Backend::retain_traces`] for how long it is remembered.
+    /// Submits the recording. Copies `positions`, a buffer and a number of bytes, to the host. Waits for the oldest
+    /// submission if too many are unfinished. [`backend::Backend::retain_traces`] determines when the submission
+    /// expires.
     pub(crate) fn submit(
         &mut self,
         gpu: &mut D,
@@ -249,7 +250,7 @@ impl<D: GpuDevice> Frames<D> {
         let next = |frames: &Self| frames.unfinished().next();
         while let Some(oldest) = next(self).filter(|oldest| *oldest <= ticket) {
             if !self.finish_one(gpu, oldest)? {
-                let why = "the program dropped the commands that the step is in";
+                let why = "the program dropped the command encoder of this step";
                 return Err(BackendError::Misuse(why.into()));
             }
         }
@@ -305,7 +306,7 @@ impl<D: GpuDevice> Frames<D> {
     /// If the ticket is unknown or has expired.
     pub(crate) fn is_done(&self, gpu: &D, ticket: Ticket) -> Result<bool> {
         let found = self.ledger.iter().find(|s| s.ticket == ticket);
-        let submission = found.expect("this ticket was never given, or was given too long ago");
+        let submission = found.expect("the ticket is unknown or has expired");
         match submission.report {
             Some(_) => Ok(true),
             None => gpu.has_finished(PendingWork::Submission(ticket)),
@@ -320,7 +321,7 @@ impl<D: GpuDevice> Frames<D> {
         self.finish(gpu, ticket)?;
         let found = self.ledger.iter().find(|s| s.ticket == ticket);
         let report = found.and_then(|s| s.report.clone());
-        Ok(report.expect("this ticket was never given, or was given too long ago"))
+        Ok(report.expect("the ticket is unknown or has expired"))
     }
 
     /// Waits for all submissions and forgets them, before another scene is loaded.

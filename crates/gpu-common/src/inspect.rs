@@ -36,7 +36,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
     /// If the tree has no such buffer.
     pub fn read_tree<T: Pod>(&mut self, name: BufferName, count: usize) -> Result<Vec<T>> {
         let tree = self.tree.as_ref().expect("a scene was loaded");
-        let buffer = tree.get(name).expect("a buffer of the tree's");
+        let buffer = tree.get(name).expect("the tree has this buffer");
         self.engine.gpu.wait(None)?;
         read_all(&mut self.engine.gpu, buffer, count)
     }

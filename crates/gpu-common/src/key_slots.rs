@@ -8,9 +8,10 @@ use geom::{Animation, KeyFrame, Point, Pose};
 use shaders::BufferName;
 use std::ops::Range;
 
-/// Paged or streamed key frames that are kept: the two that are blended and two upcoming ones, or one if they are large. Two
-/// more may wait for their last use to finish.
+/// Number of paged or streamed key frames that are kept: the two that are blended, and two upcoming ones. Buffers of
+/// evicted key frames may still wait for their last use to finish.
 const KEPT: usize = 4;
+/// The same for large key frames: only one upcoming key frame is kept.
 const LARGE_KEPT: usize = 3;
 
 /// Minimum number of static vertices between two runs of moving ones. Shorter gaps are uploaded with the runs.
@@ -28,7 +29,7 @@ pub(crate) struct KeySlots<D: GpuDevice> {
     clock: u64,
     /// Ticket of the submission that is being recorded.
     next: u64,
-    /// Latest pose, which may be read again.
+    /// Latest pose. Its key frames are not evicted, because the next recording may read them again.
     pose: Pose,
     /// Vertices that differ between key frames.
     moving: Vec<Range<usize>>,
@@ -100,7 +101,8 @@ impl<D: GpuDevice> KeySlots<D> {
         Ok(arrival)
     }
 
-    /// Notes that the recording was submitted. Uploads one of the upcoming key frames, if the host has read it.
+    /// Notes that the recording was submitted. Uploads the next upcoming key frame that is not on the device, if the
+    /// host has read it.
     pub(crate) fn submitted(
         &mut self,
         gpu: &mut D,
@@ -131,7 +133,7 @@ impl<D: GpuDevice> KeySlots<D> {
 
     fn find(&self, key: usize) -> Option<usize> {
         let is_there = |slot: &KeySlot<D>| slot.key == key;
-        // Key frames that the host holds are in order.
+        // If the host holds all key frames, they were uploaded in order, so the slot's index is the key frame's number.
         let is_in_order = self.slots.get(key).is_some_and(is_there);
         is_in_order
             .then_some(key)
@@ -140,7 +142,7 @@ impl<D: GpuDevice> KeySlots<D> {
 
     /// Uploads a paged or streamed key frame, in place of the least recently used one.
     fn upload(&mut self, gpu: &mut D, key: usize, frame: &KeyFrame) -> Result<()> {
-        // Lent positions may be copied from the previous key frame.
+        // Unchanged positions of lent buffers may be copied from the previous key frame to this one.
         if let Some(before) = self.slots.last_mut() {
             before.read_by = self.next;
         }

@@ -1,11 +1,11 @@
-//! One compute backend over any GPU interface.
+//! The compute backend, generic over the GPU interface.
 //!
 //! [`ComputeBackend`] implements [`backend::Backend`] over a [`GpuDevice`]. It decides which kernels run over which
 //! buffers, when trees and positions are transferred, and what a submission reports. A device only creates buffers and
 //! pipelines, copies, executes recordings and waits.
 //!
-//! - [`Engine`] holds what every kind of frame needs: a scene, submissions, traces, and position copies to the host. A
-//!   backend with other trees can be built on it.
+//! - [`Engine`] holds the state that does not depend on the kind of tree: a scene, submissions, traces, and copies of
+//!   positions to the host. A backend for another kind of tree can reuse it.
 //! - A [`Recording`] holds the commands of a submission as data, with the buffers that they use. [`Recorder`] adds the
 //!   commands of each stage. [`GpuDevice::submit`] executes them, so recording never waits.
 //! - Buffers are looked up by [`shaders::BufferName`], never by text.

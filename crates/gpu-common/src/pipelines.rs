@@ -1,4 +1,4 @@
-//! One pipeline per kernel, compiled on first use, or earlier on threads of its own.
+//! One pipeline per kernel, compiled on first use, or earlier in the background.
 
 use crate::GpuDevice;
 use backend::Result;
@@ -20,7 +20,7 @@ pub struct Pipelines<D: GpuDevice> {
     pub(crate) traits: Traits,
 }
 
-/// Kernels that threads of their own compile.
+/// Kernels that are being compiled in the background.
 struct Making<P> {
     kernels: Vec<&'static Kernel>,
     /// Taken by the first wait.
@@ -35,7 +35,7 @@ impl<P> Drop for Making<P> {
 }
 
 impl<D: GpuDevice> Pipelines<D> {
-    /// Compiles these kernels only.
+    /// Creates the pipelines of these kernels and waits for them.
     ///
     /// # Errors
     /// [`backend::BackendError::NoDevice`] if the driver rejects one.
@@ -106,7 +106,7 @@ impl<D: GpuDevice> Pipelines<D> {
 
     fn wait(&mut self, at: usize) -> Result<()> {
         let mut making = self.making.swap_remove(at);
-        let thread = making.thread.take().expect("nobody waited for it");
+        let thread = making.thread.take().expect("a thread is joined only once");
         let made = thread
             .join()
             .unwrap_or_else(|e| std::panic::resume_unwind(e))?;
@@ -144,7 +144,8 @@ impl<D: GpuDevice> Pipelines<D> {
     }
 }
 
-/// NVIDIA's driver 580 deadlocks if one thread creates or destroys a device while another compiles kernels.
+/// Lock between compilation of kernels and creation or destruction of devices. NVIDIA's driver 580 deadlocks if they
+/// run at the same time.
 static DOOR: RwLock<()> = RwLock::new(());
 
 /// Locks out creation and destruction of devices while kernels are compiled. Several threads may hold this lock.

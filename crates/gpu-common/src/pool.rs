@@ -3,7 +3,7 @@
 use crate::BufferSize;
 use backend::{FRAMES_IN_FLIGHT, Result};
 
-/// Bytes of a buffer from which on only few are kept, because their memory costs more than a wait.
+/// Minimum bytes of a large buffer. Fewer large buffers are kept, because their memory costs more than a wait.
 pub(crate) const LARGE: u64 = 64 << 20;
 
 /// Creates a buffer of `bytes` plus slack, or of exactly `bytes` if the device has not enough memory. With slack the
@@ -12,7 +12,8 @@ pub fn with_slack<B>(bytes: u64, make: impl Fn(u64) -> Result<B>) -> Result<B> {
     make(bytes + bytes / 32).or_else(|_| make(bytes))
 }
 
-/// Last use of a buffer: a ticket, and the number of an [upload](crate::GpuDevice::send) to it or from it; 0 for no use.
+/// Last use of a buffer: by a submission, and by an [upload](crate::GpuDevice::send) to it or from it. A number is 0 if
+/// there was no such use.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct LastUse {
     /// Number of the upload.
@@ -42,8 +43,8 @@ impl<B> Pool<B> {
         self.0.push(PooledBuffer { buffer, size, last });
     }
 
-    /// Returns a buffer of at least `bytes` that was used before. Returns `None` if the pool has no unused buffer, or if
-    /// the one that it drops is too small. If the pool is full, waits for the buffer whose use ends first. `has_ended`
+    /// Removes a buffer whose last use has ended, and returns it if it has at least `bytes`. Returns `None` if it is
+    /// smaller, or if all buffers are in use. A full pool instead waits for the use that ends first. `has_ended`
     /// returns whether a use has ended, and may wait for it if its second argument is set.
     pub fn fit(
         &mut self,

@@ -11,7 +11,8 @@ use shaders::{BufferName, Counts, Extents};
 use std::mem::offset_of;
 use std::sync::Arc;
 
-/// Bytes of the counts of `preprocess`. It may run several times per submission; only the last run counts.
+/// Bytes of [`Counts`] that `preprocess` writes. It may run several times per submission. The bytes are cleared before
+/// each further run, so that the last run determines them.
 const LEAF_COUNTS: u64 = offset_of!(Counts, hits) as u64;
 
 /// Records the stages of one submission at a time.
@@ -60,9 +61,10 @@ impl<D: GpuDevice> Recorder<D> {
         self.extents = Extents::default();
     }
 
-    /// Records kernels as a stage, or as part of no stage. Checks all dispatches before it records the first one.
-    /// `interpolate` stays open for kernels that may run concurrently, and is then timed together with them. A stage
-    /// without work takes no time, but if it comes first, the frame's time starts with it.
+    /// Records dispatches, and then the end of `stage` if there is one. Checks all dispatches before it records the
+    /// first one. `interpolate` stays open for kernels that may run concurrently, and is then timed together with them.
+    /// A stage without work is reported with a time of 0. It is recorded only as the first stage, to mark the start of
+    /// the frame.
     pub(crate) fn record<'a>(
         &mut self,
         pipelines: &Pipelines<D>,
@@ -103,7 +105,7 @@ impl<D: GpuDevice> Recorder<D> {
         Ok(())
     }
 
-    /// Records a stage that is a command of the device's own, or empty.
+    /// Records a stage of one native command, or of no command.
     pub fn record_native(&mut self, stage: Stage, command: Option<D::Native>) {
         self.close();
         let commands = &mut self.recording.commands;
@@ -125,7 +127,7 @@ impl<D: GpuDevice> Recorder<D> {
             .push(RecordedCommand::EndStage(stage));
     }
 
-    /// Records that the positions recorded so far are copied to the host.
+    /// Ends the part of the recording that must finish before positions are copied to the host.
     pub(crate) fn split(&mut self) {
         if self.splits {
             self.close();
@@ -138,7 +140,7 @@ impl<D: GpuDevice> Recorder<D> {
         self.recording.overwrites = self.recording.overwrites.max(positions_of);
     }
 
-    /// Adds what the submission copies to the host and waits for. Returns the recording.
+    /// Sets the positions to copy to the host and the upload to wait for. Returns the recording.
     pub(crate) fn complete(
         &mut self,
         positions: Option<(&D::Buffer, u64)>,

@@ -9,14 +9,14 @@ use std::sync::Arc;
 
 /// The commands of one submission, with the buffers that they use.
 ///
-/// `P` is a compiled kernel, `B` refers to a buffer, and `N` is a command that only one kind of device knows.
-/// Every recording begins with counts of 0.
+/// `P` is a compiled kernel, `B` refers to a buffer, and `N` is a command that only one type of device can execute.
+/// The device sets all counts to 0 before the first command.
 pub struct Recording<P, B, N> {
     /// Commands in order.
     pub commands: Vec<RecordedCommand<P, N>>,
     /// Buffers of all dispatches. See [`Dispatch::buffers`].
     pub buffers: Vec<B>,
-    /// Positions to copy to the host, and their bytes. The copy waits only for the commands before [`RecordedCommand::Split`].
+    /// Positions to copy to the host. The copy waits only for the commands before [`RecordedCommand::Split`].
     pub positions: Option<PositionsCopy<B>>,
     /// Number of the upload that must have finished before the commands run; 0 for no upload.
     pub after_upload: u64,
@@ -47,11 +47,11 @@ pub enum RecordedCommand<P, N> {
     ClearCounts(u64),
     /// Ends the part that the copy of positions waits for. Only for devices with [`crate::DeviceInfo::splits`].
     Split,
-    /// A command of the device's own.
+    /// A command that only this type of device can execute.
     Native(N),
 }
 
-/// A run of a kernel. It starts after the commands before it, unless [`Work::alongside`] is set.
+/// One run of a kernel. It starts when the previous commands have finished, unless [`Work::alongside`] is set.
 pub struct Dispatch<P> {
     /// Kernel and parameters.
     pub work: Work,
@@ -115,7 +115,7 @@ pub(crate) fn is_of_submission(name: BufferName) -> bool {
 pub enum BoundBuffer<B> {
     /// The parameters of the dispatch.
     Params,
-    /// The counts of the submission, or of a trace of it. See [`Work::place`].
+    /// The counts of the submission, or of one of its traces. See [`Work::trace_index`].
     Counts,
     /// A buffer of the recording.
     Recorded(B),

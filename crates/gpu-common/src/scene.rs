@@ -13,16 +13,17 @@ pub struct AnimationBuffers<D: GpuDevice> {
     /// The loaded animation.
     pub animation: Arc<Animation>,
     pub(crate) keys: KeySlots<D>,
-    /// One position buffer, and a second one from the first copy of positions to the host: the next frame writes it
-    /// during the copy. If only moving rows are written, both contain the static vertices from the start.
+    /// One or two position buffers. The first request to copy positions to the host creates the second buffer, so that
+    /// the next frame can write one while the other is copied. If `interpolate` writes only moving rows, both contain
+    /// the static vertices from the start.
     pub positions: Vec<D::Buffer>,
-    /// Vertex indices of triangles, and the coordinate range of pushed key frames. Also the rows of positions with
-    /// moving vertices, if listing them pays off.
+    /// Buffers of the triangles' vertex indices, of the coordinate range that a kernel measures, and of the list of
+    /// rows with moving vertices. The list is empty if it would not save time.
     others: BufferTable<D>,
     pub(crate) moving_row_count: Option<usize>,
     /// Colour tables; empty until a palette is loaded.
     palette: BufferTable<D>,
-    /// `k` of `docs/design/hits.md`.
+    /// Exponent of the scene's scale: `k` in `docs/design/hits.md`.
     pub scale_exponent: i32,
     /// Triangles that are inactive in every key frame, and so in no tree.
     pub(crate) never_active: u64,
@@ -84,7 +85,7 @@ impl<D: GpuDevice> AnimationBuffers<D> {
         match name {
             BufferName::Earlier => self.keys.get(key),
             BufferName::Later => self.keys.get(key.saturating_add(1)),
-            // Kernels that accept both kinds of rays bind some buffer, which they do not read for camera rays.
+            // Kernels that accept both kinds of rays need a buffer to bind, but do not read it for camera rays.
             BufferName::Positions | BufferName::Rays => Some(&self.positions[position]),
             other => self.others.get(other).or_else(|| self.palette.get(other)),
         }

@@ -20,11 +20,11 @@ impl Snapshots {
     /// If the recording has a request already.
     pub(crate) fn request(&mut self, position: usize) {
         let requested = self.requested.replace(position);
-        assert!(requested.is_none(), "one request of positions a submission");
+        assert!(requested.is_none(), "positions are already requested");
     }
 
-    /// Returns the index of the position buffer that the next interpolation writes. If both are being read, also returns
-    /// the submission whose copy it must wait for.
+    /// Returns the index of the position buffer that the next interpolation writes. If both are being copied, also
+    /// returns the submission whose copy must finish first.
     pub(crate) fn position_to_write<D: GpuDevice>(
         &self,
         gpu: &D,

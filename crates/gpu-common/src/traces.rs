@@ -16,15 +16,15 @@ pub struct TraceBuffers<D: GpuDevice> {
     pub has_tree: bool,
     /// Whether pixels were shaded.
     shaded: bool,
-    /// Buffers of this and earlier queries that used the same memory.
+    /// Buffers of this trace, and of earlier traces that it reuses or does not need.
     buffers: BufferTable<D>,
     /// Buffers lent by the device's owner, which replace the trace's own.
     lent: Option<LentRays<D::Buffer>>,
 }
 
 impl<D: GpuDevice> TraceBuffers<D> {
-    /// Creates the buffers of a query that is traced by an intersector, or of one without a tree. Reuses the buffers of an
-    /// `old` trace that fit. The query must be the next one of its submission.
+    /// Creates the buffers of the next query of a submission. `traced_by` is the intersector, or `None` if there is no
+    /// tree. Reuses those buffers of the `old` trace that are large enough.
     pub fn new(
         gpu: &mut D,
         query: &Query<'_>,
@@ -139,8 +139,8 @@ impl<D: GpuDevice> TraceBuffers<D> {
         self.read_each(gpu, BufferName::Occluded, blocked, |word: u32| word as u8)
     }
 
-    /// Copies one element per ray, unless `to` is empty. Uses several threads, because a single thread would take as long
-    /// as the trace itself.
+    /// Copies one element per ray, unless `to` is empty. Uses several threads, because a single thread would take as
+    /// long as the trace itself.
     fn read_each<T: Pod + Sync, U: Copy + Send>(
         &self,
         gpu: &mut D,
@@ -167,13 +167,13 @@ fn lent_rays<D: GpuDevice>(gpu: &mut D, query: &Query<'_>) -> Result<Option<Lent
     lent.ok_or_else(refused).map(Some)
 }
 
-/// Returns whether the host writes the rays of a query. Any-hit kernels do not generate camera rays, and the host's
-/// have the same bits.
+/// Returns whether kernels read the rays of a query from a buffer. They generate camera rays, except for any-hit
+/// queries: there the host writes the rays, with the same bits.
 pub fn are_given(query: &Query<'_>) -> bool {
     !matches!(query.rays, Rays::Camera(_)) || query.kind == QueryKind::Any
 }
 
-/// Returns a query's rays in the form that kernels read.
+/// Returns where kernels find the rays of a query.
 pub(crate) fn as_given<'a>(query: &Query<'a>) -> work::RaySource<'a> {
     match query.rays {
         Rays::Camera(camera) if !are_given(query) => work::RaySource::Camera(camera),
@@ -181,7 +181,8 @@ pub(crate) fn as_given<'a>(query: &Query<'a>) -> work::RaySource<'a> {
     }
 }
 
-/// Writes the rays that the host knows to a buffer. Kernels find out which of them are invalid or extreme.
+/// Writes the rays of a query to a buffer, unless they are on the device already. Kernels detect invalid and extreme
+/// rays.
 fn write_rays<D: GpuDevice>(gpu: &mut D, rays: Rays<'_>, to: &mut D::Buffer) -> Result<()> {
     match rays {
         Rays::List(list) => gpu.write(to, list),

@@ -25,7 +25,7 @@ pub(crate) struct TreeBuffers<D: GpuDevice> {
     last_bytes: u64,
     /// A topology that was uploaded but is not part of a tree yet, with the number of its upload.
     sent: Option<(Generation, D::Buffer, u64)>,
-    /// The next topology, as the builder wrote it.
+    /// The next topology in staging memory, which the builder thread writes.
     written: Arc<Mutex<Option<Written<D::Staging>>>>,
     /// Buffers for tree builds on the device; `None` before the first.
     pub(crate) build: Option<BufferTable<D>>,
@@ -37,7 +37,7 @@ pub(crate) struct TreeBuffers<D: GpuDevice> {
 pub(crate) struct DeviceTree<D: GpuDevice> {
     /// The topology as the host uploaded it, with the number of its upload; `None` before the first.
     record: Option<(D::Buffer, u64)>,
-    /// The buffers of nodes and costs fit the largest tree so far.
+    /// Buffers by name. Those of nodes and costs fit the largest tree so far.
     pub(crate) buffers: BufferTable<D>,
     pub(crate) generation: Generation,
     pub(crate) shape: Shape,
@@ -221,7 +221,8 @@ impl<D: GpuDevice> TreeBuffers<D> {
         Ok(())
     }
 
-    /// Loads a candidate for the recording that follows the last submission. Returns `None` if memory does not suffice.
+    /// Makes `tree` the candidate of the current recording. Returns `None` if there is not enough memory for a second
+    /// tree.
     pub(crate) fn load_candidate(
         &mut self,
         gpu: &mut D,
@@ -264,7 +265,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
         }
     }
 
-    /// Notes that the recording was submitted or dropped.
+    /// Updates the progress of both trees: the recording was submitted, or dropped if `is_submitted` is `false`.
     pub(crate) fn submitted(&mut self, is_submitted: bool) {
         if !is_submitted {
             self.current.progress = TreeProgress::default();
@@ -276,7 +277,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
         }
     }
 
-    /// Takes the topology of a tree for the next recording. Uploads it first if necessary.
+    /// Returns the uploaded topology of a tree, for the next recording. Starts the upload if necessary.
     fn arrive(
         &mut self,
         gpu: &mut D,
@@ -359,7 +360,7 @@ impl<B> ArrivingTree<B> {
     }
 }
 
-/// Returns `None` if memory does not suffice.
+/// Converts errors for lack of memory to `None`.
 fn unless_too_large<T>(made: Result<T>) -> Result<Option<T>> {
     match made {
         Ok(made) => Ok(Some(made)),

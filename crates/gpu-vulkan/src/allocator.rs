@@ -15,7 +15,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 /// The device's memory, and statistics of its use.
 pub(crate) struct Memory {
-    /// Taken before the device is destroyed.
+    /// `None` once closed, because the allocator must be dropped before the device is destroyed.
     allocator: Mutex<Option<Allocator>>,
     /// Lock for submitting, allocating and freeing.
     driver_lock: FairMutex<()>,
@@ -165,7 +165,7 @@ pub(crate) fn device_bytes(allocation: &Allocation) -> u64 {
     }
 }
 
-/// Returns the usage of buffers. The driver accesses its own trees by address.
+/// Returns the usage flags of all buffers. `traces_rays` adds those that acceleration structures need.
 pub(crate) fn usage(traces_rays: bool) -> vk::BufferUsageFlags {
     let kernels = vk::BufferUsageFlags::STORAGE_BUFFER
         | vk::BufferUsageFlags::UNIFORM_BUFFER

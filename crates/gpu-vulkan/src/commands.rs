@@ -85,11 +85,11 @@ impl Commands {
         unsafe { vk.cmd_copy_buffer(self.vk(), from, to, regions) };
     }
 
-    /// Orders all writes of the stages `before`, in this or earlier submissions to the queue, before all accesses of the
-    /// stages `after`.
+    /// Orders all writes of the stages `before` before all accesses of the stages `after`. Includes writes of earlier
+    /// submissions to the queue.
     pub fn barrier(&self, before: vk::PipelineStageFlags, after: vk::PipelineStageFlags) {
         let (vk, none) = (&self.gpu.vk, vk::DependencyFlags::empty());
-        // A stage has only some kinds of access, so these masks include no others.
+        // With these masks, the barrier covers every access that the given stages can perform.
         let memory = [vk::MemoryBarrier::default()
             .src_access_mask(vk::AccessFlags::MEMORY_WRITE)
             .dst_access_mask(vk::AccessFlags::MEMORY_READ | vk::AccessFlags::MEMORY_WRITE)];
@@ -111,10 +111,10 @@ pub const KERNELS: vk::PipelineStageFlags = vk::PipelineStageFlags::COMPUTE_SHAD
 /// Copies and fills.
 pub const COPIES: vk::PipelineStageFlags = vk::PipelineStageFlags::TRANSFER;
 
-/// Builds of the driver's own trees, including their reads of vertices.
+/// Builds of acceleration structures, including their reads of vertices.
 pub const BUILDS: vk::PipelineStageFlags = vk::PipelineStageFlags::ACCELERATION_STRUCTURE_BUILD_KHR;
 
-/// Traces of rays through the driver's own trees.
+/// Traces of rays through acceleration structures.
 pub const RAYS: vk::PipelineStageFlags = vk::PipelineStageFlags::RAY_TRACING_SHADER_KHR;
 
 /// Host reads of mapped memory.

@@ -66,7 +66,7 @@ impl Descriptors {
         u32::try_from(at).expect("parameters are small")
     }
 
-    /// Returns the parameters, for a dynamic offset.
+    /// Returns the range of one dispatch's parameters, to be bound with a dynamic offset.
     pub(crate) fn params(&self) -> BufferRange {
         BufferRange {
             vk: self.params.vk,
@@ -74,7 +74,7 @@ impl Descriptors {
         }
     }
 
-    /// Creates a set with these bindings. Bindings of rays also include the driver's `tree`.
+    /// Creates a set with these bindings. A set for ray tracing also binds the acceleration structure `tree`.
     pub(crate) fn set<'b>(
         &self,
         layout: vk::DescriptorSetLayout,

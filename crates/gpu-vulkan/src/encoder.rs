@@ -16,7 +16,8 @@ use std::sync::Arc;
 /// The recordings of a Vulkan device.
 pub(crate) type VulkanRecording = Recording<Pipeline, BufferRange, NativeCommand>;
 
-/// A function that records Vulkan's own commands. It keeps its resources alive only until it was called.
+/// A function that records Vulkan commands directly. The caller must keep their resources alive until the submission
+/// has finished, because the function is dropped when it was called.
 pub type NativeCommand = Box<dyn FnOnce(&mut RecordingEncoder) -> Result<()> + Send>;
 
 /// Resources of one submission at a time: command buffers, parameters, timestamps and counts.
@@ -25,7 +26,7 @@ pub struct RecordingEncoder {
     pub commands: Commands,
     descriptors: Descriptors,
     timestamps: Timestamps,
-    /// Kernels were recorded since the last barrier.
+    /// Whether kernels were recorded since the last barrier.
     needs_barrier: bool,
     counts: Buffer,
     counts_back: Buffer,
@@ -48,7 +49,7 @@ pub struct RayBindings<'a> {
     pub layouts: &'a Layouts,
     /// Parameters of the shaders.
     pub params: &'a Params,
-    /// The driver's tree.
+    /// The acceleration structure.
     pub tree: vk::AccelerationStructureKHR,
     /// One buffer for each binding of [`shaders::RAYS`], in order. The buffer for parameters is ignored.
     pub buffers: &'a [BufferRange],

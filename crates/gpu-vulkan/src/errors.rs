@@ -26,7 +26,7 @@ pub fn failed_for(what: &str, bytes: u64) -> impl FnOnce(vk::Result) -> BackendE
 pub fn refused(kernel: &str) -> impl FnOnce(vk::Result) -> BackendError + '_ {
     move |code| match code {
         vk::Result::ERROR_DEVICE_LOST => BackendError::DeviceLost(kernel.to_owned()),
-        _ => BackendError::NoDevice(format!("the driver refuses kernel {kernel}: {code}")),
+        _ => BackendError::NoDevice(format!("the driver rejects kernel {kernel}: {code}")),
     }
 }
 

@@ -156,7 +156,7 @@ impl Timeline {
 }
 
 impl Gpu {
-    /// Returns an error if an extension is missing, or its device is not able to export.
+    /// Returns an error if the extension `name` is missing or the device cannot export.
     fn check_export(&self, what: &str, name: &CStr, is_able: bool) -> Result<()> {
         if self.features.sharing.contains(&name) && is_able {
             return Ok(());

@@ -14,13 +14,14 @@ pub(crate) struct ExternalInputs {
     pub(crate) positions: Option<Buffer>,
     /// Rays of the next query.
     pub(crate) rays: LentBuffers<Buffer>,
-    /// Moments that must be reached before external memory is read or written.
+    /// Semaphore values that must be reached before external memory is read or written.
     pub(crate) waits: Vec<SemaphoreValue>,
     /// Signals that are not known to have been reached.
     pub(crate) signals: Vec<Signal>,
 }
 
-/// A timeline value to signal for the program. Until then, work here may wait for lower values of the same timeline.
+/// A timeline value to signal for the program. Before it is signalled, submitted work may still wait for lower values
+/// of the same timeline.
 pub(crate) struct Signal {
     pub(crate) timeline: Arc<Timeline>,
     pub(crate) value: u64,

@@ -16,7 +16,7 @@ use std::collections::HashMap;
 use std::ffi::CStr;
 use std::sync::{Arc, Mutex};
 
-/// A logical device with its memory, queues and limits. It is shared, and destroyed with its last user.
+/// A logical device with its memory, queues and limits. Its scenes share it; the last one destroys it.
 pub struct Gpu {
     /// Device functions.
     pub vk: ash::Device,
@@ -40,7 +40,7 @@ pub struct Gpu {
     pub host: Arc<Host>,
 }
 
-/// Extensions for tracing rays through the driver's own trees.
+/// Extensions for tracing rays through the driver's acceleration structures.
 pub const RAY_EXTENSIONS: [&CStr; 3] = [
     khr::acceleration_structure::NAME,
     khr::ray_tracing_pipeline::NAME,
@@ -63,7 +63,8 @@ impl Queue {
 }
 
 impl Gpu {
-    /// Opens one of the adapters of `list`. With `traces_rays`, enables the driver's own trees.
+    /// Opens one of the adapters of `list`. With `traces_rays`, enables acceleration structures and ray tracing
+    /// pipelines.
     ///
     /// # Errors
     /// [`BackendError::NoDevice`] with the reason, or [`BackendError::Limit`] if a limit is too low for any scene.

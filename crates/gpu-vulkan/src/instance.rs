@@ -16,7 +16,7 @@ pub struct Host {
     pub instance: Instance,
     /// Keeps the loader's library open.
     _entry: Entry,
-    /// The validation layer is enabled.
+    /// Whether the validation layer is enabled.
     pub is_validated: bool,
 }
 
@@ -91,9 +91,9 @@ impl Host {
     pub fn physical_devices(&self) -> Result<Vec<vk::PhysicalDevice>> {
         // SAFETY: the instance is alive.
         let devices = unsafe { self.instance.enumerate_physical_devices() }
-            .map_err(|e| BackendError::NoDevice(format!("Vulkan lists no devices: {e}")))?;
+            .map_err(|e| BackendError::NoDevice(format!("Vulkan cannot list devices: {e}")))?;
         if devices.is_empty() {
-            return Err(BackendError::NoDevice("Vulkan has no driver here".into()));
+            return Err(BackendError::NoDevice("Vulkan finds no driver".into()));
         }
         Ok(devices)
     }

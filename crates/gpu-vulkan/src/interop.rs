@@ -37,7 +37,7 @@ impl VulkanDevice {
     pub fn set_external_points(&mut self, source: ExternalRun<'_>) -> Result<()> {
         let ExternalRun { offset, run, .. } = source;
         if offset % 4 != 0 {
-            let why = format!("vertices begin at a multiple of 4 bytes, not at {offset}");
+            let why = format!("the byte offset of vertices must be a multiple of 4, not {offset}");
             return Err(BackendError::Misuse(why));
         }
         let end = (run.len() as u64 * POINT).saturating_add(offset);
@@ -58,8 +58,8 @@ impl VulkanDevice {
         Ok(())
     }
 
-    /// Allocates host memory for a key frame that will be [pushed](geom::Animation::push) to the loaded scene. The device
-    /// reads the memory directly.
+    /// Allocates host memory for a key frame that will be [pushed](geom::Animation::push) to the loaded scene. The
+    /// device reads the memory directly.
     pub fn point_buffer(&mut self, points: usize) -> Result<PointBuffer> {
         let points = HostPoints::new(&self.gpu, points)?;
         Ok(PointBuffer::Shared(Box::new(points)))
@@ -70,8 +70,8 @@ impl VulkanDevice {
         self.external.points.release(run);
     }
 
-    /// Reads a run of positions, or returns `None` if its source is not external memory. Blocks until the positions have
-    /// arrived.
+    /// Reads a run of positions, or returns `None` if its source is not external memory. Blocks until the positions are
+    /// on the host.
     pub fn read_external_points(&mut self, run: &Range<usize>) -> Result<Option<Vec<Point>>> {
         if !self.external.points.runs().contains(run) {
             return Ok(None);
@@ -133,7 +133,7 @@ impl VulkanDevice {
     /// [`backend::BackendError::Misuse`] if the semaphore belongs to another device, or the values do not increase.
     pub fn synchronize(&mut self, timeline: &Arc<Timeline>, wait: u64, signal: u64) -> Result<()> {
         if !Arc::ptr_eq(&timeline.gpu, &self.gpu) {
-            let why = "the semaphore is another device's";
+            let why = "the semaphore belongs to another device";
             return Err(BackendError::Misuse(why.into()));
         }
         let mut open = Vec::new();
@@ -148,8 +148,8 @@ impl VulkanDevice {
         let earlier = earlier.map(|signal| signal.value).max().unwrap_or(0);
         if signal <= wait.max(earlier) || timeline.has_reached(signal)? {
             let why = format!(
-                "the semaphore cannot signal {signal}: that is not above the value waited for, its own and those of \
-                 earlier steps"
+                "the semaphore cannot signal {signal}: the value must exceed the awaited value, the current value and \
+                 the signals of earlier steps"
             );
             return Err(BackendError::Misuse(why));
         }
@@ -162,8 +162,8 @@ impl VulkanDevice {
         Ok(())
     }
 
-    /// Submits the pending signals. Their timelines reach their values once all submitted work has finished and external
-    /// memory has been read.
+    /// Submits the pending signals. Their timelines reach their values when all submitted work has finished and all
+    /// external positions have been copied.
     pub fn signal(&mut self) -> Result<()> {
         let signals = &self.external.signals;
         if signals.iter().all(|signal| signal.is_submitted) {

@@ -14,7 +14,7 @@
 //! The host blocks only in `wait`, in the methods that return results, and in `submit` if too many frames are
 //! unfinished.
 
-#![expect(unsafe_code, reason = "Vulkan's calls, each with its reason")]
+#![expect(unsafe_code, reason = "calls of Vulkan, each with a safety comment")]
 
 mod adapters;
 mod allocator;

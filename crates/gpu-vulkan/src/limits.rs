@@ -92,7 +92,7 @@ impl DeviceLimits {
 /// Optional capabilities that are enabled if the device supports them.
 #[derive(Clone, Debug)]
 pub struct DeviceFeatures {
-    /// The driver's own trees, if they were requested.
+    /// Acceleration structures and ray tracing pipelines, if they were requested.
     pub(crate) traces_rays: bool,
     /// Pipelines without robustness checks of buffers. NVIDIA's driver checks each address even if robust access is not
     /// requested. The checks are a sixth of the instructions per tree node and 4 % of the trace time (580, H200).
@@ -106,7 +106,8 @@ pub struct DeviceFeatures {
 }
 
 impl DeviceFeatures {
-    /// Reads the capabilities of a device. The caller has checked that it has the driver's own trees if `traces_rays`.
+    /// Reads the capabilities of a device. With `traces_rays`, the caller must have checked that the device supports
+    /// ray tracing.
     ///
     /// # Errors
     /// [`BackendError::NoDevice`] if a required feature is missing.

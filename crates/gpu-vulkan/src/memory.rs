@@ -109,12 +109,12 @@ impl Buffer {
     /// [`BackendError::Misuse`] if the memory belongs to another device or is too small.
     pub fn external(gpu: &Arc<Gpu>, memory: &Arc<ExternalMemory>, bytes: u64) -> Result<Self> {
         if !Arc::ptr_eq(&memory.gpu, gpu) {
-            let why = "the external buffer is another device's";
+            let why = "the external buffer belongs to another device";
             return Err(BackendError::Misuse(why.into()));
         }
         if memory.bytes < bytes {
             let why = format!(
-                "the external buffer has {} bytes, not {bytes}",
+                "the external buffer has {} bytes but needs {bytes}",
                 memory.bytes
             );
             return Err(BackendError::Misuse(why));
@@ -159,7 +159,7 @@ impl Buffer {
         }
     }
 
-    /// Returns the device address. The device must have been opened for the driver's own trees.
+    /// Returns the device address. The device must have been opened with `traces_rays`.
     pub fn address(&self) -> vk::DeviceAddress {
         let info = vk::BufferDeviceAddressInfo::default().buffer(self.vk);
         // SAFETY: the buffer has memory, and was created with the usage for device addresses.

@@ -42,7 +42,7 @@ impl Timeline {
         Ok(Self { vk, gpu })
     }
 
-    /// Returns the moment at which the timeline reaches `value`.
+    /// Returns the semaphore with `value`, to wait for it or to signal it.
     pub fn at(&self, value: u64) -> SemaphoreValue {
         (self.vk, value)
     }
@@ -52,7 +52,7 @@ impl Timeline {
         // SAFETY: the semaphore belongs to the device.
         let now = unsafe { self.gpu.vk.get_semaphore_counter_value(self.vk) };
         now.map(|now| now >= value)
-            .map_err(failed("asking for a submission"))
+            .map_err(failed("reading a semaphore"))
     }
 
     /// Blocks until `value` is reached.
@@ -91,7 +91,7 @@ impl Drop for Timeline {
     }
 }
 
-/// A command buffer, if any, that starts after some moments, and the moment at which it has finished.
+/// An optional command buffer, with the semaphore values to wait for before it and the one to signal after it.
 #[derive(Clone, Copy)]
 pub(crate) struct QueueBatch<'a> {
     pub(crate) commands: Option<vk::CommandBuffer>,
@@ -110,7 +110,7 @@ pub(crate) fn submit(gpu: &Gpu, queue: &Queue, batches: &[QueueBatch<'_>]) -> Re
             .signal_semaphore_values(from_ref(&batch.done.1))
     });
     let mut values: Vec<_> = values.collect();
-    // Timestamps wait as well, so that no stage's time includes the wait.
+    // All stages wait, including the one that writes timestamps. So no stage's time includes the wait.
     let most = waits.iter().map(|(semaphores, _)| semaphores.len()).max();
     let stages = vec![vk::PipelineStageFlags::ALL_COMMANDS; most.unwrap_or(0)];
     let infos = all().zip(&mut values).map(|((batch, (waits, _)), values)| {

@@ -69,7 +69,8 @@ impl Transfer {
         })
     }
 
-    /// Starts a copy after these moments. Returns the timeline value at which it has finished. Never blocks.
+    /// Starts a copy that waits for the semaphore values `after`. Returns the timeline value at which it has finished.
+    /// Never blocks.
     pub fn start(&mut self, copy: &BufferCopy, after: &[SemaphoreValue]) -> Result<u64> {
         if copy.regions.is_empty() && after.is_empty() {
             return Ok(self.last);
@@ -79,8 +80,8 @@ impl Transfer {
         })
     }
 
-    /// Starts several copies after these moments, each after the one before. Returns the timeline value at which all
-    /// have finished. Never blocks.
+    /// Starts several copies, one after another, that wait for the semaphore values `after`. Returns the timeline value
+    /// at which all have finished. Never blocks.
     pub(crate) fn start_in_order(
         &mut self,
         copies: &[BufferCopy],

@@ -61,13 +61,13 @@ pub struct VulkanDevice {
     views: Vec<Buffer>,
     tree_staging: StagingPool,
     key_staging: StagingPool,
-    /// Memory that uploads under way read.
+    /// Resources that unfinished uploads still use.
     in_use: Pool<Box<dyn Send>>,
     spares: Spares<HostPoints>,
     /// Copies of positions that were not taken, by the submission that requested them.
     copies: BTreeMap<Ticket, ReadbackCopy>,
-    /// Value of `upload` for results that were written to external memory, if the next submission must wait for it;
-    /// else 0.
+    /// Timeline value of the upload that wrote results to external memory, if the next submission must wait for it.
+    /// Otherwise 0.
     answers_at: u64,
     pub(crate) external: ExternalInputs,
     /// The logical device and its memory.
@@ -75,7 +75,7 @@ pub struct VulkanDevice {
 }
 
 impl VulkanDevice {
-    /// Creates the device of one scene for the backend of this name. Other scenes may share `gpu`.
+    /// Creates the device of one scene. `backend` is the name to report. Other scenes may share `gpu`.
     pub fn over(gpu: &Arc<Gpu>, backend: &'static str) -> Result<Self> {
         let queues = gpu.queues.clone();
         Ok(Self {
@@ -156,7 +156,7 @@ impl VulkanDevice {
         Ok(self.copy_external_points(Some(to))?.unwrap_or(sent))
     }
 
-    /// Fills an external buffer, in the order of submissions.
+    /// Writes elements to the beginning of an external buffer. The next submission waits for the copy.
     fn write_external<T: Pod + Send + Sync>(&mut self, to: &Buffer, rows: &[T]) -> Result<()> {
         let bytes = size_of_val(rows) as u64;
         if bytes == 0 {
@@ -328,7 +328,7 @@ impl GpuDevice for VulkanDevice {
             .map(|part| Ok((self.begin_read(from, part.bytes.clone())?, part)));
         let begun: Result<Vec<_>> = begun.collect();
         if begun.is_err() {
-            // Copies that are under way are dropped with the failed read.
+            // The failed read drops the buffers of the copies that it has started, so wait for the copies.
             self.readback.wait()?;
         }
         for (copy, part) in begun? {

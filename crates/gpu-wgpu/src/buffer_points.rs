@@ -14,15 +14,15 @@ pub(crate) const POINT: u64 = size_of::<Point>() as u64;
 pub(crate) struct BufferPoints {
     /// Sources are pending until a key frame contains them.
     pub(crate) points: ExternalPoints<Buffer>,
-    /// The key frame that contains all other runs.
+    /// The newest key frame. It contains all runs without a pending source.
     newest: Option<Buffer>,
     /// Copy commands at the start of the next submission.
     pub(crate) commands: Vec<PointsCopy<Buffer>>,
 }
 
 impl BufferPoints {
-    /// Schedules copies of all runs to a key frame. Adds those that a kernel can perform to `copies`: from buffers of
-    /// at most `largest` bytes that it can bind. A kernel takes half the time of a copy command.
+    /// Schedules copies of all runs to a key frame. A kernel performs those in `copies`: from buffers of at most
+    /// `largest` bytes that it can bind. Copy commands, which take twice as long, perform the others.
     pub(crate) fn copy_to(
         &mut self,
         key: &Buffer,

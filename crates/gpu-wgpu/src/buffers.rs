@@ -97,7 +97,7 @@ impl Mapping {
         if self.arrives_within(gpu, Duration::from_secs(10))? {
             return Ok(());
         }
-        Err(gpu.faults.lose("a buffer never arrived".into()))
+        Err(gpu.faults.lose("a buffer was not mapped in time".into()))
     }
 
     /// Returns whether the host can access the buffer within `patience`. Another thread that polls the device may run

@@ -1,6 +1,6 @@
 //! Resources shared with the program on its own device, without copies through the host.
 //!
-//! Positions that its kernels wrote are copied from buffer to buffer. Kernels bind its ray buffers directly, and its
+//! Positions are copied from the program's buffers. Kernels bind the program's ray buffers directly. The program's
 //! shaders can trace the scene.
 
 use crate::buffer_points::POINT;
@@ -14,8 +14,8 @@ use std::ops::Range;
 use wgpu::{Buffer, BufferSlice, CommandEncoder};
 
 impl WgpuDevice {
-    /// Reads the positions from vertex `first` on from a buffer of the program, in all later key frames. The next key
-    /// frame's submission copies them first. Does not check that the buffer allows copies.
+    /// Sets a buffer of the program as the source of positions, starting at vertex `first`, in all later key frames.
+    /// The next key frame's submission copies them first. Does not check that the buffer allows copies.
     pub fn set_buffer_points(&mut self, first: usize, from: BufferSlice<'_>) {
         self.scene.points.points.set(PointsSource {
             buffer: from.buffer().clone(),
@@ -37,14 +37,14 @@ impl WgpuDevice {
             .commands
             .append(&mut self.scene.caller_buffers.copies);
         if !points.commands.is_empty() {
-            let mut encoder = gpu.encoder("positions of the program's")?;
+            let mut encoder = gpu.encoder("a copy of positions")?;
             points.encode(gpu, &mut encoder)?;
             gpu.submit([encoder])?;
         }
         Ok(points.source(run))
     }
 
-    /// Reads a run of positions from the host again.
+    /// Sets the host as the source of a run of positions again.
     pub fn release_points(&mut self, run: &Range<usize>) {
         self.scene.points.points.release(run);
     }
@@ -62,7 +62,7 @@ impl WgpuDevice {
 
     /// Creates an empty encoder.
     pub fn encoder(&self) -> Result<CommandEncoder> {
-        self.gpu.encoder("nothing")
+        self.gpu.encoder("an encoder")
     }
 
     /// Makes the next submission go into this encoder instead of the queue. The program should have submitted the
@@ -106,8 +106,8 @@ impl WgpuDevice {
 /// Parameters, nodes of the tree, triangle records, and range of the coordinates.
 pub type TracedScene = [Buffer; 4];
 
-/// Returns the scene's buffers as the last submission leaves them. Returns `None` if they are not up to date, or unless
-/// the intersector is `watertight`.
+/// Returns the scene's buffers after the last submission. Returns `None` if they are not up to date or the intersector
+/// is not `watertight`.
 pub fn traced_scene(backend: &mut WgpuBackend) -> Result<Option<TracedScene>> {
     let Some((params, others)) = backend.traced_scene() else {
         return Ok(None);

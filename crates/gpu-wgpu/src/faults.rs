@@ -1,10 +1,10 @@
 //! Errors of the device, collected from all places where wgpu reports them.
 //!
-//! - Every call that wgpu may reject runs in [`crate::gpu::OpenGpu::guard`], which catches out-of-memory, validation and
-//!   internal errors. This works on our own devices and on the program's.
-//! - wgpu reports the loss of a device only to callbacks. On our own device the callback is ours; on the
-//!   program's device it is the program's. There a loss is noticed during a wait: polling panics (which is caught, unless the program is built
-//!   to abort) or a mapping is refused. It is also checked when a call is rejected as invalid.
+//! - Every call that wgpu may reject runs in [`crate::gpu::OpenGpu::guard`], which catches out-of-memory, validation
+//!   and internal errors. This works on our own devices and on the program's.
+//! - wgpu reports the loss of a device only to the device's callback. We register it on our own devices only. On the
+//!   program's device, a wait detects the loss: polling panics or wgpu rejects a mapping. The panic is caught, unless
+//!   the program is built to abort on panics. A call that is rejected as invalid also checks for a loss.
 //! - Errors outside of any call go to our own device's handler for uncaptured errors, and the next call returns them.
 
 use backend::BackendError;
@@ -60,8 +60,8 @@ impl Faults {
     }
 }
 
-/// Returns the errors that the validation layer has reported in this process. Old layers do not know SPIR-V's number
-/// for WGSL as a source language. Their error about names in wgpu's translations is left out.
+/// Returns the errors that the validation layer has reported in this process. Omits one kind: old layers reject the
+/// debug information of wgpu's SPIR-V, because they do not know WGSL as a source language.
 pub(crate) fn layer_messages() -> Vec<String> {
     static MESSAGES: Mutex<Vec<String>> = Mutex::new(Vec::new());
     let unknown_language = |m: &String| m.ends_with("Invalid source language operand: 10");

@@ -19,9 +19,9 @@ pub(crate) struct OpenGpu {
     pub(crate) info: wgpu::AdapterInfo,
     pub(crate) limits: wgpu::Limits,
     pub(crate) features: Features,
-    /// Kernels are passed as WGSL with checks.
+    /// Whether kernels are passed as WGSL with run-time checks.
     pub(crate) checks_kernels: bool,
-    /// The device was opened with validation.
+    /// Whether the device was opened with validation.
     pub(crate) is_validated: bool,
     /// Nanoseconds per tick of the device's clock.
     pub(crate) tick_ns: f64,
@@ -62,7 +62,7 @@ impl OpenGpu {
         Ok(gpu)
     }
 
-    /// Wraps a device that an engine opened. The engine keeps its callbacks.
+    /// Wraps a device that the program opened. The program's callbacks stay registered.
     pub(crate) fn over(
         device: wgpu::Device,
         queue: wgpu::Queue,
@@ -85,7 +85,7 @@ impl OpenGpu {
         })
     }
 
-    /// Registers for the device's loss and for errors that no scope catches.
+    /// Registers callbacks for the loss of the device and for errors that no error scope catches.
     fn register_callbacks(&self) {
         let faults = Arc::clone(&self.faults);
         self.device
@@ -135,7 +135,7 @@ impl OpenGpu {
         match memory.or(validation).or(internal) {
             // After a loss that was not reported to us, wgpu rejects new objects as invalid.
             Some(wgpu::Error::Validation { .. }) if self.is_lost() => {
-                Err(self.faults.lose(format!("{what} came too late")))
+                Err(self.faults.lose(format!("{what} was rejected")))
             }
             Some(error) => Err(self.faults.translate(what, bytes, &error)),
             None => self.faults.check().map(|()| made),
@@ -260,7 +260,7 @@ impl Deref for OpenDevice {
     type Target = wgpu::Device;
 
     fn deref(&self) -> &wgpu::Device {
-        self.0.as_ref().expect("it stays until it is dropped")
+        self.0.as_ref().expect("only `drop` takes the device")
     }
 }
 

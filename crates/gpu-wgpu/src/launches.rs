@@ -12,7 +12,7 @@ use std::convert::Infallible;
 use std::num::NonZeroU64;
 use wgpu::{BindGroup, Buffer, BufferBinding, BufferUsages, ComputePass, ComputePipeline};
 
-/// Minimum number of dispatches for whose parameters memory is allocated.
+/// Minimum capacity of the parameter buffer, in dispatches.
 const LEAST: usize = 64;
 
 /// The recordings of a wgpu device.
@@ -65,8 +65,8 @@ impl Launches {
         self.groups.made.clear();
     }
 
-    /// Writes the parameters of all dispatches of a recording to the device, and binds each to its buffers. The counts
-    /// are those of the dispatch's [trace index](shaders::work::Work::trace_index).
+    /// Writes the parameters of all dispatches of a recording to the device, and binds each dispatch to its buffers.
+    /// Its [trace index](shaders::work::Work::trace_index) selects one of the `counts` buffers.
     pub(crate) fn bind(
         &mut self,
         gpu: &OpenGpu,
@@ -165,7 +165,7 @@ fn bind(gpu: &OpenGpu, pipeline: &Pipeline, buffers: &[Buffer]) -> Result<BindGr
         .map(|(b, buffer)| wgpu::BindGroupEntry {
             binding: b.number,
             resource: match b.kind {
-                // A single row.
+                // The parameters of a single dispatch.
                 Kind::Uniform => wgpu::BindingResource::Buffer(BufferBinding {
                     buffer,
                     offset: 0,

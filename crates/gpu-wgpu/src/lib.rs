@@ -2,13 +2,13 @@
 //!
 //! It is `gpu-common`'s [`ComputeBackend`](gpu_common::ComputeBackend) over a [`WgpuDevice`].
 //!
-//! All work goes through wgpu's one queue, one submission per frame, so no semaphores are needed: a tree written before
-//! a submission is there when it runs, and vertices copied at its end are its own. Data that the host reads (counts,
-//! timestamps, vertices) is mapped asynchronously and read when it has arrived.
+//! All work goes through wgpu's one queue, with one submission per frame. Work on it runs in order, so no semaphores
+//! are needed: a submission sees all trees written before it, and copies the vertices that it computed. Data that the
+//! host reads (counts, timestamps, vertices) is mapped asynchronously.
 //!
-//! If the adapter accepts SPIR-V unchanged, it gets the same words as `gpu-vulkan`. Otherwise it gets WGSL whose
-//! arithmetic no translator can simplify. Both forms are tested when the device is opened, and both produce the same
-//! bits.
+//! If the device accepts SPIR-V, wgpu passes it the SPIR-V of `gpu-vulkan` unchanged. Otherwise wgpu translates WGSL,
+//! which is written so that translators cannot simplify its arithmetic. Both forms produce the same bits; a test of the
+//! device's arithmetic verifies this when it is opened.
 //!
 //! [`from_device`] creates a backend on a wgpu device that the program owns.
 

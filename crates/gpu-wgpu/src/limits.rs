@@ -6,13 +6,13 @@ use gpu_common::{KernelLimit, check_kernels};
 use shaders::{KERNELS, Params, storage_buffers};
 use wgpu::{Features, Limits};
 
-/// Features without which [`crate::from_device`] rejects a device: currently no feature.
+/// Returns the features that [`crate::from_device`] requires. Currently it requires no features.
 #[must_use]
 pub fn required_features() -> Features {
     Features::empty()
 }
 
-/// Features that an engine should request if its adapter has them:
+/// Returns the features that a program should request if its adapter has them:
 ///
 /// - Timestamps. Without them stages are not timed.
 /// - Timestamps within passes. Without them each stage needs a pass of its own, which takes some microseconds.
@@ -37,9 +37,9 @@ pub(crate) const WITHIN_PASSES: Features = Features::TIMESTAMP_QUERY_INSIDE_PASS
 pub(crate) const ATOMIC_MIN_64_BITS: Features =
     Features::SHADER_INT64.union(Features::SHADER_INT64_ATOMIC_ALL_OPS);
 
-/// Returns the limits that an engine's device needs for `animation`, traced with up to `rays` rays at a time.
+/// Returns the limits that the program's device needs for `animation`, traced with up to `rays` rays at a time.
 ///
-/// They are the minimum. Merge them with the engine's own by [`Limits::or_better_values_from`].
+/// They are the minimum. Merge them with the program's own by [`Limits::or_better_values_from`].
 #[must_use]
 pub fn required_limits(animation: &Animation, rays: usize) -> Limits {
     let leaves = animation.live_count() as u64;

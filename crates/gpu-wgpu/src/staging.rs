@@ -20,7 +20,7 @@ const PIECE: usize = 64 * RUN;
 /// Bytes up to which writes through the queue are equally fast.
 const FEW: usize = 1 << 20;
 
-/// Buffers that the device reads or has read, with the mappings that make them writable again. The smallest come first.
+/// Buffers that the device reads or has read, sorted by size. Each has the mapping that makes it writable again.
 #[derive(Default)]
 pub(crate) struct MappedPool(Vec<(Buffer, Mapping)>);
 
@@ -63,7 +63,7 @@ impl MappedPool {
         with_slack(bytes, |bytes| make(gpu, "staging memory", bytes, STAGING))
     }
 
-    /// Copies everything that was written to a byte offset in a buffer, before all later submissions.
+    /// Copies the written bytes to byte `offset` of the buffer `to`, before all later submissions.
     pub(crate) fn send(
         &mut self,
         gpu: &OpenGpu,

@@ -13,8 +13,8 @@ use wgpu::{Buffer, BufferUsages, CommandEncoder, ComputePassDescriptor, MapMode,
 
 const COUNTS: u64 = size_of::<Counts>() as u64;
 
-/// Number of traces per submission with counts of their own. In wgpu, dispatches that write the same buffer wait for
-/// each other.
+/// Maximum number of counts buffers per submission. In wgpu, dispatches that write the same buffer wait for each other,
+/// so each trace has its own buffer up to this number.
 const PLACES: usize = 16;
 
 /// Offset of the stamp in a report.
@@ -22,18 +22,18 @@ const STAMP: u64 = timestamps::BYTES + COUNTS * PLACES as u64;
 
 /// Resources of one submission at a time.
 pub(crate) struct SubmissionEncoder {
-    /// One buffer for each index of a trace so far.
+    /// One buffer per trace index, created on first use.
     counts: Vec<Buffer>,
     /// Number of counts buffers that this submission uses.
     places: usize,
     timestamps: Option<PassTimestamps>,
-    /// Report: timestamps, counts and the stamp, on the way to the host.
+    /// The report that the host maps: timestamps, counts and the stamp.
     back: Buffer,
     /// Contains the ticket of a submission in a program's encoder, which copies it to the report.
     stamp: Buffer,
     /// The ticket in `stamp`, or 0.
     stamped: u64,
-    /// The program's commands were submitted without having any effect.
+    /// Whether wgpu rejected the program's encoder, so that its commands never ran.
     is_refused: bool,
     launches: Launches,
     /// Mapping of the report, once the recording was encoded, with the index of its submission unless the program
@@ -67,8 +67,8 @@ impl SubmissionEncoder {
 
     /// Encodes a recording and the copy of the report, with the ticket as a stamp if there is one.
     ///
-    /// wgpu checks only when the program finishes its encoder that it belongs to the same device and has no open pass.
-    /// If not, the report is mapped all the same, but has another stamp.
+    /// wgpu validates the program's encoder only when the program finishes it. If the encoder belongs to another device
+    /// or has an open pass, its commands never run, but wgpu still maps the report. Then the report has another stamp.
     pub(crate) fn encode(
         &mut self,
         encoder: &mut CommandEncoder,
@@ -137,7 +137,7 @@ impl SubmissionEncoder {
         Mapping::on_submit(encoder, &self.back, MapMode::Read)
     }
 
-    /// Unmaps the report after the submission failed, since wgpu maps it all the same.
+    /// Unmaps the report after the submission failed, because wgpu maps it anyway.
     pub(crate) fn unmap_report(&self) {
         // If the device is lost, the next call reports it.
         let _ = unmap(&self.gpu.device, &self.back);
@@ -215,8 +215,8 @@ impl SubmissionEncoder {
         if self.is_refused || self.sent.as_ref().is_some_and(is_dropped) {
             return Ok(Outcome::Dropped);
         }
-        // An earlier failed wait took it.
-        let lost = || gpu.faults.lose("a submission never ended".into());
+        // There is no report if an earlier wait failed.
+        let lost = || gpu.faults.lose("a submission did not finish".into());
         let (place, mapping) = self.sent.take().ok_or_else(lost)?;
         match place {
             Some(place) => gpu.wait_for(place)?,
@@ -225,7 +225,7 @@ impl SubmissionEncoder {
                 gpu.wait_idle()?;
                 if !mapping.arrives_within(gpu, Duration::from_millis(50))? {
                     self.sent = Some((None, mapping));
-                    let why = "the encoder that the step is in was not submitted";
+                    let why = "the program has not submitted the command encoder of this step";
                     return Err(BackendError::Misuse(why.into()));
                 }
             }
@@ -244,8 +244,8 @@ impl SubmissionEncoder {
             return Err(gpu.faults.lose("a report was lost".into()));
         }
         if self.is_refused {
-            let why = "wgpu refused the commands that the step is in: the encoder was another device's, had a pass \
-                       open, or had invalid commands of the program's";
+            let why = "wgpu rejected the command encoder of this step: it belongs to another device, has an open pass, \
+                       or contains invalid commands";
             return Err(BackendError::Misuse(why.into()));
         }
         let marks = self.timestamps.as_ref().map(|t| t.stages.clone());

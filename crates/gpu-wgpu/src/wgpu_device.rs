@@ -40,9 +40,9 @@ pub fn open(options: &Options) -> Result<WgpuBackend> {
     ComputeBackend::over(WgpuDevice::over(Arc::new(gpu))?)
 }
 
-/// Creates a backend on a device that an engine opened, with its features and limits. See [`crate::required_features`],
-/// [`crate::useful_features`] and [`crate::required_limits`]. Leaves the engine's error handler and its callback for a
-/// lost device unchanged.
+/// Creates a backend on a device that the program opened, with its features and limits. See
+/// [`crate::required_features`], [`crate::useful_features`] and [`crate::required_limits`]. Leaves the program's error
+/// handler and its callback for a lost device unchanged.
 ///
 /// # Errors
 /// [`BackendError::Limit`](backend::BackendError::Limit) with the limit that is too low, or
@@ -109,8 +109,8 @@ impl WgpuDevice {
         ticket.0 as usize % self.submissions.len()
     }
 
-    /// Encodes a recording and the copy of its positions. Returns the mapping of its report. In a program's encoder, the
-    /// report contains the ticket as a `stamp`.
+    /// Encodes a recording and the copy of its positions. Returns the mapping of its report. If the encoder is the
+    /// program's, `stamp` must be the ticket: see [`SubmissionEncoder::encode`].
     fn encode(
         &mut self,
         encoder: &mut CommandEncoder,
@@ -317,7 +317,7 @@ impl GpuDevice for WgpuDevice {
                 let copy = self.scene.copies.get(&ticket);
                 copy.map_or(Ok(true), |copy| copy.mapping.poll(&self.gpu))
             }
-            // Queue writes run before the program submits its encoder.
+            // Queue writes run before an encoder that the program submits later. No such encoder may use the buffer.
             PendingWork::Use(last) => Ok(self.scene.encoder.is_past(last.ticket)),
         }
     }

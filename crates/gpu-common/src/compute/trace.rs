@@ -21,7 +21,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
             "a stale tree must not be traced"
         );
         let pending = self.engine.frames.pending.len();
-        assert!(pending == index, "one trace a submission, or all together");
+        assert!(pending == index, "only one call of trace per submission");
         let has_tree = self.tree().current.shape.leaf_count > 0;
         if query.kind.light().is_some() {
             // The host measures the range, because the offset of shadow rays depends on the scene's typical size.
@@ -48,7 +48,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
         let tree = self.tree.as_mut().expect("a scene was loaded");
         tree.grow_picture(&engine.gpu, &mut engine.frames, &tracing)?;
         if let Some(first) = tracing.primary.first_mut().filter(|_| index > 0) {
-            // No other trace of the batch writes the same buffers.
+            // Traces of a batch write different buffers, so they may run concurrently.
             first.alongside = true;
         }
         for work in &mut tracing.primary {
@@ -70,8 +70,8 @@ impl<D: GpuDevice> ComputeBackend<D> {
         Ok(())
     }
 
-    /// Returns the inputs of [`shaders::MODULE`]: parameters, nodes, triangle records and range. Returns `None` while
-    /// boxes are stale, or unless the intersector is `watertight`.
+    /// Returns the inputs of [`shaders::MODULE`]: parameters, nodes, triangle records and range. Returns `None` if the
+    /// boxes are stale or the intersector is not `watertight`.
     pub fn traced_scene(&self) -> Option<(Params, [&D::Buffer; 3])> {
         let is_watertight = self.intersector == Intersector::Watertight;
         let is_ready = is_watertight && self.engine.stale == Stale::Fresh;
