@@ -1,4 +1,4 @@
-//! The choice of `auto` for the policy. It follows a rule and never runs the scene. It changes no hit.
+//! Chooses the update policy for `auto`. The choice uses estimates and never traces a frame. It affects only the speed.
 
 use crate::stop::Stop;
 use crate::tracer_settings::{ChosenPolicy, TracerSettings, Workload};
@@ -7,7 +7,7 @@ use geom::Animation;
 use output::Taken;
 use pipeline::{DriverOptions, ExpectedMemory, RefitDecay, RunFacts};
 
-/// Returns the choice of one option with its reason, or `None` if the user named the value.
+/// Returns the choice of `auto` for one option with its reason, or `None` without a reason: the user chose.
 pub(crate) fn choice(option: &str, value: &str, why: Option<String>) -> Option<Taken> {
     Some(Taken {
         what: option.to_owned(),
@@ -33,7 +33,7 @@ impl Capabilities {
     }
 }
 
-/// Returns the policy of the settings. `auto` is the policy that is expected to finish the workload first.
+/// Returns the policy of the settings. Replaces `auto` by the policy that is expected to finish the workload first.
 pub(crate) fn choose_policy(
     capabilities: Capabilities,
     animation: &Animation,
@@ -64,6 +64,7 @@ fn facts(
         time_range: workload.time_range(),
         predict: settings.predict,
     };
+    // Memory that trees need if the device builds them.
     let memory = ExpectedMemory::of(animation, device, &options, rays);
     Ok(RunFacts {
         frames: times.len(),

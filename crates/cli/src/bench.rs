@@ -165,7 +165,7 @@ impl BenchSettings {
         }
     }
 
-    /// Returns all meaningful combinations.
+    /// Returns all combinations that can be measured, and remarks on the others.
     fn contenders(&self) -> Contenders {
         let mut contenders = Contenders::default();
         for &backend in &self.measure.backend {
@@ -203,9 +203,9 @@ impl BenchSettings {
     }
 }
 
-/// Returns what is wrong with a combination.
+/// Returns a remark if a backend cannot build the trees of an update policy.
 fn nonsense(backend: BackendChoice, update: PolicyChoice) -> Option<String> {
     let is_sound = !update.is_some_and(Policy::builds_on_device) || builds_trees(backend);
     let (name, policy) = (backend_name(backend), policy_name(update));
-    (!is_sound).then(|| format!("{name} with {policy} is left out: it makes no trees"))
+    (!is_sound).then(|| format!("{name} with {policy} is skipped: it builds on the host"))
 }

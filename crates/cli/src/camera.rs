@@ -1,4 +1,4 @@
-//! Options of the camera and the lamp, and the view of a scene that they give.
+//! Options of the camera and the point light, and the view of a scene that they select.
 
 use crate::parsers;
 use crate::stop::Stop;
@@ -14,7 +14,7 @@ const SIZE: [u32; 2] = [1280, 720];
 /// Default vertical field of view, in degrees.
 const FIELD_OF_VIEW: f32 = 40.0;
 
-/// The camera and the lamp. By default, the camera frames the whole motion. Serialized by the names of the options.
+/// The camera and the point light. By default, the view shows the whole motion. Serialized under the options' names.
 #[derive(Args, Clone, Debug, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) struct CameraSettings {
@@ -34,7 +34,7 @@ pub(crate) struct CameraSettings {
     #[arg(long, value_name = "DEG", default_value_t = FIELD_OF_VIEW,
         value_parser = parsers::number(|d: f32| d > 0.0 && d < 180.0, "a field of view lies between 0 and 180 degrees"))]
     fov: f32,
-    /// Position of the lamp
+    /// Position of the point light
     #[arg(long, value_name = "x,y,z", value_parser = parsers::point::<f64>, allow_hyphen_values = true)]
     pub(crate) light: Option<[f64; 3]>,
 }
@@ -52,7 +52,7 @@ impl Default for CameraSettings {
     }
 }
 
-/// A camera for one scene, and the position of the lamp.
+/// A camera for one scene, and the position of the point light.
 pub(crate) struct LitCamera {
     pub(crate) camera: Camera,
     pub(crate) light: Point,
@@ -80,7 +80,8 @@ impl CameraSettings {
         width as usize * height as usize
     }
 
-    /// Returns the view that frames the motion, with the requested points in place of its own.
+    /// Returns the default view of the whole motion, with the requested points and directions instead of the computed
+    /// ones.
     pub(crate) fn view(&self, scene: &Scene) -> Result<Viewpoint, Stop> {
         let framed = Viewpoint::framing(&scene.animation, self.fov, self.size);
         let point = |option, requested: Option<[f64; 3]>, framed| match requested {
@@ -96,7 +97,7 @@ impl CameraSettings {
         })
     }
 
-    /// Returns the camera and the lamp for a scene.
+    /// Returns the camera and the point light for a scene.
     pub(crate) fn aim(&self, scene: &Scene) -> Result<LitCamera, Stop> {
         let view = self.view(scene)?;
         let camera = view.camera(self.size).ok_or_else(|| no_camera(&view))?;
@@ -105,29 +106,29 @@ impl CameraSettings {
     }
 }
 
-/// Returns the reason why a view has no camera.
+/// Returns the error for a view that defines no camera.
 fn no_camera(view: &Viewpoint) -> Stop {
     let Viewpoint {
         eye, look_at, up, ..
     } = view;
     Stop::bad(if eye == look_at {
-        format!("--eye and --look-at are the same point, {eye:?}: there is no direction to look in")
+        format!("--eye and --look-at are the same point, {eye:?}: choose different points")
     } else if *up == [0.0; 3] {
-        "--up has no direction".to_owned()
+        "--up must not be zero".to_owned()
     } else {
         format!(
-            "no camera at {eye:?} looking at {look_at:?} has {up:?} for up: they lie in one line"
+            "the up direction {up:?} must not be parallel to the view from {eye:?} to {look_at:?}"
         )
     })
 }
 
-/// Converts a point of the scene's files to the coordinates of its key frames.
+/// Converts a point from the scene's original coordinates to those of its key frames, which may be recentred.
 fn in_scene(option: &str, point: [f64; 3], scene: &Scene) -> Result<Point, Stop> {
     let offset = scene.facts.offset.unwrap_or_default();
     let moved: Point = std::array::from_fn(|i| (point[i] - offset[i]) as f32);
     if moved.iter().all(|x| x.is_finite()) {
         Ok(moved)
     } else {
-        Err(Stop::bad(format!("{option} {point:?} is too far away")))
+        Err(Stop::bad(format!("{option} {point:?} is out of range")))
     }
 }

@@ -4,9 +4,9 @@
 //! frames but the first, which warms up. Answers are compared with those of the exact oracle, which shares no code with
 //! any backend. Shadow rays start at the reported hit, so they are compared with `exact` on the host over fresh trees.
 //!
-//! A policy changes no hit. So each contender first traces a few rays. All contenders of one intersector and
-//! backend with the same hits, bit for bit, share one comparison ([`accuracy`]). A contender whose hits differ has its
-//! own.
+//! An update policy must not change any hit. To check this, each contender first traces a few rays. Contenders of one
+//! backend and intersector whose hits are equal, bit for bit, share one comparison ([`accuracy`]). A contender whose
+//! hits differ is compared separately.
 //!
 //! All contenders are timed before any comparison, so that the oracle's memory is not measured. Host memory is the
 //! resident memory of the process, including memory that earlier runs left allocated.
@@ -38,8 +38,9 @@ use scene::Scene;
 use std::path::PathBuf;
 
 const LEGEND: &str = "wrong: closest hits that differ from exact arithmetic; aimed: rays at edges and vertices; \
-    mixed range: scenes of far or large parts\n\
-    after an eighth and after half of the rays, methods stop whose 95 % intervals (Wilson; of none wrong 3 / rays) are apart\n";
+    mixed range: scenes with far or large parts\n\
+    after an eighth or half of the rays, a method stops if its 95 % interval overlaps no other intersector's \
+    on its backend (Wilson interval; 0 to 3 / rays if no hit is wrong)\n";
 
 /// Seconds of warm-up if the previous run was on the same device. The device has hardly cooled down while the scene was
 /// loaded and a first tree was built. As always, the warm-up continues until frame times are steady.
@@ -58,7 +59,8 @@ pub(crate) struct ChartSettings {
     #[arg(long, value_name = "DIR", default_value = "abvh-chart", value_parser = parsers::file())]
     out: PathBuf,
     /// Maximum number of rays per scene that are compared with exact arithmetic: half from a camera, half random. A
-    /// quarter as many again are aimed at edges and vertices. Fewer are traced if the intersectors' rates differ clearly
+    /// quarter more rays are aimed at edges and vertices. Fewer are traced if the intersectors' error rates differ
+    /// clearly
     #[arg(long, value_name = "N", default_value = "2000000", value_parser = parsers::rays())]
     rays: usize,
 }
@@ -121,7 +123,8 @@ impl RunCommand for ChartSettings {
 }
 
 impl ChartSettings {
-    /// Writes the four files, up to the first that cannot be written. Links at their paths are replaced.
+    /// Writes the four files and prints the table. Stops at the first file that cannot be written. Replaces links at
+    /// the files' paths.
     fn write(&self, chart: &Chart) -> Result<(), Stop> {
         let mut text = table(chart.points.iter().map(plot::row), 5) + LEGEND;
         text.extend(chart.failures.iter().map(|failure| format!("{failure}\n")));
@@ -221,7 +224,8 @@ impl ChartRun<'_> {
         Ok(entries)
     }
 
-    /// Adds a scene to the chart. Returns its own name, or its name on the command line for demos and repeated names.
+    /// Adds a scene to the chart. Returns its title: its own name or, for demos and repeated names, its name on the
+    /// command line.
     fn add_scene(&mut self, measured: &MeasuredScene) -> String {
         let MeasuredScene {
             name,
@@ -283,7 +287,7 @@ impl ChartRun<'_> {
         };
     }
 
-    /// Returns the backend of the latest run if it has that name, and whether it is a warm GPU.
+    /// Returns the backend of the latest run if the contender uses it, and whether it is a warm GPU.
     fn opening(&mut self, contender: &Contender) -> (Opening, bool) {
         let Contender::Ours(tracer) = contender else {
             self.idle = None;

@@ -7,7 +7,8 @@ pub(crate) trait RunCommand {
     /// Runs the command.
     fn run(&self) -> Result<(), Stop>;
 
-    /// Returns what options require of others. A given option whose requirement is not met is refused before the run.
+    /// Returns the conditions under which options have an effect. If the user gives an option whose condition is not
+    /// met, the command fails before it runs.
     fn requirements(&self) -> Vec<Requirement> {
         Vec::new()
     }
@@ -24,7 +25,7 @@ pub(crate) struct Requirement {
     pub(crate) option: &'static str,
     /// Whether the option has an effect.
     pub(crate) is_met: bool,
-    /// The message after the name of the option.
+    /// Rest of the error message, which begins with the option's name.
     pub(crate) text: &'static str,
 }
 

@@ -41,7 +41,7 @@ pub(crate) enum CommandSettings {
     Render(Box<RenderSettings>),
     /// Check that all shards of a run are complete, and merge their statistics
     Merge(MergeSettings),
-    /// Trace the rays of a file at one time
+    /// Trace rays from a file against the scene at a given time
     Trace(TraceSettings),
     /// Measure every stage over scenes, backends, update policies and intersectors
     Bench(Box<BenchSettings>),
@@ -53,7 +53,7 @@ pub(crate) enum CommandSettings {
     Stability(StabilitySettings),
     /// Stream vertices step by step through the library, time the steps and check their hits
     Stress(StressSettings),
-    /// Describe a scene: size, motion, growth of the refit cost, and the choices of auto with reasons
+    /// Describe a scene: size, motion, how refitted trees degrade, and what auto chooses and why
     Inspect(InspectSettings),
     /// Describe this build and this machine: available and unavailable backends
     Info(InfoSettings),
@@ -79,7 +79,7 @@ impl CommandSettings {
     }
 }
 
-/// A parsed command line, and the matches that hold the source of each value.
+/// A parsed command line, and clap's matches, which record whether the user gave an option.
 struct Parsed {
     line: CommandLine,
     matches: ArgMatches,
@@ -136,7 +136,8 @@ fn refused(args: &[OsString], e: &clap::Error) -> Stop {
             format!("{rival} is a rival, not a backend: use bench or chart with --rival {rival}");
         return Stop::bad(why);
     }
-    // clap omits escape sequences when it quotes arguments. Parsing escaped arguments gives the same error in full.
+    // clap drops escape sequences from arguments that it quotes. So parse the escaped arguments again: the error is the
+    // same, and its text is complete.
     let escaped = args.iter().map(|arg| {
         console::plain(&arg.to_string_lossy(), &[])
             .into_owned()
@@ -150,7 +151,7 @@ fn refused(args: &[OsString], e: &clap::Error) -> Stop {
     Stop::bad(first.strip_prefix("error: ").unwrap_or(first))
 }
 
-/// Returns the text of one kind in the context of an error.
+/// Returns the string that clap attached to an error as `kind`.
 fn context(e: &clap::Error, kind: ContextKind) -> Option<&str> {
     match e.get(kind) {
         Some(ContextValue::String(text)) => Some(text),
@@ -158,7 +159,7 @@ fn context(e: &clap::Error, kind: ContextKind) -> Option<&str> {
     }
 }
 
-/// Returns the rival that was named as a backend.
+/// Returns the name of a rival that the user gave as `--backend`.
 fn rival_as_backend(e: &clap::Error) -> Option<&str> {
     let is_backend = context(e, ContextKind::InvalidArg)?.starts_with("--backend");
     let known = rivals::known(context(e, ContextKind::InvalidValue)?);

@@ -145,7 +145,7 @@ struct ConformReport {
     rows: Vec<PropertyRow>,
     oracle_rays: u64,
     oracle: Vec<OracleRow>,
-    /// The first rays with answers other than the oracle's, each with the command that reproduces it.
+    /// The first rays whose answers differ from the oracle's, each with the command that reproduces the answer.
     oracle_examples: Vec<String>,
 }
 
@@ -161,7 +161,7 @@ struct PropertyRow {
 }
 
 impl ConformReport {
-    /// Returns the number of failed properties, and of kinds of meshes with wrong answers.
+    /// Returns the number of failed properties plus the number of mesh kinds with wrong answers, over all backends.
     fn failures(&self) -> usize {
         let broken = self.rows.iter().filter(|r| r.disagreement.is_some());
         let unlike = self.oracle.iter().filter(|r| r.is_failure());

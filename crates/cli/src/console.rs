@@ -6,7 +6,7 @@ use std::borrow::Cow;
 use std::io::{self, IsTerminal, Write};
 use std::process::ExitCode;
 
-/// Prints a result. A closed pipe is no error.
+/// Prints a result. A closed pipe is not an error.
 pub(crate) fn print(text: &str) -> Result<(), Stop> {
     let mut out = io::stdout().lock();
     let text = plain(text, &['\n']);
@@ -49,7 +49,8 @@ pub(crate) fn complain(stop: &Stop) -> ExitCode {
     stop.code()
 }
 
-/// Returns whether a character is invisible but changes how others are shown: direction, joins, line ends, tags.
+/// Returns whether a character is an invisible format character: a soft hyphen, a bidirectional control, a joiner, a
+/// line separator or a tag.
 fn is_unseen(c: char) -> bool {
     matches!(
         c,
@@ -58,8 +59,8 @@ fn is_unseen(c: char) -> bool {
     )
 }
 
-/// Escapes control characters and invisible characters, except those in `but`. Names and values can come from anyone,
-/// and a terminal executes control sequences.
+/// Escapes control characters and invisible characters, except those in `but`. Names and values can come from untrusted
+/// sources, and terminals execute control sequences.
 pub(crate) fn plain<'a>(text: &'a str, but: &[char]) -> Cow<'a, str> {
     let is_command = |c: char| (c.is_control() || is_unseen(c)) && !but.contains(&c);
     if !text.contains(is_command) {

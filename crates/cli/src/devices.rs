@@ -89,7 +89,7 @@ impl DeviceRequest {
     }
 
     /// Opens the backend and calls `ready` with it. A named backend is never replaced by another. `auto` skips backends
-    /// that fail to open or to become ready.
+    /// that cannot be opened or for which `ready` fails.
     pub(crate) fn open_and<T>(
         &self,
         ready: impl Fn(Box<dyn Backend>) -> Result<T, Stop>,
@@ -122,9 +122,9 @@ impl DeviceRequest {
 
 type SelectedBackend = Selected<Box<dyn Backend>>;
 
-/// A backend that is opened on its own thread, because opening takes long. Dropping it joins the thread, since drivers
-/// may fail if the process ends while they work. NVIDIA's driver still works for 9 ms at that point. By default,
-/// opening has not begun.
+/// A backend that is being opened on another thread, because opening takes long. Dropping it joins the thread, because
+/// drivers may fail if the process ends while they work. With NVIDIA's driver, the join takes 9 ms. The default
+/// value has not begun to open a backend.
 #[derive(Default)]
 pub(crate) struct Opening {
     opened: Option<Receiver<Result<SelectedBackend, Stop>>>,
@@ -132,7 +132,7 @@ pub(crate) struct Opening {
 }
 
 impl Opening {
-    /// Starts to open a backend. Does nothing if no thread can be started.
+    /// Starts to open a backend. If no thread can be started, returns the default value.
     pub(crate) fn begin(request: DeviceRequest) -> Self {
         let (sender, opened) = channel();
         let open = move || {
@@ -218,7 +218,7 @@ pub(crate) fn presences() -> impl DoubleEndedIterator<Item = BackendPresence> {
     })
 }
 
-/// Returns whether a backend can build a tree in each frame, as far as is known before it is open.
+/// Returns whether a backend may be able to build trees on its device. Only the open backend knows for certain.
 pub(crate) fn builds_trees(backend: BackendChoice) -> bool {
     !backend.is_some_and(BackendName::is_on_host)
 }

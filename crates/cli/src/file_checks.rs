@@ -51,7 +51,7 @@ impl<'a> CommandFiles<'a> {
         Ok(())
     }
 
-    /// Refuses to write a file that is read or written twice.
+    /// Refuses an output file that is also an input or another output.
     pub(crate) fn check_apart(&self) -> Result<(), Stop> {
         for (i, (option, file)) in self.written.iter().enumerate() {
             let Some(place) = place(file) else { continue };
@@ -59,7 +59,7 @@ impl<'a> CommandFiles<'a> {
             let what = if let Some((other, file)) = self.read.iter().find(is_same) {
                 format!("{} of {other}", file.display())
             } else if let Some((other, _)) = self.written[..i].iter().find(is_same) {
-                format!("what {other} writes")
+                format!("the output of {other}")
             } else if let Some(folder) = self.folder_of(&place) {
                 format!("a file that {folder} writes")
             } else {
@@ -77,7 +77,7 @@ impl<'a> CommandFiles<'a> {
         Ok(())
     }
 
-    /// Returns the option whose folder contains `place` under a name that the run writes.
+    /// Returns the option of the output folder that contains `place`, if the run may write a file of that name.
     fn folder_of(&self, place: &Path) -> Option<&'a str> {
         let name = place.file_name()?.to_string_lossy();
         let is_ours = name.starts_with("abvh-run") || output::is_frame_file(&name);
@@ -94,7 +94,7 @@ fn place(file: &Path) -> Option<PathBuf> {
     (!is_special).then(|| absolute(file))
 }
 
-/// Returns the absolute path, with links resolved as far as it exists.
+/// Returns the absolute path of a file. Resolves symbolic links in the file or, if it does not exist, in its folder.
 pub(crate) fn absolute(file: &Path) -> PathBuf {
     if let Ok(whole) = fs::canonicalize(file) {
         return whole;

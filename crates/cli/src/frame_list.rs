@@ -1,4 +1,4 @@
-//! The options that select frames, and the frames of a run and of its shards with their times.
+//! Options that select frames, and the frames and times of a run and of each shard.
 
 use crate::parsers::finite;
 use crate::stop::Stop;
@@ -18,15 +18,16 @@ const MAX_FRAMES: usize = 1_000_000;
 pub(crate) enum FrameChoice {
     /// A number of frames, spread evenly over the time range.
     Count(usize),
-    /// FrameChoice at these key times, in this order.
+    /// Frames at these key times, in this order.
     Keys(Vec<usize>),
 }
 
-/// Value of `--shard`: one block of a list of frames that is divided evenly.
+/// Value of `--shard`: one of several blocks of about equal size that the list of frames is divided into.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Shard {
     /// Number of the block, from 1.
     pub(crate) number: usize,
+    /// Number of blocks.
     pub(crate) of: usize,
 }
 
@@ -75,7 +76,7 @@ impl FromStr for FrameChoice {
 }
 
 fn whole(text: &str) -> Result<usize, String> {
-    (text.parse()).map_err(|e| format!("'{text}' is no whole number: {e}"))
+    (text.parse()).map_err(|e| format!("'{text}' is not a whole number: {e}"))
 }
 
 fn too_many(n: usize) -> String {
@@ -96,12 +97,12 @@ fn key_times(text: &str) -> Result<Vec<usize>, String> {
     let mut sorted = keys.clone();
     sorted.sort_unstable();
     match sorted.windows(2).find(|pair| pair[0] == pair[1]) {
-        Some(twice) => Err(format!("key time {} is named twice", twice[0])),
+        Some(twice) => Err(format!("key time {} is listed twice", twice[0])),
         None => Ok(keys),
     }
 }
 
-/// Returns the first number, one past the last, and the step.
+/// Parses one part of the list. Returns the first key time, one past the last, and the step.
 fn range(part: &str) -> Result<(usize, usize, usize), String> {
     if let Some((a, b)) = part.split_once("..") {
         let (from, to) = (whole(a)?, whole(b)?);
@@ -128,7 +129,7 @@ fn range(part: &str) -> Result<(usize, usize, usize), String> {
 impl FromStr for Shard {
     type Err = String;
 
-    /// Parses `I/N`, counted from 1, or `auto`: from the variables that Slurm sets for each task of an array.
+    /// Parses `I/N`, counted from 1, or `auto`, which uses the variables that Slurm sets for each task of a job array.
     fn from_str(text: &str) -> Result<Self, String> {
         if text == "auto" {
             return slurm_shard(&|name| std::env::var(name).ok());
@@ -138,7 +139,7 @@ impl FromStr for Shard {
         let (number, of) = (whole(number)?, whole(of)?);
         if !(1..=of).contains(&number) {
             return Err(format!(
-                "there is no shard {number} of {of}: they are numbered from 1 on"
+                "there is no shard {number} of {of}: shards are numbered from 1"
             ));
         }
         Ok(Self { number, of })
@@ -149,7 +150,7 @@ fn slurm_shard(variable: &dyn Fn(&str) -> Option<String>) -> Result<Shard, Strin
     let number = |name: &str| match variable(name) {
         Some(text) => whole(&text).map_err(|e| format!("{name}: {e}")),
         None => Err(format!(
-            "auto needs {name}, which Slurm sets for a task of an array"
+            "auto needs {name}, which Slurm sets for each task of a job array"
         )),
     };
     let id = number("SLURM_ARRAY_TASK_ID")?;
@@ -158,13 +159,13 @@ fn slurm_shard(variable: &dyn Fn(&str) -> Option<String>) -> Result<Shard, Strin
     match id.checked_sub(least).filter(|i| *i < of) {
         Some(i) => Ok(Shard { number: i + 1, of }),
         None => Err(format!(
-            "task {id} is none of {of} from {least} on: the array must have no gaps"
+            "task {id} is not among the {of} tasks from {least}: the job array must have no gaps"
         )),
     }
 }
 
-/// Returns the frames to render of a motion with `keys` key frames. Frames at key times are numbered by key time,
-/// others from 0.
+/// Returns the frames of a motion with `keys` key frames that a run renders. Frames at key times are numbered by key
+/// time, others from 0.
 pub(crate) fn list(
     frames: Option<&FrameChoice>,
     range: Option<TimeRange>,
@@ -172,14 +173,14 @@ pub(crate) fn list(
     is_demo: bool,
 ) -> Result<Vec<Frame>, Stop> {
     if let Some(FrameChoice::Keys(list)) = frames {
-        let why = "--frames names key times already: leave --time-range out";
+        let why = "--frames already lists key times: remove --time-range";
         return range.map_or_else(|| at_keys(list, keys), |_| Err(Stop::bad(why)));
     }
     let end = (keys - 1) as f64;
     let even = EvenFrames::of(frames, range, keys, is_demo);
     let TimeRange { from, to } = even.range;
     if from < 0.0 || to > end {
-        let why = format!("leaves the motion, which lasts from 0 to {end} key frames");
+        let why = format!("is outside the motion, which lasts from 0 to {end} key frames");
         return Err(Stop::bad(format!("--time-range {from}..{to} {why}")));
     }
     let numbered = (0..).zip(even.times());
@@ -193,7 +194,7 @@ fn at_keys(list: &[usize], keys: usize) -> Result<Vec<Frame>, Stop> {
         let verb = if keys == 1 { "is" } else { "are" };
         let (count, keys) = (list.len(), counted(keys, KEY_FRAMES));
         return Err(Stop::bad(format!(
-            "--frames names {count} key times up to {most}, but there {verb} {keys}"
+            "--frames lists {count} key times up to {most}, but there {verb} {keys}"
         )));
     }
     let frame = |&k: &usize| Frame {
@@ -203,7 +204,7 @@ fn at_keys(list: &[usize], keys: usize) -> Result<Vec<Frame>, Stop> {
     Ok(list.iter().map(frame).collect())
 }
 
-/// Returns the frames of one of several blocks of about equal size.
+/// Returns the frames of one shard, or all frames without a shard.
 pub(crate) fn of_shard(frames: &[Frame], shard: Option<Shard>) -> Vec<Frame> {
     let Some(Shard { number, of }) = shard else {
         return frames.to_vec();
@@ -230,7 +231,7 @@ pub(crate) struct EvenFrames {
 }
 
 impl EvenFrames {
-    /// Returns the number of frames and their time range, for frames that are not at key times.
+    /// Returns the number and the time range of evenly spread frames.
     pub(crate) fn of(
         frames: Option<&FrameChoice>,
         range: Option<TimeRange>,
@@ -251,7 +252,7 @@ impl EvenFrames {
         Self { count, range }
     }
 
-    /// Returns the times, both ends included. Times of key frames are exact.
+    /// Returns the times of all frames, both ends included. The time of a frame at a key frame has no rounding error.
     fn times(&self) -> Vec<f64> {
         let TimeRange { from, to } = self.range;
         let steps = (self.count.max(2) - 1) as f64;

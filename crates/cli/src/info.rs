@@ -67,7 +67,7 @@ impl RunCommand for DoctorSettings {
     }
 }
 
-/// Returns the backend that `auto` chooses. Opens it, since a GPU that fails its test at opening is not chosen.
+/// Returns the backend that `auto` chooses. Opens backends to find it, because `auto` skips a GPU that fails its test.
 fn choice_of_auto() -> Result<Option<Taken>, Stop> {
     let request = DeviceRequest {
         threads: 1,

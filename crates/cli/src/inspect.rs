@@ -1,4 +1,4 @@
-//! `abvh inspect`: describes a scene's size and motion, the growth of its refit cost, and the choices of `auto`.
+//! `abvh inspect`: describes a scene's size and motion, how refitted trees degrade, and the choices of `auto`.
 
 use crate::camera::CameraSettings;
 use crate::command::{Requirement, RunCommand};
@@ -19,7 +19,7 @@ use scene::Scene;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-/// Number of times at which the first tree is compared with a fresh one.
+/// Number of sample times at which the refitted first tree is compared with a new tree.
 const SAMPLES: usize = 5;
 
 #[derive(Args, Debug)]
@@ -29,7 +29,7 @@ pub(crate) struct InspectSettings {
     scene: String,
     #[command(flatten)]
     source: SceneSettings,
-    /// JSON to standard output
+    /// Print JSON to standard output
     #[arg(long)]
     json: bool,
 }
@@ -110,13 +110,13 @@ fn text(scene: &Scene, i: &Inspection) -> String {
         text += &format!("offset: {offset:?} is subtracted from all coordinates\n");
     }
     text += &format!(
-        "motion: {:.1}% of the vertices move; a key step is {:.3}% of the diagonal in the mean, {:.3}% at most\n",
+        "motion: {:.1}% of the vertices move; mean step per key frame {:.3}% of the bounds' diagonal, maximum {:.3}%\n",
         100.0 * m.moving,
         100.0 * m.mean_step,
         100.0 * m.max_step
     );
     for (what, n) in [("inactive", i.inactive), ("degenerate", i.degenerate)] {
-        text += &format!("{what}: {} to {} triangles a key frame\n", n.min, n.max);
+        text += &format!("{what}: {} to {} triangles per key frame\n", n.min, n.max);
     }
     text += &decay_table(&i.decay);
     for t in &i.auto {

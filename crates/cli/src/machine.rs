@@ -1,4 +1,4 @@
-//! Facts about this program and this machine that results name.
+//! Facts about this program and this machine for the results.
 
 /// Version of the program.
 pub(crate) const VERSION: &str = env!("CARGO_PKG_VERSION");

@@ -1,24 +1,25 @@
 //! `abvh`: a ray tracer for moving, deforming triangle scenes.
 //!
-//! [`command_line`] parses the arguments into the settings of one command. Each command is a module of the same name: its
-//! settings, their requirements, and `run`.
+//! [`command_line`] parses the arguments into the settings of a command. Each command has a module of its name with its
+//! settings, their requirements and `run`. `info` also contains the command `doctor`.
 //!
 //! | module | responsibility |
 //! |---|---|
-//! | `command`, `command_line`, `parsers` | the interface of commands; their list; values of options |
-//! | `scene_source`, `camera`, `frame_list`, `devices`, `tracer_settings` | one group of options each, and how it is resolved |
-//! | `auto`, `setup` | the choices that are left to the program; a device with the scene loaded |
-//! | `tested_backends` | the backends that `conform` and `stability` test |
-//! | `measure`, `rival` | times of frames, by a backend or by a rival |
+//! | `command`, `command_line`, `parsers` | the trait of commands, the list of commands, and parsers of option values |
+//! | `scene_source`, `camera`, `frame_list`, `devices`, `tracer_settings` | groups of options, and their resolution |
+//! | `auto`, `setup` | the choice of the update policy by `auto`; opening the device and loading the scene |
+//! | `tested_backends` | options and backends of `conform`, `stability` and `stress` |
+//! | `measure` | measurements of frames on a backend or on a rival |
 //! | `file_checks` | refuses outputs that overwrite inputs or each other |
 //! | `console`, `table`, `machine` | output to the terminal; text of results; facts about the machine |
 //! | `stop`, `signals`, `threads` | errors with exit codes; SIGINT and SIGTERM; threads outside the backend |
 //!
-//! A module imports only modules that do not import it.
+//! Imports between these modules have no cycles.
 //!
-//! An option is read once. For example, `--lockstep 2` is a field of `TracerSettings`. `TracerSettings::policy` turns it into
-//! `Policy::Lockstep(2)`, and `setup` passes that policy to the driver. `--adapter` is a field of `DeviceSettings`, which
-//! becomes part of a `DeviceRequest`, which opens the backend.
+//! Settings are converted to the types of the libraries before work begins. For example, `--lockstep 2` is a field of
+//! `TracerSettings`. `TracerSettings::policy` turns it into `Policy::Lockstep(2)`, and `setup` passes that policy to
+//! the driver. `--adapter` is a field of `DeviceSettings`, which becomes part of a `DeviceRequest`, which opens the
+//! backend.
 
 mod auto;
 mod bench;

@@ -42,7 +42,7 @@ pub(crate) struct MeasureSettings {
     /// Backends
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = parsers::AUTO, value_parser = parsers::backend("The best available backend"))]
     pub(crate) backend: Vec<BackendChoice>,
-    /// Ray tracers of others to measure too. Each keeps its own trees, so only rebuild and refit apply
+    /// Third-party ray tracers to measure as well. Each builds its own trees, so only rebuild and refit apply
     #[arg(long, value_name = "LIST", value_delimiter = ',',
         value_parser = PossibleValuesParser::new(rivals::RIVALS.iter().map(|rival| rival.name)).map(known_rival))]
     pub(crate) rival: Vec<&'static Known>,
@@ -60,8 +60,8 @@ pub(crate) struct MeasureSettings {
     time_range: Option<TimeRange>,
     #[command(flatten)]
     pub(crate) camera: CameraSettings,
-    /// Seconds for which a device repeats the first frame of each run before frames are timed. Warm-up continues until
-    /// frame times are steady, for 0.5 s at most. 0 disables it [default: 0.7 on a GPU]
+    /// Warm-up: seconds for which a device repeats the first frame of each run before frames are timed. Warm-up then
+    /// continues until frame times are steady, for at most 0.5 s more. 0 disables it [default: 0.7 on a GPU]
     #[arg(long, value_name = "SECONDS",
         value_parser = parsers::number(|s: f64| (0.0..=60.0).contains(&s), "a warm-up lasts from 0 to 60 seconds"))]
     pub(crate) warm_up: Option<f64>,
@@ -70,7 +70,7 @@ pub(crate) struct MeasureSettings {
     pub(crate) quiet: bool,
 }
 
-/// Returns the rival of a name in the list of rivals.
+/// Returns the rival with this name.
 fn known_rival(name: String) -> &'static Known {
     rivals::known(&name).expect("the parser admits names of rivals only")
 }
@@ -102,14 +102,14 @@ impl MeasureSettings {
     }
 }
 
-/// A backend or a rival, and how it traces.
+/// A backend with its settings, or a rival with its update policy.
 #[derive(Clone, Debug)]
 pub(crate) enum Contender {
     Ours(TracerSettings),
     Rival(RivalPolicy),
 }
 
-/// The contenders of a measurement, and remarks on combinations that are left out.
+/// The contenders of a measurement, and remarks on combinations that are skipped.
 #[derive(Debug, Default)]
 pub(crate) struct Contenders {
     pub(crate) all: Vec<Contender>,
@@ -117,7 +117,7 @@ pub(crate) struct Contenders {
 }
 
 impl Contenders {
-    /// Adds every rival with each policy that it supports.
+    /// Adds every rival with each requested policy that it supports, and a remark for each other policy.
     pub(crate) fn add_rivals(&mut self, settings: &MeasureSettings) {
         for &rival in &settings.rival {
             for policy in settings.update.iter().copied().map(policy_name) {
@@ -158,7 +158,7 @@ impl Contender {
     }
 }
 
-/// Backend, intersector and policy, as far as they are known without a run.
+/// Writes the backend, the intersector and the policy as requested. `auto` is not resolved.
 impl fmt::Display for Contender {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let ContenderNames {
@@ -173,7 +173,7 @@ impl fmt::Display for Contender {
     }
 }
 
-/// How a scene is measured.
+/// The scene, the rays and the conditions of a measurement.
 #[derive(Clone, Copy)]
 pub(crate) struct Measuring<'a> {
     pub(crate) scene: &'a MeasuredScene,
@@ -184,7 +184,7 @@ pub(crate) struct Measuring<'a> {
     pub(crate) rival_device: RivalDevice<'a>,
 }
 
-/// The results of a run, and what traced its frames.
+/// The results of a run, and the backend or rival that traced it, with the scene still loaded.
 pub(crate) struct Measurement {
     pub(crate) row: MeasuredRow,
     pub(crate) loaded: LoadedScene,
@@ -197,7 +197,7 @@ pub(crate) enum LoadedScene {
 }
 
 impl LoadedScene {
-    /// Loads a scene. One of our backends is the one that is being opened.
+    /// Loads a scene. Waits for `opening` if the contender is a backend; rivals ignore it.
     pub(crate) fn load(
         contender: &Contender,
         animation: &Arc<Animation>,
@@ -235,7 +235,7 @@ impl LoadedScene {
 }
 
 impl Measuring<'_> {
-    /// Measures a contender. One of our backends is the one that is being opened.
+    /// Measures a contender. Waits for `opening` if the contender is a backend; rivals ignore it.
     pub(crate) fn measure(
         &self,
         contender: &Contender,
@@ -290,7 +290,7 @@ pub(crate) struct MeasuredRow {
     pub(crate) moving: usize,
     #[serde(flatten)]
     pub(crate) setup: Setup,
-    /// Kind of rays, if not a camera's.
+    /// Kind of rays; `None` for camera rays.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) rays: Option<&'static str>,
     pub(crate) frames: usize,
@@ -300,17 +300,17 @@ pub(crate) struct MeasuredRow {
     /// Medians by name: of [`TIMES`] and [`MORE`].
     #[serde(flatten)]
     medians: BTreeMap<&'static str, Option<f64>>,
-    /// Millions of rays per second, from primary and shadow rays and the time of both.
+    /// Millions of primary and shadow rays per second of the time that tracing both took.
     pub(crate) mrays_per_s: Option<f64>,
     pub(crate) trees: usize,
-    /// Number of trees that were no better than the current one.
+    /// Number of built trees that were discarded because they were no better than the current tree.
     rejected: usize,
     /// Milliseconds of the first frame, which waits for the first tree.
     first_ms: Option<f64>,
     memory: Option<Value>,
-    /// Maximum over all frames.
+    /// Device memory in bytes: maximum over all frames.
     device_bytes: Option<u64>,
-    /// Of a rival: the share of rays whose triangle or shadow differs from ours, over up to three frames.
+    /// For a rival: share of rays whose triangle or shadow differs from that of backend `cpu`, over up to three frames.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) differing: Option<f64>,
     /// Every frame, as in the statistics of `render`.

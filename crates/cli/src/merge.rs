@@ -11,7 +11,7 @@ use output::{Finished, Manifest};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// Maximum number of missing frames that are named.
+/// Maximum number of missing frames that the message lists.
 const NAMED: usize = 12;
 
 #[derive(Args, Debug)]
@@ -36,7 +36,7 @@ impl RunCommand for MergeSettings {
         let lists = parts.iter().flat_map(|part| &part.finished.list);
         let list: BTreeSet<u64> = lists.copied().collect();
         if list.is_empty() {
-            return Err(Stop::failed("no run has begun there: no frame is named"));
+            return Err(Stop::failed("no run has begun: no folder lists frames"));
         }
         let (mut rows, mut missing) = (Vec::new(), Vec::new());
         for &frame in &list {
@@ -50,7 +50,7 @@ impl RunCommand for MergeSettings {
             return Err(Stop::failed(absent(&missing, list.len())));
         }
         let stats = parts.iter().filter_map(|part| part.finished.stats.as_ref());
-        // The statistics of shards without frames name no device.
+        // Prefer statistics that name a device. Those of shards without frames do not.
         let stats = stats.max_by_key(|stats| stats["backend"].is_string());
         if let (Some(file), Some(stats)) = (&self.stats, stats) {
             statistics::write(file, &statistics::with_rows(stats.clone(), &rows))?;
@@ -58,7 +58,7 @@ impl RunCommand for MergeSettings {
                 return Ok(());
             }
         }
-        console::print(&format!("all {} frames are there, whole\n", rows.len()))
+        console::print(&format!("all {} frames are complete\n", rows.len()))
     }
 }
 
@@ -92,7 +92,7 @@ fn read(folders: &[PathBuf]) -> Result<Vec<MergedFolder<'_>>, Stop> {
         {
             let [folder, first] = [folder, first.folder].map(Path::display);
             return Err(Stop::bad(format!(
-                "{folder} and {first} are not of one run: of the first, {difference} in the second"
+                "{folder} does not belong to the run in {first}: {difference} (in {first})"
             )));
         }
         all.push(part);

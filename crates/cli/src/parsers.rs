@@ -17,28 +17,28 @@ const MAX_RAYS: u64 = 1 << 26;
 pub(crate) fn file() -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().try_map(|file| {
         if file.as_os_str() == "-" {
-            Err("a name is needed: only --stats goes to standard output")
+            Err("a name is needed: only --stats and --y4m write to standard output")
         } else {
             Ok(file)
         }
     })
 }
 
-/// Parses a scene's name, of any bytes, as [`scene::open`] takes it.
+/// Parses the name of a scene into the form that [`scene::open`] expects. The name need not be UTF-8.
 pub(crate) fn scene() -> impl TypedValueParser<Value = String> {
     OsStringValueParser::new().try_map(|name| {
         if name.is_empty() {
-            Err("a scene has a name")
+            Err("the name of a scene must not be empty")
         } else {
             Ok(scene::word(&name))
         }
     })
 }
 
-/// Stands for a choice that is left to the program.
+/// Value of an option that leaves the choice to the program.
 pub(crate) const AUTO: &str = "auto";
 
-/// Parses the name of a backend; `auto` is `None`, and `help` describes it.
+/// Parses the name of a backend. `auto` becomes `None`; `help` is the description of `auto`.
 pub(crate) fn backend(help: &'static str) -> impl TypedValueParser<Value = Option<BackendName>> {
     let auto = PossibleValue::new(AUTO).help(help);
     let value = |b: BackendName| PossibleValue::new(b.name()).help(b.description());
@@ -72,7 +72,7 @@ pub(crate) fn policy(is_taken: fn(Policy) -> bool) -> impl TypedValueParser<Valu
 pub(crate) fn update(
     is_taken: fn(Policy) -> bool,
 ) -> impl TypedValueParser<Value = Option<Policy>> {
-    let auto = PossibleValue::new(AUTO).help("Whichever is expected to finish the run first");
+    let auto = PossibleValue::new(AUTO).help("The policy that is expected to finish the run first");
     let all = [auto].into_iter().chain(policy_names(is_taken));
     PossibleValuesParser::new(all).try_map(|name| match &*name {
         AUTO => Ok(None),
@@ -93,16 +93,16 @@ pub(crate) fn point<T: FromStr + Into<f64> + Copy>(text: &str) -> Result<[T; 3],
 pub(crate) fn size(text: &str) -> Result<[u32; 2], String> {
     let says = "a size is WIDTHxHEIGHT, such as 1280x720";
     let (w, h) = text.split_once(['x', 'X']).ok_or(says)?;
-    let no = |s, e| format!("'{s}' is no number of pixels: {e}");
+    let no = |s, e| format!("'{s}' is not a number of pixels: {e}");
     let side = |s: &str| s.parse::<u64>().map_err(|e| no(s.to_owned(), e));
     let (w, h) = (side(w)?, side(h)?);
     if w == 0 || h == 0 {
-        return Err("a picture has at least one pixel each way".to_owned());
+        return Err("width and height must be at least 1".to_owned());
     }
     if w > MAX_SIDE || h > MAX_SIDE || w * h > MAX_PIXELS {
         let asked = u128::from(w) * u128::from(h);
         return Err(format!(
-            "{w}x{h} is {asked} pixels; the limit is {MAX_SIDE} a side and {MAX_PIXELS} in all"
+            "{w}x{h} is {asked} pixels; the limit is {MAX_SIDE} per side and {MAX_PIXELS} in total"
         ));
     }
     Ok([w as u32, h as u32])
@@ -121,7 +121,7 @@ pub(crate) fn rays() -> impl TypedValueParser<Value = usize> {
     RangedU64ValueParser::new().range(1..=MAX_RAYS)
 }
 
-/// Parses a finite number that `is_fit` accepts. `says` is the message about other numbers.
+/// Parses a finite number that `is_fit` accepts. `says` is the error message for other finite numbers.
 pub(crate) fn number<T>(
     is_fit: fn(T) -> bool,
     says: &'static str,
@@ -138,7 +138,7 @@ where
 /// Parses a finite number.
 pub(crate) fn finite<T: FromStr + Into<f64> + Copy>(text: &str) -> Result<T, String> {
     let number: Result<T, _> = text.trim().parse();
-    match number.map_err(|_| format!("'{text}' is no number"))? {
+    match number.map_err(|_| format!("'{text}' is not a number"))? {
         number if number.into().is_finite() => Ok(number),
         _ => Err(format!("'{text}' is not a finite number")),
     }

@@ -47,7 +47,8 @@ pub(crate) struct RenderSettings {
     /// from 0000 [default: 48 for a demo, else one per key frame up to 96]
     #[arg(long, value_name = "N|A..B|LIST")]
     frames: Option<FrameChoice>,
-    /// Render only block I of N of the frames, counted from 1; auto takes both from the variables of a Slurm array task
+    /// Render only block I of N blocks of frames, counted from 1. auto reads I and N from the variables of a Slurm job
+    /// array
     #[arg(long, value_name = "I/N|auto")]
     shard: Option<Shard>,
     /// Time range, in key frames [default: the whole motion]
@@ -96,7 +97,7 @@ impl RunCommand for RenderSettings {
     fn requirements(&self) -> Vec<Requirement> {
         let writes_files = !self.no_images || self.hits.is_some();
         let needs_files =
-            |option| Requirement::new(option, writes_files, "goes only with pictures or --hits");
+            |option| Requirement::new(option, writes_files, "applies only with pictures or --hits");
         let mut all = self.tracer.requirements();
         all.extend(["resume", "overwrite"].map(needs_files));
         all.extend(scene_source::requirements(&[&self.scene]));
@@ -154,7 +155,7 @@ impl RenderSettings {
         Ok(())
     }
 
-    /// Prints remarks before the first of `todo` frames. `done` frames are complete.
+    /// Starts the progress display and prints all remarks. `todo` frames remain; `done` frames are complete already.
     fn begin_progress(
         &self,
         scene: &Scene,
@@ -169,7 +170,7 @@ impl RenderSettings {
         }
         if done > 0 {
             progress.say(&format!(
-                "{done} of {} frames are there already",
+                "{done} of {} frames are complete already",
                 done + todo
             ));
         }
@@ -223,11 +224,11 @@ fn run(settings: &RenderSettings) -> Result<(), Stop> {
         pixels: files.has_pictures() || files.has_video,
     };
     let on_device = tracer.prepare_frames(shot.view(), wanted)?;
-    // The host shades hits, which count as memory of each frame.
+    // If the host shades, it needs the hits of each frame. They count towards the memory limit of the frame writer.
     wanted.hits |= wanted.pixels && !on_device;
     let new_folders = files.create_folders()?;
     settings.write_rays(&scene, &shot).inspect_err(|_| {
-        // A run that does not begin leaves no folders.
+        // The run ends here, so remove the folders that it created.
         for folder in &new_folders {
             let _ = std::fs::remove_dir(folder);
         }
@@ -254,7 +255,7 @@ fn run(settings: &RenderSettings) -> Result<(), Stop> {
     settings.print(&results(settings, &scene, &setup, &rows))
 }
 
-/// Writes only statistics, from the results of earlier runs. All other files are complete.
+/// Finishes a run whose frames are all complete. Writes only the statistics, from the journals of earlier runs.
 fn finish_complete(
     settings: &RenderSettings,
     earlier: &EarlierRun,
@@ -265,11 +266,12 @@ fn finish_complete(
     }
     let all = rows.len();
     settings.print(&format!(
-        "nothing is left to be done: all {all} frames are there\n"
+        "nothing is left to render: all {all} frames are complete\n"
     ))
 }
 
-/// Handles a shard without frames, if there are more shards than frames. The folders still describe the run.
+/// Finishes a shard without frames, which exists if there are more shards than frames. Writes the manifest, so that the
+/// folders describe the run.
 fn finish_empty_shard(
     settings: &RenderSettings,
     earlier: EarlierRun,
@@ -300,7 +302,7 @@ fn render_frames(
             writer.write(scope, places.next().unwrap_or_default(), frame, answers)
         })
     })?;
-    // The device is closed while an encoder finishes.
+    // Close the device while the video encoder finishes.
     drop(tracer);
     writer.finish()
 }
@@ -327,7 +329,7 @@ fn results(settings: &RenderSettings, scene: &Scene, setup: &Setup, rows: &[Fram
     text
 }
 
-/// Returns the statistics of a run without its frames.
+/// Returns the statistics of a run without the rows of its frames.
 fn statistics_of(settings: &RenderSettings, scene: &Scene, setup: &Setup) -> Value {
     let mut stats = json!(setup);
     stats["schema"] = json!(SCHEMA);

@@ -1,4 +1,4 @@
-//! Options of the scene, and the scene as statistics describe it.
+//! Options that control how scenes are read, and the description of a scene in statistics.
 
 use crate::command::Requirement;
 use crate::parsers;
@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 pub(crate) struct SceneSettings {
     /// Key frames per second that are sampled from a glTF clip
     #[arg(long, value_name = "N", default_value = "24", value_parser = parsers::number(|fps: f64| fps > 0.0 && fps <= 1000.0,
-        "samples a second lie between 0 and 1000"))]
+        "the number of samples per second must be above 0 and at most 1000"))]
     pub(crate) fps: f64,
     /// glTF clip to sample [default: the first]
     #[arg(long, value_name = "NAME|INDEX")]
@@ -21,8 +21,8 @@ pub(crate) struct SceneSettings {
     /// Let a scene's files refer to files outside its folder (mtllib of OBJ, URIs of glTF)
     #[arg(long)]
     allow_outside: bool,
-    /// Subtract the scene's centre in double precision before coordinates are rounded to single precision. Points and rays
-    /// on the command line and in files keep the scene's coordinates
+    /// Subtract the scene's centre in double precision before coordinates are rounded to single precision. Points and
+    /// rays on the command line and in files are still given in the scene's original coordinates
     #[arg(long)]
     pub(crate) recentre: bool,
     /// Memory for key frames, in MiB. Larger sequences are read from disk during playback
@@ -61,17 +61,17 @@ pub(crate) fn requirements(scenes: &[impl AsRef<str>]) -> Vec<Requirement> {
         Requirement::new(
             "fps",
             scenes.clone().any(may_have_clip),
-            "goes only with a .gltf or .glb scene",
+            "applies only to a .gltf or .glb scene",
         ),
         Requirement::new(
             "recentre",
             scenes.any(has_file),
-            "goes only with a scene of files",
+            "applies only to scenes that are read from files",
         ),
     ]
 }
 
-/// Returns whether a scene is one demo.
+/// Returns whether a scene, or its first input, is a demo.
 pub(crate) fn is_demo(scene: &str) -> bool {
     scene.starts_with("demo:")
 }
@@ -81,15 +81,15 @@ fn has_file(scene: &str) -> bool {
     !scene.split('+').all(is_demo)
 }
 
-/// Returns whether the scene can contain a clip: by its extension, or because it is a pattern.
+/// Returns whether the scene can contain a glTF clip: its name has an extension of glTF, or it is a pattern.
 pub(crate) fn may_have_clip(scene: &str) -> bool {
     let scene = scene.to_lowercase();
     let mut parts = [".gltf", ".glb", "*", "?", "["].iter();
     parts.any(|part| scene.contains(part))
 }
 
-/// Describes a scene and its source. `live` triangles are active in some key frame. Triangles that never move are
-/// interpolated, preprocessed and refitted once.
+/// Describes a scene and its source. `live` is the number of triangles that are active in some key frame. `moving` is
+/// the number of live triangles that move. All others are interpolated, preprocessed and refitted only once.
 pub(crate) fn scene_facts(scene: &Scene) -> Value {
     let (animation, facts) = (&scene.animation, &scene.facts);
     json!({

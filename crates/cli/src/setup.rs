@@ -1,6 +1,6 @@
 //! Opens the device of a run, makes the choices of `auto`, and loads the scene.
 //!
-//! `render` and `trace` get a tracer of the library. Commands that measure get the driver below it.
+//! `render` and `trace` use the library's tracer. Other commands use the frame driver on which the tracer is built.
 
 use crate::auto::{self, Capabilities};
 use crate::devices::{DeviceRequest, Opening};
@@ -34,7 +34,7 @@ pub(crate) struct Setup {
     pub(crate) auto: Vec<Taken>,
     #[serde(skip)]
     pub(crate) memory: Option<ExpectedMemory>,
-    /// All of this in one line.
+    /// The setup as one line of text.
     #[serde(skip)]
     pub(crate) caption: String,
 }
@@ -45,7 +45,8 @@ pub(crate) struct Started<T> {
     pub(crate) setup: Setup,
 }
 
-/// Starts to open the backend while the scene is read, if opening takes long.
+/// Starts to open the backend on another thread while the scene is read. Backends on the host open fast, so they are
+/// opened later.
 pub(crate) fn begin(settings: &TracerSettings) -> Opening {
     if settings.device.no_cache {
         abvh::backends::disable_kernel_cache();
@@ -58,7 +59,7 @@ pub(crate) fn begin(settings: &TracerSettings) -> Opening {
     }
 }
 
-/// Makes the choices of `auto`, and loads the scene into a tracer on the backend that is being opened.
+/// Waits for the backend, makes the choices of `auto`, and loads the scene into a tracer.
 pub(crate) fn start_tracer(
     scene: &Scene,
     settings: &TracerSettings,
@@ -80,7 +81,7 @@ pub(crate) fn start_tracer(
     start(&scene.animation, settings, workload, opening, load)
 }
 
-/// Makes the choices of `auto`, and loads the scene into a driver on the backend that is being opened.
+/// Waits for the backend, makes the choices of `auto`, and loads the scene into a driver.
 pub(crate) fn start_driver(
     animation: &Arc<Animation>,
     settings: &TracerSettings,
@@ -114,7 +115,7 @@ fn start<T>(
     };
     let opened = opening.wait().transpose()?;
     let first = opened.map(|opened| opened.and_then(ready));
-    // If `auto` chose the backend, another one may become ready.
+    // If a backend that `auto` chose fails here, try the backends again with the scene.
     let is_auto = settings.device.backend.is_none();
     let first = first.filter(|first| first.is_ok() || !is_auto);
     let selected = first.unwrap_or_else(|| settings.device_request().open_and(ready))?;
@@ -131,7 +132,8 @@ struct Resolved {
     setup: Setup,
 }
 
-/// Makes all choices on a backend. If the backend computes on another number of threads, opens it again.
+/// Makes the choices of `auto` for a backend. Reopens a backend on the host if its number of threads does not suit the
+/// chosen policy.
 fn resolve(
     backend: Box<dyn Backend>,
     animation: &Animation,
@@ -144,7 +146,7 @@ fn resolve(
         why: why_policy,
     } = auto::choose_policy(capabilities, animation, settings, workload)?;
     let threads = settings.share(capabilities.device, policy);
-    // 0 threads means that the device computes.
+    // A backend with 0 host threads computes on a device, so the number of threads does not matter.
     let backend = if [0, threads.render].contains(&backend.device().threads) {
         backend
     } else {
@@ -191,7 +193,7 @@ fn resolve(
 }
 
 impl Setup {
-    /// Formats the setup. `threads` host threads render.
+    /// Formats the setup as one line. `threads` is the number of host threads that render, or 0.
     fn in_one_line(&self, threads: usize) -> String {
         let lockstep = self.lockstep.map(|k| format!(" lockstep {k}"));
         let lockstep = lockstep.unwrap_or_default();
@@ -213,14 +215,14 @@ impl Setup {
     }
 }
 
-/// Refuses scenes whose trees and rays exceed the host's free memory. Key frames are already loaded.
+/// Refuses scenes whose trees and rays exceed the host's free memory. Key frames do not count: they are loaded already.
 pub(crate) fn check_trees(triangles: usize, rays: usize) -> Result<(), Stop> {
     let checked = host::check(trees_bytes(triangles, rays));
     checked.map_err(|e| Stop::bad(format!("trees over {triangles} triangles: {e}")))
 }
 
-/// Refuses scenes that exceed the device's free memory, if its driver reports that. For a software device, refuses also
-/// scenes that exceed the host's free memory.
+/// Refuses scenes that exceed the device's free memory, if its driver reports it. On a software device, the scene must
+/// also fit in the host's free memory.
 fn check_device(
     backend: &dyn Backend,
     triangles: usize,

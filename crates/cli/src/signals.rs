@@ -3,13 +3,14 @@
 use crate::stop::Stop;
 use std::sync::atomic::{AtomicI32, Ordering};
 
-/// The signal that arrived; [`WAITS`] before a signal, or [`ENDS`] while signals end the program at once.
+/// The signal that arrived. Before a signal: [`WAITS`] if the run handles the first signal, or [`ENDS`] if a signal
+/// ends the program at once.
 static ARRIVED: AtomicI32 = AtomicI32::new(ENDS);
 const WAITS: i32 = 0;
 const ENDS: i32 = -1;
 
-/// Makes signals end the program with their exit code. If no thread can be started, the system's own handlers remain, and
-/// incomplete files remain until a later run finds them.
+/// Handles signals: they remove incomplete files and end the program with their exit code. If no thread can be started,
+/// the default handlers remain, and a later run removes incomplete files.
 pub(crate) fn handle() {
     #[cfg(unix)]
     let _ = listen();
@@ -58,7 +59,7 @@ fn end_at_once(signal: i32) -> ! {
     signal_hook::low_level::exit(128 + signal)
 }
 
-/// Makes the first signal wait for [`check`], for a limited time.
+/// From now on, the first signal is reported by [`check`]. It ends the program only if the run does not end in time.
 pub(crate) fn defer() {
     ARRIVED.store(WAITS, Ordering::Relaxed);
 }

@@ -73,7 +73,7 @@ impl RunCommand for StabilitySettings {
 }
 
 impl StabilitySettings {
-    /// Measures the baseline of the only backend.
+    /// Measures error rates as a baseline. Fails unless exactly one backend is given.
     fn record_rates(&self, backends: &mut [Box<dyn Backend>], file: &Path) -> Result<(), Stop> {
         let [backend] = backends else {
             let names: Vec<_> = backends.iter().map(|b| b.device().backend).collect();
@@ -158,8 +158,8 @@ impl Serialize for StabilityRow {
             "wrong": wrong.count,
             "rate": wrong.rate(),
             "bound": wrong.bound,
-            // For closed meshes only: rays from inside without a hit; rays that cross the surface too often or too
-            // seldom.
+            // Only for closed meshes. Leaks are rays from inside that hit nothing. Double hits are rays that cross the
+            // surface too often or too seldom.
             "leaks": of(Measure::Leaks),
             "double_hits": of(Measure::DoubleHits),
             // Whether every count is within its bound.

@@ -39,7 +39,7 @@ impl Stop {
     }
 }
 
-/// Returns the reason for a command whose parts all failed. It is bad usage only if each part was.
+/// Combines the errors of a command whose parts all failed. Returns [`Stop::Bad`] only if every part is.
 pub(crate) fn all_failed(parts: Vec<Stop>) -> Stop {
     let (mut reasons, mut is_bad) = (Vec::new(), true);
     for part in parts {
@@ -70,21 +70,22 @@ impl fmt::Display for Stop {
     }
 }
 
-/// Joins indented continuation lines, as parsers wrap them, into one line. All other text, such as a name, is kept.
+/// Joins the indented continuation lines of a parser's message into one line. Keeps other line breaks, such as those in
+/// names.
 fn unwrapped(text: &str) -> String {
     let mut lines = text.trim_end().split("\n  ");
     let first = lines.next().unwrap_or_default().to_owned();
     lines.fold(first, |all, next| all + " " + next.trim_start())
 }
 
-/// Every error of a scene is an error of the input.
+/// A scene that cannot be read is invalid input.
 impl From<SceneError> for Stop {
     fn from(e: SceneError) -> Self {
         Self::bad(e)
     }
 }
 
-/// A file could not be written during the run. Earlier checks, and errors of reading, use [`Stop::bad`].
+/// A file that cannot be written during the run is a failure. Checks before the run and read errors use [`Stop::bad`].
 impl From<OutputError> for Stop {
     fn from(e: OutputError) -> Self {
         Self::failed(e)

@@ -134,7 +134,8 @@ struct StreamedMotion<'a> {
 struct SubmittedStep {
     id: StepId,
     query: QueryId,
-    /// Milliseconds of wall time from the start of the step, without the program's own writes.
+    /// Wall time from the start of the step to its submission, in milliseconds, without the program's writes of
+    /// vertices.
     ms: f64,
 }
 
@@ -274,7 +275,7 @@ impl VertexSource {
     }
 }
 
-/// One row of the table.
+/// One combination of backend, update policy and vertex source.
 struct StressRun {
     backend: &'static str,
     device: Device,

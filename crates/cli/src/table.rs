@@ -7,8 +7,8 @@ use output::{FrameStats, Summary, TIMES, overview, plot};
 /// A row of a table: cells with the names of their columns.
 pub(crate) type Cells<'a> = Vec<(&'a str, String)>;
 
-/// Formats rows that have the same columns as a table. Every column but the first `words` holds numbers. On a terminal
-/// that is too narrow, returns a list.
+/// Formats rows as a table. All rows have the same columns. The first `words` columns hold text, the others hold
+/// numbers. If the terminal is too narrow, returns a list instead.
 pub(crate) fn table<'a>(rows: impl IntoIterator<Item = Cells<'a>>, words: usize) -> String {
     let rows: Vec<_> = rows.into_iter().collect();
     within(console::columns(), &rows, words)

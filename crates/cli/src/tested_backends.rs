@@ -1,4 +1,4 @@
-//! The backends that `conform`, `stability` and `stress` test, and the part that their reports share.
+//! The backends that `conform`, `stability` and `stress` test, and their description in reports.
 
 use crate::devices::{BackendChoice, DeviceRequest};
 use crate::machine::{self, VERSION};
@@ -13,8 +13,8 @@ use std::path::PathBuf;
 /// The backends to test, and where results go.
 #[derive(Args, Debug)]
 pub(crate) struct TestSettings {
-    /// Backends; auto is all that are present, except the reference
-    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = parsers::AUTO, value_parser = parsers::backend("All that are present"))]
+    /// Backends. auto selects all available backends except the reference, or the best one for stress
+    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = parsers::AUTO, value_parser = parsers::backend("As described above"))]
     pub(crate) backend: Vec<BackendChoice>,
     /// Adapter of the backends, by index or by part of its name
     #[arg(long, value_name = "INDEX|NAME-PART")]
@@ -64,7 +64,7 @@ impl TestedBackends {
                 "" => String::new(),
                 driver => format!(" ({driver})"),
             };
-            tested.text += &format!("{name}: {adapter}{driver}; by itself: {own}\n");
+            tested.text += &format!("{name}: {adapter}{driver}; arithmetic: {own}\n");
             tested.names.push(name);
             tested.backends.push(json!({
                 "backend": name,
@@ -98,7 +98,7 @@ pub(crate) struct OpenedBackends {
 }
 
 impl TestSettings {
-    /// Opens the backends that were named. `auto` stands for all that are present, except the reference.
+    /// Opens the named backends. `auto` stands for all available backends except the reference.
     pub(crate) fn open(&self) -> Result<OpenedBackends, Stop> {
         let (mut backends, mut absent) = (Vec::new(), Vec::new());
         let takes_all = self.backend.contains(&None);

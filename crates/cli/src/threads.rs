@@ -4,10 +4,10 @@ use rayon::ThreadBuilder;
 use std::io;
 use std::sync::mpsc::{Sender, channel};
 
-/// Starts the threads for all work outside the backend (reading, shading): `threads`, or one per core. If the system
-/// refuses some, there are fewer, and a remark reports it.
+/// Starts rayon's global pool for all work outside the backend, such as reading and shading. The pool has `threads`
+/// threads, or one per core. If the system cannot start that many, prints a remark and uses fewer.
 ///
-/// rayon's global pool can be built only once, so the threads are started before it.
+/// The global pool can be built only once. So the threads are started first, and the pool uses those that started.
 pub(crate) fn start(threads: Option<usize>) {
     let wanted = threads.unwrap_or_else(host::cores);
     let crew = crew(wanted, |work| {
@@ -16,10 +16,10 @@ pub(crate) fn start(threads: Option<usize>) {
     if crew.len() < wanted {
         let fewer = crew.len().max(1);
         crate::console::say(&format!(
-            "the system starts no {wanted} threads: reading and shading take {fewer}"
+            "the system cannot start {wanted} threads: reading and shading use {fewer}"
         ));
     }
-    // Building fails only if a pool exists already, which then remains.
+    // Building fails only if a pool exists already. Then that pool is used.
     let pool = rayon::ThreadPoolBuilder::new();
     let _ = match &crew[..] {
         [] => pool.num_threads(1).use_current_thread().build_global(),
@@ -37,8 +37,8 @@ fn hand(crew: &[Sender<ThreadBuilder>], worker: ThreadBuilder) -> io::Result<()>
     handed.map_err(|_| io::ErrorKind::BrokenPipe.into())
 }
 
-/// Starts up to `wanted` threads that wait for a worker, and end without one. If the system refuses a thread, half
-/// of the started threads end again, so that other work can start threads.
+/// Starts up to `wanted` threads. Each waits for a rayon worker to run, and ends if its sender is dropped. If the
+/// system refuses a thread, keeps only half of the threads, so that other code can start some.
 fn crew(
     wanted: usize,
     spawn: impl Fn(Box<dyn FnOnce() + Send>) -> io::Result<()>,

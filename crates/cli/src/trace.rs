@@ -1,4 +1,4 @@
-//! `abvh trace`: traces the rays of a file at one time.
+//! `abvh trace`: traces rays from a file against the scene at a given time.
 
 use crate::command::{Requirement, RunCommand};
 use crate::console;
@@ -33,7 +33,7 @@ pub(crate) struct TraceSettings {
     /// File for the hits
     #[arg(long, value_name = "HITS.npz", value_parser = parsers::file())]
     out: PathBuf,
-    /// Find only whether each ray hits any triangle
+    /// Report only whether each ray hits any triangle
     #[arg(long)]
     any_hit: bool,
     #[command(flatten)]
@@ -41,8 +41,8 @@ pub(crate) struct TraceSettings {
     /// How a ray is tested against a triangle
     #[arg(long, value_name = "NAME", default_value = "watertight", value_parser = parsers::intersector(|_| true))]
     intersector: Intersector,
-    /// How the tree is made. auto and rebuild build it at --time. refit builds it at --tree-time and moves its boxes to
-    /// --time. Hits are the same, only the speed differs
+    /// How the tree is made. auto and rebuild build it for --time. refit builds it for --tree-time and refits it to
+    /// --time. The hits are the same; only the speed differs
     #[arg(long, value_name = "POLICY", default_value = parsers::AUTO, value_parser = parsers::update(|p| !p.builds_beside_frames()))]
     update: PolicyChoice,
     /// With --update refit: time at which the tree is built, in key frames [default: 0]

@@ -1,4 +1,4 @@
-//! How frames are traced: the device, the intersector, and how trees follow the motion.
+//! Options that control tracing: device, intersector and update policy.
 
 use crate::command::Requirement;
 use crate::devices::{BackendChoice, DeviceRequest, DeviceSettings};
@@ -7,7 +7,7 @@ use backend::{DeviceKind, Intersector, Policy};
 use clap::{ArgAction, Args};
 use pipeline::{Frame, Threads};
 
-/// How frames are traced. [`crate::setup`] makes the choices that these leave to `auto`.
+/// Options that control tracing. [`crate::setup`] resolves the options that are `auto`.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct TracerSettings {
     #[command(flatten)]
@@ -15,7 +15,7 @@ pub(crate) struct TracerSettings {
     /// How a ray is tested against a triangle
     #[arg(long, value_name = "NAME", default_value = "watertight", value_parser = parsers::intersector(|_| true))]
     pub(crate) intersector: Intersector,
-    /// How trees follow the motion
+    /// Update policy: how trees are kept up to date as triangles move
     #[arg(long, value_name = "POLICY", default_value = AUTO, value_parser = parsers::update(|_| true))]
     pub(crate) update: PolicyChoice,
     /// With async: adopt each tree exactly K frames after its request
@@ -44,7 +44,7 @@ pub(crate) struct ChosenPolicy {
 }
 
 impl TracerSettings {
-    /// Returns settings with defaults for all that is not named.
+    /// Returns settings with defaults for all other options.
     pub(crate) fn of(
         backend: BackendChoice,
         intersector: Intersector,
@@ -59,31 +59,31 @@ impl TracerSettings {
         }
     }
 
-    /// Returns the policy, as far as it is known before the scene and the device.
+    /// Returns the policy that the options determine alone. If `auto` has the choice, this is a provisional `async`.
     pub(crate) fn policy(&self) -> ChosenPolicy {
         let at_pace = self.lockstep.map_or(Policy::Async, Policy::Lockstep);
         let (policy, why) = match self.update {
             Some(named) if named.builds_beside_frames() => (at_pace, None),
             Some(named) => (named, None),
             None if self.is_open() => (at_pace, Some("it suits most scenes that deform")),
-            None => (at_pace, Some("--lockstep asks for it")),
+            None => (at_pace, Some("--lockstep requires it")),
         };
         let why = why.map(str::to_owned);
         ChosenPolicy { policy, why }
     }
 
-    /// Returns whether `auto` chooses the policy, which it can do better once the backend is open.
+    /// Returns whether `auto` has the choice. [`crate::auto`] makes it once the backend is open.
     pub(crate) fn is_open(&self) -> bool {
         self.update.is_none() && self.lockstep.is_none()
     }
 
-    /// Returns how cores are shared on a kind of device under a policy.
+    /// Returns the numbers of rendering and builder threads for a kind of device and a policy.
     pub(crate) fn share(&self, device: DeviceKind, policy: Policy) -> Threads {
         let requested = [self.device.threads, self.device.builder_threads];
         Threads::share(host::cores(), device, policy, requested)
     }
 
-    /// Returns the backend to open. If the host is the device, it traces with its share of the cores.
+    /// Returns the request that opens the backend. A backend on the host gets the share of the cores that renders.
     pub(crate) fn device_request(&self) -> DeviceRequest {
         let host = self.share(DeviceKind::Cpu, self.policy().policy);
         DeviceRequest {
@@ -109,7 +109,7 @@ pub(crate) fn needs_async(option: &'static str, updates: &[PolicyChoice]) -> Req
     Requirement::new(
         option,
         updates.iter().any(may_be_async),
-        "goes only with --update async",
+        "applies only with --update async",
     )
 }
 
@@ -119,21 +119,22 @@ pub(crate) fn needs_host_builds(updates: &[PolicyChoice]) -> Requirement {
     Requirement::new(
         "builder_threads",
         updates.iter().any(host_builds),
-        "goes only with trees that the host builds",
+        "applies only to trees that the host builds",
     )
 }
 
-/// The frames and rays of a run, by which `auto` chooses and memory is estimated.
+/// The frames and rays of a run: the input of the choice of `auto` and of the memory estimate.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Workload<'a> {
-    /// Empty if they are not known.
+    /// Frames to trace. Empty if they are not known in advance.
     pub(crate) frames: &'a [Frame],
     /// Number of rays of a frame.
     pub(crate) rays: usize,
 }
 
 impl Workload<'_> {
-    /// Returns the first and the last time of all frames, in key frames, or all times if the frames are not known.
+    /// Returns the earliest and the latest time of the frames, in key frames. Returns 0 to infinity if the frames are
+    /// not known.
     pub(crate) fn time_range(&self) -> [f64; 2] {
         if self.frames.is_empty() {
             return [0.0, f64::INFINITY];

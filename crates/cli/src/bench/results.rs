@@ -20,7 +20,7 @@ pub(super) fn json(results: &Results) -> Vec<Value> {
         .collect()
 }
 
-/// Returns a table with one row a run. Unknown cells are empty.
+/// Returns a table with one row per run. Unknown cells are empty.
 pub(super) fn csv(results: &Results) -> Result<String, Stop> {
     let columns = || COLUMNS.split(',');
     let record = |mut json: Value| -> Vec<String> {
@@ -53,14 +53,14 @@ pub(super) fn text(results: &Results) -> String {
     for row in rows {
         if let Some(warmed) = row.warm_up.filter(|warmed| !warmed.steady) {
             let (scene, name, seconds) = (&row.scene, name(row), warmed.seconds);
-            text += &format!("{scene} {name}: not to be relied on: ");
-            text += &format!("after {seconds:.1} s of warm-up frames still changed\n");
+            text += &format!("{scene} {name}: unreliable: ");
+            text += &format!("frame times were not steady after {seconds:.1} s of warm-up\n");
         }
     }
     for row in rows {
         if let Some(share) = row.differing {
             let (scene, name, percent) = (&row.scene, name(row), 100.0 * share);
-            text += &format!("{scene} {name}: {percent:.4} % of rays hit otherwise than ours\n");
+            text += &format!("{scene} {name}: {percent:.4} % of rays differ from backend cpu\n");
         }
     }
     text
@@ -95,7 +95,7 @@ fn cells(r: &MeasuredRow) -> Cells<'static> {
     ]
 }
 
-/// Returns the row of a combination that failed: its names, and no numbers. `row` has the same columns.
+/// Returns the row of a combination that failed: its names without numbers. The columns are those of `row`.
 fn failed_cells(failure: &FailedRun, row: &MeasuredRow) -> Cells<'static> {
     let rays = failure
         .rays

@@ -1,4 +1,6 @@
-//! Compares a scene's rays with exact answers: how often a method is wrong.
+//! Counts how often a method's hits differ from exact answers.
+//!
+//! *Plain* rays come from a camera or are random. *Aimed* rays are directed at edges and vertices.
 //!
 //! Sampling is sequential. After each stage, only methods whose 95 % interval overlaps that of another intersector
 //! trace more rays. Intervals are Wilson's, or follow the rule of three if no answer was wrong ([`Rate`]).
@@ -18,12 +20,12 @@ use scene::Viewpoint;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Number of times of a scene at which rays are traced.
+/// Number of sample times in a scene's motion at which rays are traced.
 const MOMENTS: usize = 4;
 /// Maximum number of rays that are traced at a time.
 const MOST: usize = 1 << 20;
-/// Rays are numbered modulo the end of the last stage. Each stage traces the rays with some remainders: an eighth of
-/// the rays, then three eighths, then the other half. The stages of any scene are the same on every machine.
+/// Stages of the sampling. A ray belongs to the stage that contains its number modulo 8: first an eighth of the rays,
+/// then three eighths, then the other half. So the stages of a scene are the same on every machine.
 pub(super) const STAGES: [Range<usize>; 3] = [0..1, 1..4, 4..8];
 /// Number of plain rays of a probe at each of two times.
 const PROBE: usize = 1 << 10;
@@ -62,7 +64,7 @@ pub(super) struct Tally {
     pub(super) contender: Contender,
     /// Index of the group of contenders that give the same answers.
     pub(super) group: usize,
-    /// Whether the next stage traces more rays: plain rays, aimed rays.
+    /// Whether the next stage traces plain rays, and whether it traces aimed rays.
     goes_on: [bool; 2],
     counted: plot::ChartPoint,
 }
@@ -80,7 +82,7 @@ impl RaySampler<'_> {
         loaded.trace_lists(self.kind(false), lists)
     }
 
-    /// Returns the rays of a stage. The rays of a stage do not depend on which stages are traced.
+    /// Returns the rays of a stage, of the selected `sorts`: plain, aimed. The rays do not depend on other stages.
     fn batches(&self, stage: &Range<usize>, sorts: [bool; 2]) -> Vec<RayBatch> {
         let moments = moments(self.animation, MOMENTS);
         let count = self.rays.div_ceil(moments.len());
@@ -105,7 +107,7 @@ impl RaySampler<'_> {
         batches
     }
 
-    /// Computes exact answers for the rays of a stage, for those sorts of rays that any method still traces.
+    /// Computes exact answers for the rays of a stage. Omits sorts of rays that no method traces any more.
     pub(super) fn answer(
         &self,
         stage: &Range<usize>,
@@ -163,7 +165,7 @@ impl RaySampler<'_> {
         stage: &AnsweredStage,
         tally: &mut Tally,
     ) -> Result<(), Stop> {
-        // Build the first tree at the beginning of the motion.
+        // Trace no rays at time 0, so that the first tree is built at the beginning of the motion.
         loaded.trace_lists(QueryKind::Closest, [(0.0, &[][..])])?;
         for answered in &stage.0 {
             if tally.goes_on[usize::from(answered.batch.is_aimed)] {
@@ -209,7 +211,7 @@ impl Tally {
 }
 
 /// Decides which methods the next stage traces. A method continues with a sort of rays while its interval overlaps that
-/// of another intersector on the same backend. A method without a rival continues to the end.
+/// of another intersector on the same backend. A method without competing intersectors continues to the end.
 pub(super) fn decide(tallies: &mut [Tally]) {
     let rates: Vec<_> = tallies
         .iter()
@@ -249,7 +251,7 @@ fn count(answered: &AnsweredBatch, hits: &Hits, point: &mut plot::ChartPoint) {
 
 /// Size of the region in which aimed and random rays begin, relative to the scene's box.
 const ORIGIN_SCALE: f64 = 2.0;
-/// Number of triangles that are drawn before a scene counts as having no triangle to aim at.
+/// Maximum number of random triangles that are tried to find an active one to aim at.
 const DRAWS: usize = 64;
 
 /// Returns the middle of each of `count` equal parts of the motion, or one time if nothing moves.
@@ -271,7 +273,8 @@ fn rays_at(animation: &Animation, view: &Viewpoint, time: f64, count: usize) -> 
     [plain, (0..count / 4).filter_map(aim).collect()]
 }
 
-/// Returns the first `count` rays of a camera of about that many pixels, row by row. Empty without a camera.
+/// Returns the first `count` rays of a camera of about that many pixels, row by row. Empty if the view defines no
+/// camera.
 fn of_camera(view: &Viewpoint, count: usize) -> Vec<Ray> {
     let width = (count as f64 * 1.6).sqrt().ceil().max(1.0) as u32;
     let height = count.div_ceil(width as usize).max(1) as u32;
@@ -285,7 +288,7 @@ fn at_random(bounds: &Aabb, rng: &mut Rng) -> Ray {
     towards(from, within(bounds, 1.0, rng))
 }
 
-/// Returns a ray from a random point around the box to a vertex, or to a point on an edge after rounding.
+/// Returns a ray from a random point around the box to a vertex, or to a rounded point on an edge.
 fn aimed(moment: &Moment<'_>, bounds: &Aabb, rng: &mut Rng) -> Option<Ray> {
     let count = u32::try_from(moment.animation().triangle_count()).ok()?;
     let mut draw = || (count > 0).then(|| moment.corners(rng.u32(..count)));

@@ -24,7 +24,7 @@ impl HitMethod {
         }
     }
 
-    /// Returns whether two methods are other intersectors of one backend.
+    /// Returns whether two methods are different intersectors of one backend.
     pub(super) fn competes_with(self, other: Self) -> bool {
         match (self, other) {
             (Self::Ours(backend, by), Self::Ours(other, intersector)) => {
@@ -35,7 +35,7 @@ impl HitMethod {
     }
 }
 
-/// Returns everything that backends and rivals support, once.
+/// Returns all contenders that backends and rivals support, without duplicates.
 pub(super) fn contenders(settings: &ChartSettings) -> Result<Contenders, Stop> {
     let measure = &settings.measure;
     let mut contenders = Contenders::default();
@@ -95,7 +95,7 @@ pub(super) fn failure(scene: &str, contender: &Contender, stop: &Stop) -> Failur
     }
 }
 
-/// Returns the reason why `auto` skips a backend that finds no GPU.
+/// Returns the reason why `auto` skips a backend, or `None` if it has an adapter that is not a software device.
 fn why_not(presence: BackendPresence) -> Option<String> {
     let is_fit = |a: &AdapterInfo| a.kind != DeviceKind::Software;
     if presence.adapters.iter().any(is_fit) {
@@ -103,7 +103,7 @@ fn why_not(presence: BackendPresence) -> Option<String> {
     }
     Some(presence.absent.unwrap_or_else(|| {
         let there = AdapterInfo::numbered(&presence.adapters);
-        format!("it finds no GPU but {there}; --backend takes it by name")
+        format!("it finds no GPU, only {there}; to chart it, name it with --backend")
     }))
 }
 

@@ -4,10 +4,10 @@ use super::context;
 use clap::error::ContextKind;
 use std::fmt;
 
-/// An option that is gone, or one of its values, and the option to use instead.
+/// A removed option, or a removed value of an option, with its replacement.
 pub(super) struct Removed {
     option: &'static str,
-    /// The value that is gone; `None` if the option is.
+    /// The removed value, or `None` if the whole option was removed.
     value: Option<&'static str>,
     replacement: &'static str,
 }
@@ -52,7 +52,7 @@ impl fmt::Display for Removed {
     }
 }
 
-/// Returns the removed option or value that clap refuses, if it is one.
+/// Returns the entry for the option or value that clap refused, if it is in the list.
 pub(super) fn find(e: &clap::Error) -> Option<&'static Removed> {
     // clap appends the placeholder of the value: `--update <POLICY>`.
     let option = context(e, ContextKind::InvalidArg)?

@@ -1,4 +1,4 @@
-//! Millions of rays against the oracle, on every backend.
+//! Compares the hits of every backend with the oracle's exact hits.
 
 use super::{ConformReport, ConformSettings};
 use crate::console::ProgressLine;
@@ -58,7 +58,8 @@ fn chunks(specs: &[BatchSpec]) -> Vec<&[BatchSpec]> {
     specs.chunk_by(together).collect()
 }
 
-/// Traces batches on a backend. Keeps its first wrong rays with the command that reproduces them.
+/// Traces batches on a backend and counts wrong answers. Adds its first wrong rays to the report, with the command that
+/// reproduces them.
 fn trace(
     settings: &ConformSettings,
     backend: &mut dyn Backend,
@@ -87,7 +88,7 @@ fn trace(
     Ok(())
 }
 
-/// Counts of all rays at meshes of one kind.
+/// Counts of all rays that one backend traced against meshes of one kind.
 #[derive(Clone, Serialize)]
 pub(super) struct OracleRow {
     backend: &'static str,

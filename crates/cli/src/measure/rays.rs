@@ -16,7 +16,7 @@ pub(crate) enum MeasuredRays {
 }
 
 impl MeasuredRays {
-    /// Returns the name in results, where a camera's rays are not named.
+    /// Returns the name in results, or `None` for camera rays, which results do not name.
     pub(crate) fn unless_camera(self) -> Option<&'static str> {
         (self == Self::Random).then_some("random")
     }
@@ -29,7 +29,7 @@ pub(super) enum FrameRays<'a> {
 }
 
 impl<'a> FrameRays<'a> {
-    /// Returns as many rays as the camera has pixels.
+    /// Returns rays of a kind: one per pixel of the camera.
     pub(super) fn of(kind: MeasuredRays, scene: &Scene, shot: &'a LitCamera) -> Self {
         let bounds = scene.animation.bounds();
         match kind {

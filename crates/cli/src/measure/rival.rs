@@ -1,4 +1,4 @@
-//! Opens rivals by name, measures their frames, and compares their hits with ours.
+//! Opens rivals by name, measures their frames, and compares their hits with those of backend `cpu`.
 
 use super::timing::{TimedFrames, TimingPlan, trace_frame};
 use crate::devices::Opening;
@@ -17,7 +17,7 @@ use std::fmt;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Name of a rival's intersector in tables and files, because rivals use their own.
+/// Name for a rival's intersector in tables and files. Rivals use their own intersectors.
 pub(crate) const OWN: &str = "own";
 
 /// The device of a rival, and the threads if it runs on the host. By default, all cores and the first adapter.
@@ -74,7 +74,7 @@ impl RunningRival {
         })
     }
 
-    /// Times frames.
+    /// Times the frames of a plan, with a warm-up after the first frame.
     pub(super) fn time(&mut self, plan: TimingPlan<'_>) -> Result<TimedFrames, Stop> {
         let TimingPlan { frames, query, .. } = plan;
         let (mut stats, mut held, mut warmed) = (Vec::new(), None::<DeviceBytes>, None);
@@ -95,7 +95,7 @@ impl RunningRival {
         }
         for frame in &mut stats {
             let moment = self.animation.at(frame.time).map_err(Stop::bad)?;
-            // Rivals do not count these.
+            // Rivals do not count inactive and degenerate triangles.
             let report = &mut frame.report;
             [report.inactive, report.degenerate] = unhittable_at(&moment).map(|count| count as u64);
         }
@@ -161,8 +161,8 @@ impl RunningRival {
         Ok(self.rival.hits()?.clone())
     }
 
-    /// Returns the share of rays whose triangle or shadow differs from ours, over the first, a middle and the last frame.
-    /// Ours are those of `watertight` on the host, with a fresh tree in each frame.
+    /// Returns the share of rays whose triangle or shadow differs from that of backend `cpu`, over the first, a middle
+    /// and the last frame. Backend `cpu` uses `watertight` and a new tree in each frame.
     pub(super) fn differing(&mut self, frames: &[Frame], query: Query<'_>) -> Result<f64, Stop> {
         let tracer = TracerSettings::of(
             Some(BackendName::Cpu),

@@ -18,7 +18,7 @@ pub(super) struct TimingPlan<'a> {
 pub(super) struct TimedFrames {
     pub(super) warm_up: Option<Warmed>,
     pub(super) stats: Vec<FrameStats>,
-    /// The most device memory that was held.
+    /// Device memory of the frame that used the most.
     pub(super) held: Option<DeviceBytes>,
 }
 

@@ -1,4 +1,4 @@
-//! The files of each frame, in their folders.
+//! Paths of the files of each frame, and their contents.
 
 use super::RenderSettings;
 use crate::file_checks::absolute;
@@ -6,7 +6,7 @@ use crate::stop::Stop;
 use output::HitArrays;
 use std::path::{Path, PathBuf};
 
-/// The files of each frame, and whether a video shows it.
+/// The output folders for the files of frames, and whether a video is written.
 #[derive(Debug)]
 pub(super) struct FrameFiles {
     pictures: Option<PathBuf>,
@@ -15,7 +15,7 @@ pub(super) struct FrameFiles {
 }
 
 impl FrameFiles {
-    /// Gives a folder that is named in two ways a single name.
+    /// Returns the outputs of a run. If the two folders are one folder under two names, both get the first name.
     pub(super) fn of(settings: &RenderSettings) -> Self {
         let pictures = (!settings.no_images).then(|| settings.out.clone());
         let is_same = |hits: &PathBuf| pictures.as_deref().map(absolute) == Some(absolute(hits));
@@ -30,7 +30,7 @@ impl FrameFiles {
         }
     }
 
-    /// Creates the folders. Returns the new ones, the innermost first.
+    /// Creates the folders and their parents. Returns the created folders, each before its parent.
     pub(super) fn create_folders(&self) -> Result<Vec<PathBuf>, Stop> {
         let mut all = Vec::new();
         for dir in self.folders() {
@@ -68,7 +68,7 @@ impl FrameFiles {
         self.has_pictures() || self.has_hits()
     }
 
-    /// Writes a frame's files from its hits and its colours, which are empty without pictures.
+    /// Writes the files of a frame. `rgb` is empty if no picture is written.
     pub(super) fn write(
         &self,
         frame: u64,

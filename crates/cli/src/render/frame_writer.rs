@@ -13,16 +13,17 @@ use scene::Scene;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Mutex, MutexGuard};
 
-/// Maximum number of bytes of hits and pictures that wait to be written. A quarter of the free memory is another limit.
-/// Two frames are always allowed.
+/// Maximum number of bytes in the buffers of frames that are being written. A quarter of the free memory is another
+/// limit. Two frames are always allowed.
 const MOST_BYTES: u64 = 1 << 30;
-/// Bytes per pixel: a hit with its shadow, and the file's copy; a colour with and without alpha, and the picture; the
-/// planes of a video.
+/// Bytes per pixel of hits: a hit with its shadow, and the copy for the file.
 const HIT_BYTES: usize = 17 + 17;
+/// Bytes per pixel of colours: RGBA, RGB, and the encoded picture.
 const COLOUR_BYTES: usize = 4 + 3 + 3;
+/// Bytes per pixel of a video: three planes.
 const PLANE_BYTES: usize = 3;
 
-/// The scene that all frames show, and the results that are written.
+/// The scene and the view of all frames, and the outputs that are written.
 pub(super) struct Rendered<'a> {
     pub(super) scene: &'a Scene,
     pub(super) shot: &'a LitCamera,
@@ -34,12 +35,13 @@ pub(super) struct Rendered<'a> {
 pub(super) struct FrameWriter<'a> {
     rendered: Rendered<'a>,
     log: Mutex<FrameLog<'a>>,
-    /// Only one thread submits frames, so this lock is never contended.
+    /// Receives free buffers. Only one thread submits frames, so this lock is never contended.
     free: Mutex<Receiver<FrameBuffers>>,
+    /// Returns buffers to `free`.
     returned: Sender<FrameBuffers>,
 }
 
-/// Where the results of written frames are recorded.
+/// Records of the frames that have been written.
 pub(super) struct FrameLog<'a> {
     /// One for each output folder.
     pub(super) journals: &'a mut [Journal],
@@ -59,7 +61,7 @@ struct FrameBuffers {
     planes: VideoPlanes,
 }
 
-/// A frame's buffers, which return to the writer when the frame's files are written or abandoned.
+/// Buffers of a frame. Dropping them returns them to the writer.
 pub(super) struct BorrowedBuffers {
     buffers: FrameBuffers,
     returned: Sender<FrameBuffers>,
@@ -106,8 +108,9 @@ impl<'a> FrameWriter<'a> {
         }
     }
 
-    /// Accepts the frame with index `place` of the run. Waits while too many frames are being written. Fails if a
-    /// signal arrived, or if files of an earlier frame could not be written.
+    /// Writes a frame on rayon's threads. `place` is the frame's index in the run. Swaps `answers` for free buffers,
+    /// and waits while too many frames are being written. Fails if a signal arrived, or if files of an earlier frame
+    /// could not be written.
     pub(super) fn write<'s>(
         &'s self,
         scope: &Scope<'s>,
@@ -127,7 +130,7 @@ impl<'a> FrameWriter<'a> {
                 video.take(place, borrowed);
             }
         };
-        // Without its own threads, rayon would run spawned work only at the end of the run.
+        // If this thread is rayon's only worker, spawned work would run only at the end of the run.
         let files = self.rendered.files;
         let writes_any = files.any() || files.has_video;
         if !writes_any || rayon::current_thread_index().is_some() {

@@ -62,7 +62,7 @@ impl EarlierRun {
         })
     }
 
-    /// Separates frames whose files are all complete from the others. A video needs all frames.
+    /// Separates frames whose files are all complete from those to render. With a video, all frames are rendered.
     pub(super) fn divide(&self, frames: Vec<Frame>, files: &FrameFiles) -> Progressed {
         let (mut done, mut todo) = (Vec::new(), Vec::new());
         for frame in frames {
@@ -85,7 +85,7 @@ impl EarlierRun {
         row.cloned()
     }
 
-    /// Returns the rows of all frames if all are complete, so that nothing needs to be loaded.
+    /// Returns the rows of all frames if the run resumes and is complete, so that nothing needs to be loaded.
     pub(super) fn finished(
         &self,
         settings: &RenderSettings,
@@ -161,13 +161,13 @@ pub(super) fn manifest(settings: &RenderSettings, key_times: usize) -> Result<Ma
     })
 }
 
-/// Returns the options, apart from those of the camera, that decide a byte of the files.
+/// Returns the options that affect the contents of the files, apart from those of the camera.
 fn other_options(settings: &RenderSettings, key_times: usize) -> BTreeMap<String, Value> {
     let RenderSettings { source, tracer, .. } = settings;
     let mut all = vec![
         ("fps", json!(source.fps)),
         ("clip", json!(source.clip)),
-        // The default view depends on it.
+        // The default view shows the bounding boxes of paged key frames instead of their vertices.
         ("key-memory", json!(source.key_memory)),
         ("frames", frames_value(settings, key_times)),
         ("intersector", json!(tracer.intersector.name())),
@@ -175,7 +175,7 @@ fn other_options(settings: &RenderSettings, key_times: usize) -> BTreeMap<String
     if source.recentre {
         all.push(("recentre", json!(true)));
     }
-    // Other intersectors give the same hits on every backend.
+    // The hits of these intersectors depend on the device.
     if !tracer.intersector.is_equal_across_backends() {
         all.push(("backend", json!(backend_name(tracer.device.backend))));
         all.push(("adapter", json!(tracer.device.adapter)));
@@ -184,7 +184,8 @@ fn other_options(settings: &RenderSettings, key_times: usize) -> BTreeMap<String
     all.into_iter().map(owned).collect()
 }
 
-/// The times of frames at key times do not depend on other frames. The times of other frames depend on their number.
+/// Returns the value of `frames` in the manifest. Runs over different key times are compatible, because the time of
+/// such a frame does not depend on other frames. The times of evenly spread frames depend on their number and range.
 fn frames_value(settings: &RenderSettings, key_times: usize) -> Value {
     let frames = settings.frames.as_ref();
     if let Some(FrameChoice::Keys(_)) = frames {
