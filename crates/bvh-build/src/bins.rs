@@ -10,7 +10,7 @@ mod avx2;
 /// Maximum number of bins along each axis; a power of two.
 pub(crate) const BINS: usize = 64;
 
-/// Number of triangles per bin in small nodes, which have at least [`LEAST_BINS`] bins.
+/// Number of triangles per bin, unless a node would have fewer than [`LEAST_BINS`] or more than [`BINS`] bins.
 const PER_BIN: usize = 4;
 const LEAST_BINS: usize = 8;
 
@@ -48,7 +48,7 @@ pub(crate) struct Grid {
 }
 
 impl Grid {
-    /// Added to a number in `0..2^22`, gives a float whose low bits are the rounded number.
+    /// Rounds a number in `0..2^22` that it is added to. The low bits of the sum are the rounded number.
     const ROUND: f32 = (1 << 23) as f32;
 
     /// Creates bins for `n` triangles over `centers`. On an axis without extent, all triangles are in bin 0.
@@ -207,7 +207,8 @@ impl Bins {
     }
 }
 
-/// Boxes at one index of a row along each axis, with their numbers of triangles. One axis per lane.
+/// Along each axis there is a row of boxes: bins, or sorted triangles. A column holds the boxes at one index of the
+/// three rows, and their numbers of triangles in one lane per axis.
 #[derive(Clone, Copy)]
 pub(crate) struct Column {
     pub(crate) boxes: [PrimBounds; 3],
@@ -228,9 +229,9 @@ impl Column {
     }
 }
 
-/// All cuts of a row of boxes along each axis. One axis per lane.
+/// Costs of dividing each axis's row of boxes into a left and a right part, in one lane per axis.
 pub(crate) struct Cuts<const N: usize> {
-    /// Costs by number of boxes on the left.
+    /// Cost of each cut. The index is the number of boxes on the left.
     pub(crate) costs: [Vec4; N],
     /// Least costs.
     pub(crate) best: Vec4,

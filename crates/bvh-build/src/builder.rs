@@ -15,17 +15,20 @@ use geom::Point;
 pub struct SahBuilder {
     prims: Vec<Prim>,
     scratch: Vec<Prim>,
-    /// Point that children are ordered toward, if any. Of two children divided by a plane, the one that reaches less far
-    /// from the point comes first; in small nodes, the one on that side of the split. Rays to the point then find an
-    /// occluder sooner. The tree is otherwise the same.
+    /// Point that children are ordered toward, if any. Rays to the point then find an occluder sooner.
+    ///
+    /// In large nodes, the child whose box extends less far from the point comes first. In nodes of at most 32
+    /// triangles, the child on the point's side of the split comes first. Nodes of at most four triangles are not
+    /// ordered. The tree is otherwise the same.
     pub toward: Option<Point>,
-    /// Number of triangles that the heuristic counts as one. Trees have one triangle per leaf in any case.
+    /// Number of triangles per block in the heuristic. Leaves have one triangle for every block size.
     pub block_size: BlockSize,
 }
 
-/// Options of a build that differ between whole trees and the upper levels of one.
+/// Options in which [`SahBuilder::build`] differs from the build of the upper levels by `SubtreeRebuilder`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RootOptions {
+    /// Depth of the root: see [`SahBuilder::build_below`].
     pub(crate) depth: u32,
     pub(crate) block_size: BlockSize,
 }
@@ -100,7 +103,7 @@ impl BinaryTree {
     pub fn over<B: Boxes + ?Sized>(boxes: &B) -> Self {
         let mut tree = Self::default();
         let built = SahBuilder::default().build(boxes, &Cancel::new(), &mut tree);
-        built.expect("nobody cancels");
+        built.expect("the build is not cancelled");
         tree
     }
 }

@@ -7,7 +7,7 @@ use geom::Aabb;
 /// Number of leaves above which subtrees are summed in parallel.
 const PARALLEL: u32 = 2048;
 
-/// Returns the expected number of steps of a random ray that hits the root's box: each node and each leaf counts 1.
+/// Returns the expected number of nodes that a random ray visits if it hits the root's box. Every node costs 1.
 ///
 /// This is the sum of all nodes' areas over the root's area (MacDonald, Booth 1990). It is 0 for an empty tree and for
 /// a root without area. Boxes that are empty or not finite add nothing. The order of summation follows the tree, so the

@@ -8,7 +8,8 @@
 //! [`SahBuilder`] builds from boxes alone, [`SubtreeRebuilder`] from an earlier tree.
 //!
 //! `prim` and `tree` define the input and the output, `bins` finds planes, and `task` holds the parameters of a build.
-//! `node` divides large nodes, then `small` and `tiny` build the subtrees below. `builder` and `subtrees` use all of these.
+//! `node` divides large nodes, then `small` and `tiny` build the subtrees below. `builder` and `subtrees` are the
+//! entry points.
 
 mod bins;
 mod builder;

@@ -12,7 +12,8 @@ use std::cmp::Reverse;
 
 /// Number of triangles above which a node bins and moves them in parallel.
 const PARALLEL_NODE: usize = 2 * CHUNK;
-/// Minimum number of subtrees to build in parallel for each thread but one, so that different sizes balance out.
+/// Minimum number of subtrees for each thread, where one thread is not counted. Several subtrees per thread balance
+/// the load although their sizes differ.
 const SUBTREES_A_THREAD: usize = 8;
 /// Number of triangles above which a node builds its children in parallel and checks for cancellation.
 const PARALLEL_CHILDREN: usize = 2048;
@@ -26,19 +27,22 @@ pub(crate) struct BuildNode<'a> {
     pub(crate) depth: u32,
 }
 
-/// A plane, with the boxes and counts of its sides from binning.
+/// A split plane, and the results of binning that partitioning needs.
 struct NodeSplit {
     plane: Plane,
+    /// Boxes of the left and the right side.
     boxes: [PrimBounds; 2],
+    /// Number of triangles on the left.
     left: usize,
+    /// Bin counts of each chunk. Empty if the node was binned sequentially.
     chunks: Vec<BinCounts>,
 }
 
 /// Builds the tree below `root`. First divides large nodes, level by level, then builds the remaining subtrees in
 /// parallel.
 ///
-/// No subtree is built before all large nodes are divided. Otherwise a thread that waits for parts of a large node
-/// could start a subtree in the meantime, which would delay everything below that node.
+/// No subtree is built before all large nodes are divided. Otherwise rayon could start a subtree on a thread that
+/// waits for parts of a large node. All nodes below the large node would then wait for this subtree.
 pub(crate) fn build(root: BuildNode<'_>, task: BuildTask<'_>) -> Result<(), BuildError> {
     let others = rayon::current_num_threads() - 1;
     let share = root.prims.len() / (SUBTREES_A_THREAD * others).max(1);
@@ -83,7 +87,8 @@ fn divide<'a>(node: BuildNode<'a>, task: BuildTask<'_>) -> [BuildNode<'a>; 2] {
     }
 }
 
-/// Returns the best plane, unless a child would have too many triangles for the remaining levels.
+/// Returns the best plane. Returns `None` if no plane separates the triangles, or if a child would have too many
+/// triangles for the remaining levels.
 fn find_split(node: &BuildNode<'_>, block_size: BlockSize) -> Option<NodeSplit> {
     let n = node.prims.len();
     let grid = Grid::new(&node.extents.centers, n);
@@ -142,7 +147,7 @@ fn extents(prims: &[Prim]) -> PrimExtents {
     a.union(b)
 }
 
-/// Divides a node into halves in the current order, if no plane separates its triangles or too few levels remain.
+/// Divides a node into halves in the current order. Used for nodes without a usable plane: see [`find_split`].
 fn halve(node: BuildNode<'_>) -> [BuildNode<'_>; 2] {
     let left = node.prims.len() / 2;
     let sides = [extents(&node.prims[..left]), extents(&node.prims[left..])];
@@ -167,7 +172,8 @@ fn cut(node: BuildNode<'_>, left: usize, [a, b]: [PrimExtents; 2]) -> [BuildNode
     })
 }
 
-/// Copies `from` into `left` and `right`, and fills both exactly. Returns the bounds of their centres.
+/// Copies the triangles left of `plane` into `left` and the others into `right`. The lengths of both must match.
+/// Returns the bounds of the centres of each side.
 #[inline(never)]
 pub(crate) fn partition(
     from: &[Prim],

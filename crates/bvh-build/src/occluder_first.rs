@@ -1,9 +1,9 @@
 //! Orders children so that rays to a given point visit the likely occluder first.
 //!
 //! An any-hit traversal ends at its first hit, so the order of children matters, and all rays to a point light share
-//! one end. The child whose box reaches less far from that point comes first: the nearer one or, of two at the same
-//! place, the smaller one. Shadowed points mostly face away from the light, so their occluders are mostly nearer to the
-//! light. The order is part of the tree, so it costs a ray nothing.
+//! one end. The child whose box extends less far from the light comes first. This is the nearer child or, at equal
+//! distances, the smaller one. Shadowed points mostly face away from the light, so their occluders are mostly nearer
+//! to the light. The order is part of the tree, so traversal does not compute it.
 //!
 //! Other orders for such rays: Ize, Hansen, *RTSAH Traversal Order for Occlusion Rays*, 2011; Feltman, Lee, Fatahalian,
 //! *SRDH: Specializing BVH Construction and Traversal Order Using Representative Shadow Ray Sets*, 2012; Nah, Manocha,

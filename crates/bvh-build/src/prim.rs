@@ -3,8 +3,8 @@
 use geom::Aabb;
 use glam::{Mat4, Vec4};
 
-/// A box whose upper corner is negated, so that a minimum grows all six sides, in one instruction with eight lanes.
-/// The fourth lanes are unused, except in a [`Prim`].
+/// A box whose upper corner is stored negated. One minimum of eight lanes then grows all six sides.
+/// The fourth lane of each corner is unused, except in a [`Prim`].
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C, align(32))]
 pub(crate) struct PrimBounds {
@@ -51,8 +51,8 @@ impl PrimBounds {
 
 /// One triangle's box: 32 bytes, accessed sequentially.
 ///
-/// `lo.w` holds the bits of the triangle index. `up.w` is -1, so that sums and differences of the fourth lanes are
-/// ordinary numbers.
+/// `lo.w` holds the bits of the triangle index, which may be a subnormal number. `up.w` is -1, so that sums and
+/// differences of the fourth lanes are normal numbers.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Prim {
     pub(crate) bounds: PrimBounds,
@@ -88,6 +88,7 @@ impl Prim {
     }
 }
 
+/// The bounds of a set of boxes, and the bounds of their centres as [`Prim::center`] returns them.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PrimExtents {
     pub(crate) boxes: PrimBounds,
@@ -121,9 +122,9 @@ impl PrimExtents {
     }
 }
 
-/// Measures surface areas inside one node, in units of the node's longest edge, so that no scale over- or underflows.
-/// Every edge is lengthened by 2^-20 of the longest edge, so that boxes of no area (points, axis-parallel segments)
-/// compare by their length.
+/// Measures surface areas inside one node, in units of the node's longest edge. So areas neither overflow nor
+/// underflow in scenes of any scale. Every edge is lengthened by 2^-20 of the longest edge, so that boxes without area
+/// (points, axis-parallel segments) compare by their length.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ruler {
     /// Reciprocal of the longest edge, negated because the sum of a box's corners is the negated extent.

@@ -11,8 +11,8 @@ use glam::Vec4;
 /// Maximum number of triangles of a subtree built here.
 pub(crate) const MOST: usize = 32;
 
-/// Maximum ratio of the cost of halving to the least cost at which a node is halved. Halving is then worse by rounding
-/// alone, so equal boxes make a balanced tree.
+/// A node is halved if this costs at most this factor times the least cost. Such a difference is due to rounding, so
+/// equal boxes make a balanced tree.
 const NEARLY: f32 = 1.0 + 1e-5;
 
 /// The triangles of a subtree, sorted along each axis.
@@ -92,7 +92,8 @@ impl Sorted {
         self.build(second, b, depth + 1);
     }
 
-    /// Returns whether the point that rays end at is right of a cut. For few triangles, the centres at the cut suffice.
+    /// Returns whether [`BuildTask::toward`] is right of a cut. Compares it only with the middle of the two centres
+    /// next to the cut, which suffices for few triangles.
     fn right_first(&self, axis: usize, middle: usize) -> bool {
         self.toward.is_some_and(|point| {
             // Twice the centres.
@@ -113,7 +114,7 @@ impl Sorted {
             boxes: [0, 1, 2].map(|axis| self.at(axis, start + i).bounds),
             triangles: Vec4::ONE,
         };
-        // Within one block, all cuts cost the same in blocks, so triangles are counted.
+        // If the node fits into one block, each side of any cut counts as one block. So triangles are counted instead.
         let block_size = if end - start <= self.block_size.triangles() {
             BlockSize::One
         } else {

@@ -1,12 +1,13 @@
-//! Rebuilds a tree from subtrees of the last one: keeps small compact groups of triangles, and builds all levels above.
+//! Rebuilds a tree from subtrees of the last tree. Keeps small compact subtrees, or *groups*, and builds the levels
+//! above.
 //!
 //! Neighbouring triangles mostly move together. After some frames, most small subtrees are nearly as good as new ones,
 //! and only the levels above have to change. So small subtrees of the last tree become the primitives of a much smaller
 //! build, with their nodes unchanged. Subtrees that came apart are divided first.
 //!
 //! Related work: Ganestam, Barringer, Doggett, Akenine-Möller (*Bonsai*, 2015) build in two levels from scratch. Yoon,
-//! Curtis, Manocha (*Ray Tracing Dynamic Scenes using Selective Restructuring*, 2007) restructure only what motion has
-//! degraded.
+//! Curtis, Manocha (*Ray Tracing Dynamic Scenes using Selective Restructuring*, 2007) restructure only subtrees that
+//! motion has degraded.
 
 mod groups;
 
@@ -24,7 +25,7 @@ const PARALLEL: u32 = 1024;
 /// Builds trees from earlier trees. Keeps its memory.
 #[derive(Debug, Default)]
 pub struct SubtreeRebuilder {
-    /// Subtrees of the last tree.
+    /// Compact subtrees of the last tree.
     groups: SubtreeGroups,
     /// Tree whose leaves are the groups.
     above: BinaryTree,
@@ -32,7 +33,7 @@ pub struct SubtreeRebuilder {
     starts: Vec<u32>,
 }
 
-/// TreeCosts of both trees, equal to [`sah_cost`] except for rounding.
+/// Costs of the last and of the new tree: those of [`sah_cost`], except for rounding.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TreeCosts {
     /// Cost of the last tree with the new boxes.
@@ -51,8 +52,11 @@ pub struct MovedTree<'a, B: ?Sized> {
 }
 
 impl SubtreeRebuilder {
-    /// Builds `tree` over the boxes of `last`, from groups of its tree. The result depends on `last` and on
-    /// [`SahBuilder::toward`]. The builder provides its memory.
+    /// Builds `tree` over the boxes of `last`, and keeps compact subtrees of its tree. Returns the costs of both
+    /// trees.
+    ///
+    /// `builder` builds the levels above these subtrees. The result depends on `last` and on [`SahBuilder::toward`]
+    /// only.
     ///
     /// # Errors
     /// [`BuildError::Cancelled`]; `tree` is then empty.
@@ -94,6 +98,7 @@ impl SubtreeRebuilder {
         })
     }
 
+    /// Computes `starts` from the sizes of the groups.
     fn count(&mut self) {
         let leaves = |&group: &u32| self.groups.nodes[group as usize].leaves;
         let order = self.above.order.par_iter();
@@ -111,7 +116,7 @@ impl SubtreeRebuilder {
         start(node.first_leaf + node.leaves) - start(node.first_leaf)
     }
 
-    /// Writes the subtree below a node of `above`.
+    /// Writes the subtree below a node of `above`. Copies the nodes of each group from `last`.
     fn unfold(&self, last: &BinaryTree, node: Subtree, slot: SubtreeSlot<'_>) {
         if node.leaves == 1 {
             let group = self.groups.nodes[self.above.order[node.first_leaf as usize] as usize];

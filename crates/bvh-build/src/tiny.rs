@@ -1,4 +1,4 @@
-//! Builds subtrees of one to four triangles, with the best of all shapes.
+//! Builds subtrees of one to four triangles. Compares all shapes and takes the best.
 
 use crate::MAX_DEPTH;
 use crate::prim::{Prim, PrimBounds, Ruler};
@@ -60,7 +60,8 @@ struct Quartet<'a> {
 
 /// Returns the shape of least total area with its leaves: two pairs or, if `chain` is set, a trio and a single.
 fn quartet([a, b, c, d]: [&Prim; 4], chain: bool) -> Quartet<'_> {
-    // All pairs: `near` has the pairs with `a`, and `far` the pair of the other two for each.
+    // All six pairs: `near` has the pairs that contain `a`. `far[i]` is the pair of the two boxes that `near[i]`
+    // lacks.
     let near = [pair(a, b), pair(a, c), pair(a, d)];
     let far = [pair(c, d), pair(b, d), pair(b, c)];
     let ruler = Ruler::new(&near[0].union(far[0]));
@@ -80,7 +81,7 @@ fn quartet([a, b, c, d]: [&Prim; 4], chain: bool) -> Quartet<'_> {
     if !chain {
         return pairs;
     }
-    // The areas of the three pairs of each trio, then the trio followed by the single.
+    // For each trio: the areas of its three pairs, and the order of leaves with the single one last.
     let chains = [
         ([near.x, near.y, far.z], [a, b, c, d]),
         ([near.x, near.z, far.y], [a, b, d, c]),

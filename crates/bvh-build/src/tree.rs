@@ -49,7 +49,7 @@ impl Subtree {
     }
 }
 
-/// The mutable part of a [`BinaryTree`] for one subtree: its inner nodes, and its leaves, which are one more.
+/// The part of a [`BinaryTree`] that one subtree is written to. `order` has one element more than `left_leaves`.
 pub(crate) struct SubtreeSlot<'a> {
     pub(crate) left_leaves: &'a mut [u32],
     pub(crate) order: &'a mut [u32],

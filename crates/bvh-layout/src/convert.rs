@@ -85,7 +85,7 @@ impl Converter {
         let greatest = self.scatter(tree, leaf_triangles);
         assert!(
             greatest < triangle_count || tree.order().is_empty(),
-            "the tree names triangle {greatest} of {triangle_count}"
+            "the tree contains triangle {greatest}, the scene has only {triangle_count}"
         );
         pack(&self.leaf_children, bits);
         rank(bits, ranks);
@@ -113,6 +113,7 @@ impl Converter {
         record
     }
 
+    /// Counts the nodes that each chunk adds to each level.
     fn count(&mut self, tree: &BinaryTree) {
         let chunks = tree.left_leaves().par_chunks(CHUNK).enumerate();
         chunks
@@ -196,8 +197,8 @@ fn scatter_chunk(
         let flags = node.leaf_children;
         inner[depth][inner_ends[depth]] = flags;
         inner_ends[depth] += 1;
-        // Inner children are written too, which avoids a branch. A later leaf overwrites them, and nothing is written
-        // past the end of the part.
+        // Writes a triangle for inner children too, which avoids a branch. The next leaf overwrites it. If no leaf
+        // follows, `get_mut` returns `None`.
         let end = &mut leaf_ends[depth];
         for (child, is_leaf) in [(node.left, flags & 1), (node.right, flags >> 1)] {
             let triangle = order[child as usize];

@@ -14,7 +14,7 @@ pub struct Moving {
     pub words: Vec<u32>,
     /// Range of each list in [`Moving::words`].
     pub lists: Vec<Range<usize>>,
-    /// Number of active zero-area triangles that are below no listed treelet.
+    /// Number of active zero-area triangles in treelets that are not listed.
     pub degenerate_elsewhere: u32,
 }
 

@@ -252,7 +252,7 @@ impl NodeRank {
     }
 }
 
-/// Rank directory of a record's nodes.
+/// Maps nodes to their ranks among leaves or inner nodes, by a rank directory (Jacobson 1989).
 #[derive(Clone, Copy, Debug)]
 pub struct NodeRanks<'a> {
     pub(crate) bits: &'a [u32],

@@ -1,8 +1,9 @@
-//! Binning with vectors of eight lanes, which hold a whole box. The minima are the same, so the bits are equal.
+//! Binning with vectors of eight lanes. One vector holds a whole box. The bins are the same bit for bit as without
+//! AVX2.
 
 #![expect(
     unsafe_code,
-    reason = "vector instructions that the machine was found to have"
+    reason = "AVX2 instructions, called only if the processor has them"
 )]
 
 use super::{Bins, Grid};

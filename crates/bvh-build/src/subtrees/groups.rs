@@ -11,19 +11,22 @@ pub(super) const MOST: u32 = 8;
 pub(super) const LEVELS: u32 = MOST - 1;
 /// Maximum ratio of a box's area to the summed areas of its two child boxes, for each inner node of a group.
 const TOGETHER: f64 = 1.2;
-/// Maximum number of leaves of the subtrees that one task visits.
+/// Maximum number of leaves of the subtree that one task visits.
 const TASK: u32 = 2048;
 
-/// Sums of half areas of nodes.
+/// Half areas of nodes, to compute the costs of trees from.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Areas {
+    /// Half area of the root.
     pub(super) root: f64,
+    /// Sum over all nodes.
     pub(super) all: f64,
     /// Sum over the nodes below the roots of groups.
     pub(super) within_groups: f64,
 }
 
-/// SubtreeGroups of a tree, from left to right, with their boxes. Keeps its memory.
+/// The groups of a tree from left to right, with their boxes. A group is a subtree of few triangles that are close
+/// together. Keeps its memory.
 #[derive(Debug, Default)]
 pub(super) struct SubtreeGroups {
     pub(super) nodes: Vec<Subtree>,
@@ -51,7 +54,7 @@ impl SubtreeGroups {
     }
 }
 
-/// Appends the subtrees of `node` that are one task each, from left to right.
+/// Divides `node` into subtrees of at most [`TASK`] leaves, and appends them from left to right. Each is one task.
 fn split(tree: &BinaryTree, node: Subtree, out: &mut Vec<Subtree>) {
     if node.leaves <= TASK {
         return out.push(node);
@@ -61,7 +64,8 @@ fn split(tree: &BinaryTree, node: Subtree, out: &mut Vec<Subtree>) {
     split(tree, b, out);
 }
 
-/// Sums the areas below `node`. Returns its box.
+/// Adds the areas of `node` and of all nodes below to `areas`. Returns the node's box. `parts` has the results of
+/// tasks.
 fn sum<'a>(
     tree: &BinaryTree,
     node: Subtree,
@@ -74,7 +78,7 @@ fn sum<'a>(
         areas.all += both.half_area();
         return both;
     }
-    let part = parts.next().expect("a task for each");
+    let part = parts.next().expect("one part per task");
     areas.all += part.areas.all;
     areas.within_groups += part.areas.within_groups;
     part.bounds
@@ -91,7 +95,7 @@ fn join<T: Copy + Default + Send + Sync>(
     let mut places = Vec::with_capacity(from.len());
     for part in from {
         let place = rest.split_off_mut(..of(part).len());
-        places.push((place.expect("as many entries as all parts have"), part));
+        places.push((place.expect("the total length of all parts"), part));
     }
     let fill = |(place, part): (&mut [T], &TaskGroups)| place.copy_from_slice(of(part));
     places.into_par_iter().for_each(fill);
@@ -108,7 +112,7 @@ struct TaskGroups {
     bounds: Aabb,
 }
 
-/// A visited subtree.
+/// Summary of a visited subtree.
 #[derive(Clone, Copy)]
 struct Visited {
     bounds: Aabb,

@@ -76,6 +76,7 @@ impl BlockTree {
     }
 }
 
+/// Creates a block. `leaf_triangles` maps ranks of leaves to triangles, and `triangles` has their vertex indices.
 fn of_leaves(leaves: &Opened, leaf_triangles: &[u32], triangles: &[[u32; 3]]) -> Block {
     let mut block = Block {
         ranges: leaves.ranges(),
@@ -99,7 +100,7 @@ fn of_leaves(leaves: &Opened, leaf_triangles: &[u32], triangles: &[[u32; 3]]) ->
 struct Opened {
     lanes: [NodeRank; LANES],
     count: usize,
-    /// First lane and end of each opened binary node. There is one less than there are lanes.
+    /// First and end lane of each binary node that was replaced by its children. Their number is `count - 1`.
     ranges: [[u8; 2]; LANES - 1],
 }
 

@@ -88,8 +88,8 @@ impl<'a> CostedTree<'a> {
         self.costs_by(node, &self.large, 0)
     }
 
-    /// Returns the costs of a node. `large` begins with inner node `first`. A leaf here is a child of a large node, so
-    /// it is a block of its own in every wide tree, and its area is left out.
+    /// Returns the costs of a node. `large` begins with inner node `first`. The cost of a leaf is 0: it is the child
+    /// of a large node, so every wide tree has a block for it alone, and its area does not affect the choice.
     fn costs_by(&self, node: NodeRank, large: &[Costs], first: usize) -> Costs {
         if node.leaf().is_some() {
             [0.0; LANES - 1]

@@ -25,7 +25,8 @@ pub struct CollapseOptions<'a> {
 /// The child that an any-hit traversal visits first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum First {
-    /// The child of larger area, which is more likely to end the ray. Leaves come second. Without boxes, as `Left`.
+    /// The child of larger area, which is more likely to end the ray. Leaves come second. Without boxes, same as
+    /// `Left`.
     Larger,
     /// The left child, for trees that are built with the likely occluder on the left.
     #[default]

@@ -21,8 +21,8 @@ pub(super) struct Cut {
 /// Maximum number of triangles of a tree that is cut into the largest subtrees that fit. A device has enough workgroups
 /// to refit all its treelets at once, and fewer roots save levels.
 const SMALL: usize = 1 << 17;
-/// Maximum number of triangles of a subtree in larger trees. Four or more such subtrees fill a treelet to nine tenths
-/// on average, the largest that fit only to seven tenths. On an H200 at 1.6M triangles, a limit of 64 saves 17 of 146
+/// Maximum number of triangles of a subtree in larger trees. Treelets are then 90 % full on average. With the largest
+/// subtrees that fit, they are 70 % full. On an H200 at 1.6M triangles, a limit of 64 instead of 256 saves 17 of 146
 /// us, 128 saves 12, and 48 saves 14 to 16.
 const QUARTER: usize = Treelets::LEAVES / 4;
 
@@ -33,10 +33,11 @@ impl Cut {
     /// above the roots have more than 256 leaves. The lowest such nodes are fewer than a 256th of the leaves, and each
     /// has at most 63 ancestors.
     ///
-    /// With subtrees of at most 64 leaves, it has at most half as many roots as leaves. Let `m` be the number of lowest
-    /// nodes with 65 leaves or more. Each is at least 7 levels high, so it has at most 57 ancestors. Fewer than `m`
-    /// ancestors have two such nodes or more below different children. Each of the other `a <= 57 m` ancestors has a
-    /// child without such nodes, and so a leaf of its own. So there are at most `2 m + a` roots for `65 m + a` leaves.
+    /// With subtrees of at most 64 leaves, a level has at most half as many roots as leaves. Call a node *low* if it
+    /// has 65 leaves or more and its children have fewer. Let there be `m` low nodes. Each is at least 7 levels high,
+    /// so it has at most 57 ancestors. Fewer than `m` ancestors have low nodes on both sides. Each of the other
+    /// `a <= 57 m` ancestors has one side without low nodes. This side is a single root and has at least one leaf. So
+    /// there are at most `2 m + a` roots for `65 m + a` leaves.
     pub(super) fn all(tree: &BinaryTree) -> Vec<Self> {
         let most = match tree.leaf_count() {
             0..=SMALL => Treelets::LEAVES,
@@ -59,6 +60,8 @@ impl Cut {
         levels
     }
 
+    /// Cuts a tree into the largest subtrees of at most `most` leaves. `below` has the index in the whole tree of each
+    /// inner node; `None` if the indices are equal. The treelets remain empty.
     fn new(left_leaves: &[u32], most: usize, below: Option<&[u32]>) -> Self {
         let (mut roots, mut above, mut names) = (Vec::new(), Vec::new(), Vec::new());
         let root = Subtree {
@@ -90,6 +93,7 @@ impl Cut {
         }
     }
 
+    /// Returns the range of leaves below the roots of a treelet.
     pub(super) fn leaves(&self, treelet: &Range<usize>) -> Range<usize> {
         let (first, last) = (self.roots[treelet.start], self.roots[treelet.end - 1]);
         first.first_leaf as usize..(last.first_leaf + last.leaves) as usize

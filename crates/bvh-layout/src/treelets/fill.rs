@@ -28,7 +28,7 @@ struct Task<'a> {
     /// Output for triangles; empty on higher levels, where leaves are not paired.
     triangles: &'a mut [u32],
     order: &'a [u32],
-    /// Output for inner nodes, as long as the treelet has leaves.
+    /// Output for inner nodes, with one word for each leaf of the treelet.
     inner: &'a mut [u32],
 }
 
@@ -94,7 +94,7 @@ fn compact(
 ) {
     let mut moves = Vec::with_capacity(found.len());
     for (size, leaves) in found.iter().zip(leaves) {
-        let from = scratch.split_off(..leaves).expect("a place for each leaf");
+        let from = scratch.split_off(..leaves).expect("one word for each leaf");
         moves.push((take(&mut inner, size.inner_count as usize), from));
     }
     let each = moves.into_par_iter().with_min_len(64);
@@ -141,7 +141,7 @@ fn tasks<'a>(
 
 fn take<'a>(from: &mut &'a mut [u32], count: usize) -> &'a mut [u32] {
     let part = from.split_off_mut(..count);
-    part.expect("as many words as all tasks need")
+    part.expect("enough words for all tasks")
 }
 
 /// Size of an encoded treelet.
@@ -227,6 +227,7 @@ impl TreeletNodes {
 }
 
 impl Treelets {
+    /// Writes the table of treelets and the ranges of all levels. Inner nodes begin at word `inner_at`.
     fn finish(&mut self, cuts: &[Cut], found: &[TreeletSize], inner_at: usize) {
         let mut next = Treelet {
             inner_at: inner_at as u32,

@@ -236,8 +236,8 @@ impl Treelets {
         bytemuck::cast_slice(entry)[0]
     }
 
-    /// Finds the lowest level that has at most `most` roots. Returns the row of its first root and its number of roots.
-    /// Together, these roots cover every triangle.
+    /// Finds the lowest level that has at most `most` roots. Returns the row of its first root and its number of
+    /// roots. Returns the root of the whole tree if there is no such level. The roots of a level cover every triangle.
     pub fn few_roots(&self, most: u32) -> (u32, u32) {
         let roots = self.levels.iter().map(|level| {
             let each = level.clone().map(|t| self.treelet(t as usize).root_count);

@@ -34,6 +34,7 @@ impl Lane {
 }
 
 impl PlacedTree<'_> {
+    /// Returns both children of an inner node, with the rows of their boxes.
     fn open(&self, node: Subtree) -> [Lane; 2] {
         let place = self.places[node.inner as usize].load(Ordering::Relaxed);
         let row = self.treelets.treelet(place as usize >> 8).inner_row + 4 * (place & 255);
