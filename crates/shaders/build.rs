@@ -37,10 +37,10 @@ fn main() -> Result<()> {
         ))
     };
     let kernels = table("Every kernel.", "KERNELS", &kernels)?;
-    let about = "Kernels beside [`RAYS`], for those who have a driver make trees.";
+    let about = "Kernels that support [`RAYS`], for trees that a driver builds.";
     let beside = table(about, "RAY_KERNELS", &beside)?;
     let pipeline = rays::compile(&out, &sources).context(rays::PIPELINE)?;
-    let module = variants::module(&sources).context("the module")?;
+    let module = variants::module(&sources).context("cannot compose the module")?;
     parse(&module, CAPABILITIES)?;
     std::fs::write(out.join("module.wgsl"), module)?;
     let all = [kernels, beside, pipeline].concat();
@@ -150,11 +150,12 @@ fn parse(source: &str, capabilities: Capabilities) -> Result<(naga::Module, Modu
     Ok((module, info))
 }
 
-/// Returns options for SPIR-V 1.`minor_version`, without naga's defaults that bound loops and clear memory. Memory accesses stay unchecked.
+/// Returns options for SPIR-V 1.`minor_version`. Turns off code that naga adds by default to bound loops and to clear
+/// memory. Memory accesses are not checked.
 fn options(minor_version: u8) -> spv::Options<'static> {
     spv::Options {
         lang_version: (1, minor_version),
-        // `harden` finds loose functions by their names, then drops all names.
+        // `harden` needs names to find the functions that may be fused. It then removes all names.
         flags: spv::WriterFlags::DEBUG,
         zero_initialize_workgroup_memory: spv::ZeroInitializeWorkgroupMemoryMode::None,
         force_loop_bounding: false,

@@ -1,4 +1,5 @@
-//! Changes SPIR-V: no driver may fuse its arithmetic, 32-bit products are wide, and arrays are not cleared.
+//! Changes SPIR-V so that drivers do not fuse arithmetic, one instruction multiplies two words to 64 bits, and arrays
+//! are not cleared.
 
 use anyhow::{Context, Result, anyhow, ensure};
 use rspirv::binary::Assemble;
@@ -19,8 +20,8 @@ pub(crate) fn harden_module(module: &mut Module) {
     module.debug_names.clear();
 }
 
-/// Decorates float operations with NoContraction, which naga does not emit. Without it, both known drivers fuse and regroup.
-/// Functions named `loose_…` do not decide any hit and may be fused.
+/// Decorates float operations with NoContraction, which naga does not emit. Without it, drivers fuse and regroup them.
+/// Functions named `loose_…` are exempt, because they decide no hit.
 fn forbid_contraction(module: &mut Module) {
     let loose: HashSet<u32> = named(module, |name| name.starts_with("loose_")).collect();
     let is_strict = |f: &&Function| !f.def_id().is_some_and(|id| loose.contains(&id));
@@ -91,17 +92,17 @@ fn widen(module: &mut Module) -> Result<()> {
 }
 
 fn replace(module: &mut Module, at: usize) -> Result<()> {
-    let header = module.header.as_mut().context("a header")?;
+    let header = module.header.as_mut().context("no header")?;
     let [both, whole, low, high, pair] = std::array::from_fn(|i| header.bound + i as u32);
     header.bound += 5;
     let function = &mut module.functions[at];
     let parameters = &function.parameters;
-    ensure!(parameters.len() == 2, "two parameters");
-    let word = parameters[0].result_type.context("a type")?;
+    ensure!(parameters.len() == 2, "expected two parameters");
+    let word = parameters[0].result_type.context("no type")?;
     let operands = parameters.iter().filter_map(|p| p.result_id);
     let operands = operands.map(Operand::IdRef).collect();
     let result = function.def.as_ref().and_then(|i| i.result_type);
-    let result = result.context("a result")?;
+    let result = result.context("no result")?;
     let make = |op, ty, id, operands| Instruction::new(op, Some(ty), Some(id), operands);
     let part = |id, number| {
         let operands = vec![Operand::IdRef(whole), Operand::LiteralBit32(number)];

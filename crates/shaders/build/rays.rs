@@ -37,7 +37,7 @@ pub(crate) fn compile(out: &Path, sources: &Sources) -> Result<String> {
     ];
     let mut source = sources.compose(PIPELINE, &stages, &KEPT, &[])?;
     for (here, there) in UNKNOWN {
-        ensure!(source.contains(here), "no {here}");
+        ensure!(source.contains(here), "the file has no placeholder {here}");
         source = source.replace(here, there);
     }
     let source = format!("enable wgpu_ray_tracing_pipeline, primitive_index;\n{source}");
@@ -60,7 +60,7 @@ pub(crate) fn compile(out: &Path, sources: &Sources) -> Result<String> {
     let generate = entries(ShaderStage::RayGeneration);
     let lone = |stage| match entries(stage)[..] {
         [name] => Ok(name),
-        _ => bail!("one entry point for {stage:?}"),
+        _ => bail!("expected one entry point for {stage:?}"),
     };
     let (hit, miss) = (lone(ShaderStage::ClosestHit)?, lone(ShaderStage::Miss)?);
     Ok(format!(
@@ -80,7 +80,7 @@ fn hand_over_attributes(module: &mut Module) -> Result<()> {
     let variables = all.iter().filter(|i| is_private(i, Op::Variable));
     let variables: Vec<_> = variables.filter_map(|i| i.result_id).collect();
     let [variable] = variables[..] else {
-        bail!("one private variable, found {}", variables.len());
+        bail!("expected one private variable, found {}", variables.len());
     };
     for i in &mut module.types_global_values {
         if is_private(i, Op::TypePointer) {
@@ -94,7 +94,7 @@ fn hand_over_attributes(module: &mut Module) -> Result<()> {
         let mut used = i.operands.iter();
         i.class.opcode == Op::Load || !used.any(|o| *o == Operand::IdRef(variable))
     });
-    ensure!(whole, "attributes are read as a whole, and only read");
+    ensure!(whole, "hit attributes must only be loaded as a whole");
     Ok(())
 }
 

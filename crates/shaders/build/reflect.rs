@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 pub(crate) fn workgroup(module: &naga::Module, name: &str) -> Result<[u32; 3]> {
     let entry = module.entry_points.iter().find(|e| e.name == name);
-    Ok(entry.context("an entry point")?.workgroup_size)
+    Ok(entry.context("the entry point is missing")?.workgroup_size)
 }
 
 fn is_tree(module: &naga::Module, variable: &naga::GlobalVariable) -> bool {
@@ -19,7 +19,7 @@ pub(crate) fn scene(module: &naga::Module) -> Result<u32> {
     let mut all = module.global_variables.iter().map(|(_, v)| v);
     let tree = all.find(|v| is_tree(module, v));
     let binding = tree.and_then(|v| v.binding.as_ref());
-    Ok(binding.context("a tree of the driver's")?.binding)
+    Ok(binding.context("no acceleration structure")?.binding)
 }
 
 /// Returns the workgroup memory of a kernel in bytes, with each variable rounded up to 16.

@@ -11,9 +11,10 @@ use wesl::EscapeMangler;
 
 /// The names of all intersectors, with underscores. The conditions are the names in capitals.
 const INTERSECTORS: [&str; 4] = ["moller_trumbore", "woop", "watertight", "exact"];
-/// Condition: arithmetic that a compiler cannot see through keeps IEEE operations single, not decorations of the SPIR-V.
+/// Condition: IEEE operations are kept separate by arithmetic that a compiler cannot see through, instead of by
+/// decorations of the SPIR-V.
 const OPAQUE: &str = "OPAQUE";
-/// Condition: a fused multiply-add computes the remainder of a quotient, not products of halves.
+/// Condition: the remainder of a quotient is computed by a fused multiply-add instead of by products of halves.
 const FUSED: &str = "FUSED";
 /// Condition: the kernel uses subgroups.
 const SUBGROUPS: &str = "SUBGROUPS";
@@ -31,7 +32,7 @@ const PARAMETERS: [&str; 11] = [
     "phase",
     "answer",
 ];
-/// Condition: the text is for shaders of a program, which do not count hits.
+/// Condition: the text is the module that a program's own shaders call. It does not count hits.
 const MODULE: &str = "MODULE";
 
 /// A compute kernel before its variants are selected.
@@ -42,6 +43,7 @@ pub(crate) struct EntryPoint {
     pub(crate) name: String,
     /// The intersectors that the kernel serves, or none if it does not depend on the intersector.
     intersectors: Vec<&'static str>,
+    /// Whether the kernel computes remainders of quotients, so that it may have a fused form.
     divides: bool,
     uses_subgroups: bool,
     /// The kernel's own parameters, if any: a member of `Params`.
@@ -87,7 +89,7 @@ pub(crate) fn entries(sources: &Sources) -> Result<Vec<EntryPoint>> {
         let lines: Vec<_> = text.lines().collect();
         for at in (0..lines.len()).filter(|&at| lines[at].starts_with("@compute")) {
             let name = lines[at + 1].strip_prefix("fn ");
-            let name = name.and_then(|n| n.split_once('(')).context("an entry")?.0;
+            let name = name.and_then(|n| n.split_once('(')).context("no entry")?.0;
             let mut entry = EntryPoint {
                 file: file.clone(),
                 name: name.to_owned(),
@@ -107,7 +109,7 @@ pub(crate) fn entries(sources: &Sources) -> Result<Vec<EntryPoint>> {
 /// Returns the text between a prefix and the full stop at the end of a comment, or `None` for another comment.
 fn declared<'a>(comment: &'a str, prefix: &str) -> Result<Option<&'a str>> {
     let text = comment.strip_prefix(prefix);
-    text.map(|text| text.strip_suffix('.').context("a full stop"))
+    text.map(|text| text.strip_suffix('.').context("no full stop"))
         .transpose()
 }
 
@@ -118,7 +120,7 @@ impl EntryPoint {
             self.precedes_traces = true;
         } else if let Some(name) = declared(comment, "// Parameters: ")? {
             let known = PARAMETERS.into_iter().find(|known| *known == name);
-            self.parameters = Some(known.with_context(|| format!("no parameters {name}"))?);
+            self.parameters = Some(known.with_context(|| format!("unknown parameters {name}"))?);
         } else if let Some(axes) = declared(comment, "// Variants: ")? {
             for word in axes.split(", ") {
                 match word {
@@ -126,7 +128,7 @@ impl EntryPoint {
                     "intersector" => self.intersectors = INTERSECTORS.to_vec(),
                     "intersector(exact)" => self.intersectors = vec!["exact"],
                     "subgroups" => self.uses_subgroups = true,
-                    _ => bail!("no axis {word}"),
+                    _ => bail!("unknown axis {word}"),
                 }
             }
         }

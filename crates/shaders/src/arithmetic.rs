@@ -2,13 +2,13 @@
 //!
 //! When a backend opens a device, it runs the kernel `arithmetic` on [`operands`] and refuses the device if [`verify`]
 //! fails. Equal results on all devices need single rounding, no fusing, no regrouping, and the integer arithmetic of
-//! `wgsl/lib/ieee.wgsl` and `exact.wgsl`. The same kernel also finds out how the device divides and sums products where
-//! the rounding is up to the device, and whether its driver ends long loops early.
+//! `wgsl/lib/ieee.wgsl` and `exact.wgsl`. The same kernel also measures how the device divides and sums products
+//! without these restrictions, and whether its driver ends long loops early.
 
 use crate::Packets;
 use backend::Arithmetic;
 
-/// Device properties that select the form of a kernel. The default assumes nothing but single operations.
+/// Device properties that select kernels and their forms. By default, no optional property is present.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Traits {
     /// Whether an explicit fused multiply-add rounds once.
@@ -59,12 +59,12 @@ pub fn operands() -> Vec<[f32; 4]> {
     (0..4096).map(quadruple).collect()
 }
 
-/// Compares the results of the kernel with those of IEEE 754. Returns how the device computes where the rounding is up to
-/// it, and [`Traits::fuses_once`].
+/// Compares the results of the kernel with those of IEEE 754. Returns the device's behaviour for operations that it
+/// may round freely, and [`Traits::fuses_once`].
 ///
-/// `results` holds a pair for each of `operands`. Its first part must be correct. Its second part holds the device's own
-/// quotient, its sum of products, the number of loop iterations (in the first pair only), and the rounding error of
-/// `a * b` by a fused multiply-add.
+/// `results` holds a pair for each of `operands`. The first element must be correct. The second one holds the device's
+/// own quotient, its sum of products, the number of loop iterations (in the first pair only), and the rounding error
+/// of `a * b` by a fused multiply-add.
 ///
 /// # Errors
 /// Fails on the first wrong operation, or if the driver silently ends long loops early.

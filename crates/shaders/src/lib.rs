@@ -91,7 +91,7 @@ pub struct Binding {
 backend::named! {
     /// A buffer by its name in the kernels, with its name in messages. The build creates [`Binding`]s from these names, so
     /// a kernel cannot use any other buffer.
-    #[expect(missing_docs, reason = "messages say the others")]
+    #[expect(missing_docs, reason = "the name in messages describes the variant")]
     pub enum BufferName {
         /// [`Params`] of one dispatch.
         Params = "parameters",
@@ -110,23 +110,23 @@ backend::named! {
         Range = "a key frame's range",
         Positions = "positions",
         /// Rows of positions that contain moving vertices: see [`crate::moving_rows`].
-        MovingRows = "rows that move",
+        MovingRows = "the list of moving rows",
         /// Three vertex indices per triangle.
-        Triangles = "triangles' corners",
+        Triangles = "the triangles' vertex indices",
         /// Three finite vertices per triangle, for trees of the driver.
         Cleansed = "cleansed triangles",
         /// The tree's topology, as the host uploads it.
         Topology = "the tree's record",
         /// Three vertex indices per leaf.
-        LeafCorners = "the leaves' vertices",
+        LeafCorners = "the leaves' vertex indices",
         /// Triangle records, in the format of the intersector.
         Records = "the triangles' records",
         /// Empty until a tree determines its size: see [`Shape::node_rows`].
         Nodes = "the tree's nodes",
         /// Partial sums of areas: see build/costs.wgsl. Empty until a tree determines its size: see [`Shape::cost_bytes`].
-        Costs = "the tree's areas",
+        Costs = "the tree's partial areas",
         /// Empty until a trace determines its size: see [`crate::work::Trace::cover_bytes`].
-        Covers = "what triangles cover of the picture",
+        Covers = "the triangles' pixel coverage",
         /// Empty until a trace determines its size: see [`crate::work::Trace::visibility_bytes`]. The size depends on the
         /// picture, not on the tree.
         Visibility = "the visibility buffer",
@@ -135,17 +135,18 @@ backend::named! {
         /// Whether rays hit anything, or hits are in shadow.
         Occluded = "shadows",
         /// Hits or occlusion, as an input of the kernel that counts them.
-        Answers = "answers",
+        Answers = "results of rays",
         /// sRGB colour of each triangle: [`backend::Palette::colours`].
         Colours = "the triangles' colours",
         /// [`backend::Palette::tones`].
         Tones = "tones",
         /// Four bytes per pixel of shaded pictures.
         Pixels = "pixels",
-        /// The live triangles. This and the following buffers are for trees built on the device.
+        /// The live triangles: those that are active in some key frame. This and the following buffers are for trees
+        /// built on the device.
         Live = "the live triangles",
         /// Sort keys, before and after a pass.
-        Keys = "keys to sort by",
+        Keys = "sort keys",
         /// The triangles of the leaves, before and after a pass.
         Sorted = "sorted triangles",
         Digits = "counts of digits",
@@ -224,10 +225,10 @@ pub fn kernel(entry: &str, intersector: Intersector) -> &'static Kernel {
     found.unwrap_or_else(|| panic!("no kernel {entry} for {intersector}"))
 }
 
-/// Returns the kernel with this entry point, which all intersectors share. Also finds [`RAY_KERNELS`].
+/// Returns the kernel with this entry point, which all intersectors share. Searches [`RAY_KERNELS`] too.
 ///
 /// # Panics
-/// Panics like [`kernel`].
+/// Panics if there is no such kernel.
 pub fn common(entry: &str) -> &'static Kernel {
     let beside = RAY_KERNELS.iter().find(|k| k.entry == entry);
     beside.unwrap_or_else(|| kernel(entry, Intersector::Watertight))

@@ -61,7 +61,7 @@ impl OwnParams {
         Self(words)
     }
 
-    /// Returns the parameters of a kernel that has these.
+    /// Returns the parameters as type `T`, which must be the type that they were created from.
     #[cfg(test)]
     pub(crate) fn get<T: KernelParams>(&self) -> T {
         bytemuck::pod_read_unaligned(&bytemuck::bytes_of(&self.0)[..size_of::<T>()])
@@ -91,7 +91,7 @@ macro_rules! kernel_params {
 }
 
 kernel_params! {
-    /// Parameters of kernels that search along rays, and of those that resolve undecided rays.
+    /// Parameters of kernels that search along rays or resolve undecided rays.
     SearchParams = "search" { undecided_rays_at, undecided_shadows_at, fallback_workers, candidate_capacity, workgroups_per_list }
     /// Parameters of kernels that rasterize.
     RasterParams = "raster" { tile_capacity }
@@ -157,7 +157,7 @@ impl Params {
         self
     }
 
-    /// Clears an unknown range, so that rays are extreme by their origin alone.
+    /// Removes the mark of an unknown range. Rays are then extreme only because of their origins.
     pub(crate) fn known(mut self) -> Self {
         if self.is_unknown() {
             self.extreme = 0;
@@ -165,7 +165,8 @@ impl Params {
         self
     }
 
-    /// Returns whether only [`crate::BufferName::Range`] holds which rays are extreme.
+    /// Returns whether the host does not know which rays are extreme. The device then reads
+    /// [`crate::BufferName::Range`].
     pub fn is_unknown(&self) -> bool {
         self.extreme == Self::UNKNOWN
     }
@@ -213,7 +214,7 @@ pub struct Counts {
     pub hits: u32,
     /// Hits in shadow, by `shadow_*`.
     pub blocked: u32,
-    /// Half areas of all nodes except the root, in scaled units, by the last refit or build.
+    /// Sum of the half areas of all nodes except the root, in scaled units, by the last refit or build.
     pub areas: f32,
     /// The root's half area, in scaled units.
     pub root_area: f32,
@@ -223,7 +224,7 @@ pub struct Counts {
     pub undecided: u32,
     /// Shadow rays that `shadow_*` left undecided, for `exact`.
     pub undecided_shadows: u32,
-    /// Candidates for `resolve_exact_*`.
+    /// Candidates of undecided rays: triangles that `resolve_exact_*` tests.
     pub candidates: u32,
     /// Rays that `fallback_*` resolves, for `exact`.
     pub fallback_rays: u32,

@@ -13,7 +13,8 @@ pub enum Packets {
 
 /// Minimum number of pixels per triangle for packets, which first project all triangles.
 const PIXELS_A_TRIANGLE: u64 = 4;
-/// Maximum number of pixels for packets on a software driver. Single rays are faster there; this is for property tests.
+/// Maximum number of pixels for packets on a software driver. Single rays are faster there, but property tests have to
+/// cover packets too.
 const SMALL_PICTURE: u64 = 1 << 14;
 
 impl Packets {
@@ -44,8 +45,9 @@ impl Packets {
     }
 }
 
-/// Limits of rasterization, as measured: see `docs/design/visibility-buffer.md`. Its five kernels cost a fixed time, which
-/// does not pay for small pictures of small trees. In large scenes most triangles cover no pixel, but all are projected.
+/// This and the next constants are measured limits of rasterization: see `docs/design/visibility-buffer.md`. Its five
+/// kernels take a minimum time, so small pictures of small trees do not benefit. Large scenes do not benefit either,
+/// because all triangles are projected although most cover no pixel.
 const LEAST_PIXELS: u64 = 1 << 20;
 const MANY_TRIANGLES: u32 = 450_000;
 const LEAST_PIXELS_OF_MANY: u64 = 1 << 18;
@@ -60,13 +62,13 @@ fn sizes(params: &Params) -> (u32, u64) {
     (params.node_count.div_ceil(2), pixels)
 }
 
-/// Returns whether packets and rasterization suit the scene. They widen everything by the size of the whole scene, which
-/// must not be far larger than most triangles.
+/// Returns whether packets and rasterization suit the scene. Their error bounds are proportional to the size of the
+/// whole scene, so the scene must not be far larger than most triangles.
 fn is_suited(params: &Params) -> bool {
     params.spread == 0
 }
 
-/// Returns whether packets are faster for parameters with a camera.
+/// Returns whether packets are faster than single rays. `params` must contain a camera.
 pub(crate) fn packets_pay(params: &Params, how: Packets) -> bool {
     let (triangles, pixels) = sizes(params);
     is_suited(params)
@@ -75,7 +77,7 @@ pub(crate) fn packets_pay(params: &Params, how: Packets) -> bool {
         && (how == Packets::BySubgroups || pixels <= SMALL_PICTURE)
 }
 
-/// Returns whether rasterization is faster for parameters with a camera, if packets are not.
+/// Returns whether rasterization is faster than single rays, if packets are not. `params` must contain a camera.
 pub(crate) fn rasterization_pays(params: &Params, how: Packets) -> bool {
     let (triangles, pixels) = sizes(params);
     let are_dense = pixels < PIXELS_A_TRIANGLE * u64::from(triangles);
@@ -89,7 +91,8 @@ pub(crate) fn rasterization_pays(params: &Params, how: Packets) -> bool {
     is_suited(params) && (is_fast || is_small)
 }
 
-/// Number of traces without rasterization after an incomplete one, whose overhead is a tenth of a trace.
+/// Number of traces without rasterization after an incomplete rasterization. An incomplete one costs about a tenth of
+/// a trace.
 const REST: u32 = 64;
 
 /// Suspends rasterization for a while if it was incomplete, for example because of many layers of triangles.

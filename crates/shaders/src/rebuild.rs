@@ -101,7 +101,7 @@ pub(crate) fn cost_bytes(leaves: u32) -> u64 {
     (u64::from(tiles) * 4).next_multiple_of(16)
 }
 
-/// Returns the size of each buffer, in bytes, that building trees needs in addition to those of any tree.
+/// Returns the size in bytes of each buffer that building trees needs in addition to [`crate::tree_buffers`].
 pub fn buffers(animation: &Animation) -> Vec<(BufferName, u64)> {
     let count = animation.live_count() as u64;
     let tiles = count.div_ceil(u64::from(SORT_TILE));

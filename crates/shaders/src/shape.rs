@@ -26,7 +26,7 @@ pub struct Shape {
 const MANY: u32 = 2048;
 
 impl Shape {
-    /// Returns the shape of a tree of the host, whose topology is the words of [`Treelets`].
+    /// Returns the shape of a tree that the host built. The words of [`Treelets`] are its topology.
     pub fn of(tree: &Treelets) -> Self {
         let mut params = params_of(tree.leaf_count);
         params.leaf_triangles_at = tree.triangles_at() as u32;
@@ -120,7 +120,7 @@ pub struct MovingShape {
     pub degenerate_elsewhere: u32,
 }
 
-/// Returns `lists` moved to word `at`.
+/// Returns the ranges of `lists` plus `at`.
 fn behind(at: u32, lists: &[Range<usize>]) -> Vec<Range<u32>> {
     let place = |l: &Range<usize>| at + l.start as u32..at + l.end as u32;
     lists.iter().map(place).collect()

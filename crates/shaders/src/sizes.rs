@@ -16,8 +16,8 @@ fn record_bytes(intersector: Intersector, leaves: u64) -> u64 {
 /// Size of the buffer `range`, in bytes.
 pub const RANGE_BYTES: u64 = 4 * (8 + geom::Range::SAMPLES as u64);
 
-/// Returns the size of each buffer of a tree, in bytes, that suffices for every tree of `leaves` leaves. The sizes of `nodes` and
-/// `costs` depend on the tree: see [`crate::Shape`].
+/// Returns the size of each buffer of a tree in bytes, enough for every tree of `leaves` leaves. Returns 0 for `nodes`
+/// and `costs`, whose sizes depend on the tree: see [`crate::Shape`].
 pub fn tree_buffers(intersector: Intersector, leaves: u64) -> [(BufferName, u64); 4] {
     [
         (BufferName::LeafCorners, leaves * 12),
@@ -27,8 +27,9 @@ pub fn tree_buffers(intersector: Intersector, leaves: u64) -> [(BufferName, u64)
     ]
 }
 
-/// Returns the size of the buffer `occluded` for `rays` rays, in words: one per ray. `exact` adds the list of undecided
-/// rays, candidates of three words (`wgsl/intersect/candidates.wgsl`), and the stacks of `fallback.wgsl`.
+/// Returns the size of the buffer `occluded` for `rays` rays, in words: one per ray. `exact` adds the list of
+/// undecided rays, candidates of three words (`wgsl/intersect/candidates.wgsl`), the stacks of `fallback.wgsl`, and
+/// the list of undecided shadow rays.
 pub fn occluded_words(intersector: Intersector, rays: u64) -> u64 {
     match intersector {
         Intersector::Exact => undecided_shadows_at(rays) + rays,
@@ -43,10 +44,10 @@ pub(crate) fn undecided_shadows_at(rays: u64) -> u64 {
 
 /// Number of words of a stack.
 const STACK_SIZE: u64 = 64;
-/// Number of stacks that fills any device.
+/// Maximum number of stacks. This number of invocations occupies any device.
 const MAX_WORKERS: u32 = 2048;
 
-/// Minimum capacity for candidates, since each of few rays may need many.
+/// Minimum capacity for candidates. Even a single ray may need many candidates.
 const MIN_CANDIDATES: u64 = 1 << 16;
 
 /// Returns the capacity for candidates: one per ray, but at least `MIN_CANDIDATES`.

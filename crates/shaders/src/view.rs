@@ -110,7 +110,7 @@ impl View<'_> {
                 nodes.extend(self.children(node)?.into_iter().flatten());
             }
             if nodes.len() > most {
-                return Err("the device's tree goes on without end".to_owned());
+                return Err("the device's tree has more nodes than its leaves allow".to_owned());
             }
             levels.push((nodes.len() - end) as u32 / 2);
             begin = end;
@@ -142,7 +142,7 @@ impl View<'_> {
         let first = 4 * name as usize;
         let below = NodeContent::Rows([first, first + 2]);
         if first + 4 > self.rows.len() {
-            return Err(format!("the device's tree has a child at node {name}"));
+            return Err(format!("the device's tree has no node {name}"));
         }
         Ok(DeviceNode { bounds, below })
     }
@@ -153,7 +153,7 @@ impl View<'_> {
         let shares = |place: usize| self.triangles[place] & Treelets::SHARED != 0;
         let are_two = name & TWO != 0;
         if first + usize::from(are_two) >= self.triangles.len() {
-            return Err(format!("the device's tree has a leaf {first}"));
+            return Err(format!("the device's tree has no leaf {first}"));
         }
         Ok(if are_two {
             NodeContent::Two(first, [first, first + 1].map(StoredBox::Triangle))

@@ -28,8 +28,8 @@ pub struct Work {
     pub params: Params,
     /// Number of workgroups.
     pub groups: Groups,
-    /// Whether the dispatch does not read results of the previous one, so that both may run concurrently. For the first one
-    /// of a stage: whether it may run concurrently with an `interpolate` just before it.
+    /// Whether the dispatch may run concurrently with the previous one, whose results it does not read. For the first
+    /// dispatch of a stage, the previous one is an `interpolate` just before the stage.
     pub alongside: bool,
     /// For traces: index among the traces of the submission, which may run concurrently.
     pub trace_index: usize,
@@ -55,11 +55,12 @@ pub enum RaySource<'a> {
     Camera(&'a Camera),
 }
 
-/// Number of invocations that share the list of undecided rays, 16 per ray. They fill any device. Most of them end at once.
+/// Maximum number of invocations that share the list of undecided rays. This number occupies any device. There are 16
+/// per ray. Most invocations end at once, because few rays are undecided.
 const RESOLVERS: u32 = 1 << 15;
-/// Number of workgroups that share the list of hits whose shadow rays are traced, one per ray.
+/// Maximum number of workgroups that share the list of hits whose shadow rays are traced, one per ray.
 const SHADOW_GROUPS: u32 = 1 << 10;
-/// Number of a ray's candidates that such workgroups take at once: see `intersect/resolve_hits_and_shadows.wgsl`.
+/// Number of workgroups that share the candidates of one ray: see `intersect/resolve_hits_and_shadows.wgsl`.
 pub(crate) const CANDIDATES_AT_ONCE: u32 = 4;
 
 impl RaySource<'_> {
@@ -86,6 +87,7 @@ impl Work {
         Self::new(kernel, Params { count, ..params }, Groups::Linear(count))
     }
 
+    /// Returns the dispatch of a kernel over all rays: of `given` for explicit rays, of `camera` for camera rays.
     fn over(
         intersector: Intersector,
         rays: RaySource<'_>,
@@ -195,6 +197,7 @@ pub fn trace(input: TraceInput<'_>, traits: Traits) -> Trace {
     trace
 }
 
+/// Returns the dispatches that trace a query without its extreme rays.
 fn usual(input: TraceInput<'_>, traits: Traits) -> Trace {
     let TraceInput {
         intersector,
@@ -254,8 +257,9 @@ fn picture(intersector: Intersector, params: Params, camera: &Camera, traits: Tr
     trace
 }
 
-/// Returns the dispatches that resolve the hits and shadows that `exact` left undecided in a picture. Both are resolved at once, while
-/// the shadow rays of all candidates are traced. The shadow rays that remain are traced at the end.
+/// Returns the dispatches that resolve the hits and shadows that `exact` left undecided in a picture. The first
+/// dispatch resolves both, and also traces shadow rays from the candidates of undecided hits. The other dispatches
+/// resolve the remaining hits, and then the remaining shadows.
 fn resolve_together(
     intersector: Intersector,
     params: Params,

@@ -7,14 +7,15 @@ use bvh_build::MAX_DEPTH;
 pub(super) const TILE: u32 = 512;
 /// Number of clusters that a tile leaves, except in the last phase.
 const CLUSTERS_LEFT: u32 = 128;
-/// Number of rounds of pairing that reduce a full tile to its goal, and the last tile to the root.
+/// Number of rounds of pairing that reduce a full tile to [`CLUSTERS_LEFT`] clusters.
 const PAIRING: u32 = (TILE / CLUSTERS_LEFT).ilog2();
+/// Number of rounds of pairing that reduce the last tile to the root.
 const LAST_PAIRING: u32 = TILE.ilog2();
 /// Maximum number of rounds by nearest neighbours. Further rounds find hardly any merges that pairing would not make.
 const MAX_ROUNDS: u32 = 8;
-/// Number of such rounds that the last phase receives before all others.
+/// Number of nearest-neighbour rounds that are reserved for the last phase.
 const LAST_ROUNDS: u32 = 16;
-// Even the short first tile of every other phase has enough clusters to leave its goal.
+// In every other phase, the first tile is half as long. It still has at least `CLUSTERS_LEFT` clusters.
 const _: () = assert!(TILE / 2 >= CLUSTERS_LEFT);
 
 /// A phase: the number of its clusters, and its parameters.

@@ -23,7 +23,7 @@ fn has_extremes(intersector: Intersector) -> bool {
 }
 
 impl Extremes {
-    /// Returns which of the rays other kernels leave to [`work`].
+    /// Returns how many of the query's rays are extreme, so that only [`work`] traces them.
     pub(super) fn among(input: &TraceInput<'_>) -> Self {
         let params = &input.params;
         match input.rays {
@@ -68,7 +68,7 @@ pub(super) fn work(input: &TraceInput<'_>, how: Extremes) -> Vec<Work> {
     let hits = over("extreme_rays", params);
     match kind {
         QueryKind::Any | QueryKind::Closest => vec![hits],
-        // In scene units; all other kernels use scaled units.
+        // This kernel reads the light in scene units. All other kernels read it in scaled units.
         QueryKind::ClosestAndShadow { light } => {
             let lit = Params { light, ..params };
             vec![hits, over("extreme_shadow_rays", lit)]
@@ -76,7 +76,8 @@ pub(super) fn work(input: &TraceInput<'_>, how: Extremes) -> Vec<Work> {
     }
 }
 
-/// Returns the kernel of [`measure_range`] and the one that needs its result.
+/// Returns the kernel of [`measure_range`] and the kernel that reads its result. Returns none if the intersector has
+/// no kernels for extreme rays.
 pub fn kernels_of_arriving_keys(intersector: Intersector) -> impl Iterator<Item = &'static Kernel> {
     let both = ["measure_range", "extreme_rays"].map(common);
     both.into_iter().filter(move |_| has_extremes(intersector))

@@ -106,7 +106,7 @@ fn over_blocks(entry: &str, intersector: Intersector, params: Params, block: [u3
 
 /// Columns and rows are stored in 16 bits.
 const LONGEST: u32 = 1 << 16;
-/// Margin for rounding in the picture, slightly above 0.
+/// Constant part of [`Params::pixel_margin`], for rounding in the picture.
 const LEAST_MARGIN: f64 = 1.0 / 128.0;
 
 /// Returns the parameters with the inverse of a camera's matrix, times `2^depth_exponent`, or `None` if pixels cannot be
@@ -125,8 +125,8 @@ fn projected(params: Params, camera: &Camera) -> Option<Params> {
     let doubt = |axis, pixels| largest * (size(axis) + pixels * size(depth)) * (-22_f64).exp2();
     let margin = doubt(column, width).max(doubt(row, height));
     let scaled = [column, row, depth].map(|row| (row * exponent.exp2()).as_vec3().to_array());
-    // In units of 2^-24 of the largest depth, how far rounded directions move the depth of a hit: see "Depths" in
-    // docs/design/packets.md.
+    // Bound on the error of a hit's depth that rounded directions cause, in units of 2^-24 of the largest depth: see
+    // "Depths" in docs/design/packets.md.
     let depth_error = 3.0 * largest * size(depth);
     let is_usual = exponent.abs() < 64.0 && margin < 0.25 && depth_error <= 31.0;
     let is_seen = scaled.as_flattened().iter().all(|x| x.abs() < 1.0e9);

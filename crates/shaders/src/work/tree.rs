@@ -10,8 +10,8 @@ use std::ops::Range;
 
 /// Tracks which parts of the current tree have been computed on the device since it was adopted.
 ///
-/// The first work on a tree covers the whole tree. Later work covers only moving parts, if the tree lists its moving parts. The
-/// host must report recorded work. It starts with a new value for each tree, or if recorded work was discarded.
+/// The first work on a tree covers the whole tree. Later work covers only the moving treelets, if the tree lists them.
+/// The host must report recorded work. It creates a new value for each tree, and if recorded work was discarded.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TreeProgress {
     has_records: bool,
@@ -61,7 +61,7 @@ impl TreeProgress {
         (work, uncounted)
     }
 
-    /// Reports that work was recorded for `tree`.
+    /// Reports that the dispatches of [`Self::preprocess`] were recorded for `tree`.
     pub fn preprocessed(&mut self, tree: &Shape) {
         self.has_climbed = climbs(tree);
         self.has_records = true;
@@ -136,7 +136,7 @@ impl TreeProgress {
         })
     }
 
-    /// Reports that work was recorded.
+    /// Reports that the dispatches of [`Self::refit`] were recorded.
     pub fn refitted(&mut self) {
         self.has_boxes = true;
     }

@@ -2,9 +2,9 @@
 //
 // Parallel locally-ordered clustering (Meister, Bittner 2018): in each round, all pairs of neighbours that are each other's
 // nearest merge at once. Each workgroup does so for its own tile until a set number of clusters is left, independently of the
-// others. H-PLOC (Benthin, Meister, Barczak, Mehalwal, Tsakok, Kensler 2024) does the same for subtrees. So the host knows how
-// many clusters each tile leaves and how many inner nodes it makes: there are no counters, no workgroup waits for another, and
-// places are unique.
+// others. H-PLOC (Benthin, Meister, Barczak, Mehalwal, Tsakok, Kensler 2024) does the same for subtrees. So the host
+// knows how many clusters each tile leaves and how many inner nodes it makes. Every output has a known location: there
+// are no counters, and no workgroup waits for another.
 //
 // With n leaves, merge m (counted over all phases) makes inner node n - 2 - m, and its two clusters become adjacent children. The
 // last merge makes the root. A cluster is a node that is not stored yet: its box and its traversal reference.
@@ -65,8 +65,8 @@ fn half_area_of(low: vec3<f32>, high: vec3<f32>) -> f32 {
     return d.x * d.y + d.y * d.z + d.z * d.x;
 }
 
-// Returns the neighbour that makes the smallest box together with this cluster. Of equal boxes it takes the neighbour whose index
-// differs in the lowest bits. Both sides of a pair then rank it equally, the best pair is always mutual, and equal boxes merge in
+// Returns the neighbour j whose box with cluster i is smallest. Of equal boxes, it returns the one with the least
+// i ^ j. This order is the same from both sides of a pair. So the best pair is always mutual, and equal boxes merge in
 // pairs.
 fn nearest_to(i: u32, count: u32) -> u32 {
     let current = load_cluster(i);

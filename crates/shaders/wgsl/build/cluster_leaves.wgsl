@@ -12,7 +12,7 @@ import package::lib::params::{element_index, params};
 @group(0) @binding(next) var<storage, read> sorted: array<u32>;
 @group(0) @binding(next) var<storage, read_write> clusters: array<vec4<u32>>;
 
-// Triangle states. Rays can only hit sound triangles.
+// Triangle states. Rays can only hit triangles in the state HITTABLE.
 
 const HITTABLE: u32 = 0u;
 const INACTIVE: u32 = 1u;
@@ -51,7 +51,7 @@ fn cluster_leaves(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_wor
         low = bitcast<vec3<u32>>(min(min(a, b), c));
         high = bitcast<vec3<u32>>(max(max(a, b), c));
     } else {
-        // Rasterization reaches triangles without testing their boxes.
+        // The empty box does not suffice: rasterization reads records without testing boxes.
         records[3u * leaf].w = NO_TRIANGLE;
         atomicAdd(&counts[select(INACTIVE_COUNT, DEGENERATE_COUNT, state == DEGENERATE)], 1u);
     }

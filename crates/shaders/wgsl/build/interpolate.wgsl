@@ -9,7 +9,7 @@ import package::lib::params::{element_index, params};
 @group(0) @binding(next) var<storage, read_write> positions: array<vec4<u32>>;
 @group(0) @binding(next) var<storage, read> moving_rows: array<u32>;
 
-// geom::Pose::blend for one number, as bits.
+// Blends one number as geom::Pose::blend does. Numbers are passed as bits.
 
 fn blend(a: u32, b: u32) -> u32 {
     let native = blend_native(a, b);
@@ -22,7 +22,8 @@ fn blend_native(a: u32, b: u32) -> u32 {
     return bitcast<u32>(add(x, mul(sub(bitcast<f32>(b), x), params.alpha)));
 }
 
-// For results from 2^-100 up, operands that a device may flush are below the rounding error, unless the weight itself is flushed.
+// Returns whether `native` may be wrong because a device flushes subnormal numbers. If the result is at least 2^-100,
+// flushed coordinates are below its rounding error, so only a subnormal weight matters.
 fn needs_exact_blend(a: u32, b: u32, native: u32) -> bool {
     let small = (native & 0x7fffffffu) < 0x0d800000u || params.alpha < 1.1754943508222875e-38;
     return small && ((a | b) & 0x7fffffffu) != 0u;

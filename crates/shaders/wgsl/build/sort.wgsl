@@ -9,13 +9,14 @@ import package::lib::params::params;
 
 @group(0) @binding(next) var<storage, read_write> sorted: array<u32>;
 
-// A count per tile for each value of the digit, then the sums that sort_scan computes.
+// For each value of the digit, its number of occurrences in each tile. `sort_scan` replaces them by prefix sums, and
+// appends the total of each value.
 @if(sort_scatter)
 @group(0) @binding(next) var<storage, read> digits: array<u32>;
 @else
 @group(0) @binding(next) var<storage, read_write> digits: array<u32>;
 
-// Prefix sums over a workgroup of 256, and the offsets of a radix sort.
+// Definitions that several steps share.
 
 // Number of elements that one workgroup sorts: 8 per invocation.
 const TILE: u32 = 2048u;

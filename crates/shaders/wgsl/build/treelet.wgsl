@@ -11,10 +11,10 @@ const LEAF_COUNT_IN_ENTRY: u32 = 1u;
 const INNER_AT_IN_ENTRY: u32 = 2u;
 const INNER_COUNT_IN_ENTRY: u32 = 3u;
 const ROOT_ROW_IN_ENTRY: u32 = 7u;
-// The parent's treelet; and the number of its children, of all and of those that move.
+// Index of a treelet's parent. Number of a treelet's children, followed by the number of moving children.
 const PARENT_IN_ENTRY: u32 = 9u;
 const SIBLINGS_IN_ENTRY: u32 = 10u;
-// A reference within a treelet, which is below 512, is also the index of a node here.
+// References within a treelet are below 512. They are also the indices of nodes in workgroup memory.
 const NODE_CAPACITY: u32 = 512u;
 const LEAVES: u32 = 256u;
 

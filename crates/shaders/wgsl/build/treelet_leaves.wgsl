@@ -50,7 +50,7 @@ fn load_corners(vertices: vec3<u32>) -> SceneCorners {
     return SceneCorners(point_of(vertices.x), point_of(vertices.y), point_of(vertices.z));
 }
 
-// Returns the same corners where they are rarely needed.
+// Loads the corners again, where keeping them would cost registers.
 @if(!preprocess_treelets_from_key_frames)
 fn reload_corners(vertices: vec3<u32>) -> SceneCorners { return load_corners(vertices); }
 
@@ -101,7 +101,7 @@ fn any_needs_exact_blend(a: vec3<u32>, b: vec3<u32>, native: vec3<u32>) -> bool 
     return needs_exact_blend(a.x, b.x, native.x) || needs_exact_blend(a.y, b.y, native.y) || needs_exact_blend(a.z, b.z, native.z);
 }
 
-// Returns the same corners where they are rarely needed. A loop reads one corner at a time again, which saves registers.
+// Loads the same corners again, for code that rarely runs. A loop blends one corner at a time, which saves registers.
 @if(preprocess_treelets_from_key_frames)
 fn reload_corners(vertices: vec3<u32>) -> SceneCorners {
     var result = SceneCorners();
@@ -138,15 +138,15 @@ fn vertices_of(leaf: u32) -> vec3<u32> {
     return vec3<u32>(leaf_corners[3u * leaf], leaf_corners[3u * leaf + 1u], leaf_corners[3u * leaf + 2u]);
 }
 
-// Returns whether a triangle has exactly zero area, if rounded arithmetic did not show one. `params.zero` prevents the compiler
-// from reusing the corners, which would take registers.
+// Returns whether a triangle has exactly zero area. Needed only if rounded arithmetic does not prove that it has an
+// area. `params.zero` prevents the compiler from reusing the corners, which would take registers.
 fn has_zero_area(leaf: u32) -> bool {
     let corners = reload_corners(vertices_of(leaf + params.zero));
     return is_degenerate(corners.a, corners.b, corners.c);
 }
 
-// Stores an empty box for a triangle that no ray can hit, and counts it. Its record holds no triangle index, for kernels that
-// reach it without a test of its box.
+// Stores an empty box for a triangle that no ray can hit, and counts it. Replaces the triangle index in its record by
+// NO_TRIANGLE, because some kernels read records without testing boxes.
 fn store_empty(local: u32, leaf: u32, counter: u32) {
     atomicAdd(&counts[counter], 1u);
     records[3u * leaf].w = 0xffffffffu;
@@ -226,7 +226,7 @@ fn preprocess_treelets(
     build_treelet(local, index);
 }
 
-// Does the same as `preprocess_treelets`, but from the two key frames around a moment, so it need not wait for `interpolate`.
+// Does the same as `preprocess_treelets`, but blends two key frames itself, so it need not wait for `interpolate`.
 //
 // Variants: intersector.
 // Parameters: treelets.

@@ -27,7 +27,7 @@ fn other_costs(first: u32, treelet_index: u32, all: u32) -> vec4<f32> {
     return select(vec4<f32>(0.0), costs, (i == at) & (i != vec4<u32>(treelet_index)));
 }
 
-// Returns sixteen sums over the values that all invocations stored, one for each of the first sixteen invocations.
+// Returns one of sixteen partial sums of all values in `partial_sums` to each of the first sixteen invocations.
 fn sixteenth_sum(local: u32) -> f32 {
     var sum = 0.0;
     if local < 16u {
@@ -36,12 +36,13 @@ fn sixteenth_sum(local: u32) -> f32 {
     return sum;
 }
 
-// Returns for invocation 0 the sum of `x` over the workgroup, and the sum of `part` over the first sixteen, like `sum_of_group`.
+// Returns two sums to invocation 0: of `x` over the workgroup, and of `part` over the first sixteen invocations. Adds
+// in the order of `sum_of_group`.
 fn group_sums(local: u32, x: f32, part: f32) -> vec2<f32> {
     partial_sums[local] = x;
     workgroupBarrier();
     let sum = sixteenth_sum(local);
-    // No other invocation reads these two.
+    // No other invocation reads these two elements.
     if local < 16u {
         partial_sums[local] = sum;
         partial_sums[local + 16u] = part;
@@ -54,9 +55,9 @@ fn group_sums(local: u32, x: f32, part: f32) -> vec2<f32> {
     return totals;
 }
 
-// Returns the half areas of the children that this invocation read, and its part of the areas of all other treelets. The latter
-// is only computed for the last treelet, for which `all` is the number of treelets; else `all` is 0. It replaces `sum_costs`. All
-// invocations of the workgroup must call it.
+// Returns the half areas of the children that this invocation read, and its part of the areas of all other treelets.
+// The second value is computed only for the last treelet. For that treelet, `all` is the number of treelets, otherwise
+// 0. So `sum_costs` is not needed. All invocations of the workgroup must call it.
 fn refit_from_roots_below(t: Treelet, treelet_index: u32, local: u32, all: u32) -> vec2<f32> {
     let inner = inner_word(treelet_index, local);
     // Issues all reads before it waits for the first one.
@@ -139,7 +140,8 @@ fn store_cost(i: u32, cost: f32) { atomicStore(&costs[i], bitcast<u32>(cost)); }
 @if(!refit_treelets)
 fn store_count(i: u32, x: f32) { atomicStore(&counts[i], bitcast<u32>(x)); }
 
-// Returns where a root's words begin. The rows of all roots are contiguous, from the first treelet's on.
+// Returns the index in `costs` of a root's first word. The rows of all roots are contiguous, from the first treelet's
+// on.
 fn words_of_root(row: u32) -> u32 { return 2u * params.treelets.treelet_count + 4u * (row - topology[ROOT_ROW_IN_ENTRY]); }
 
 @if(!refit_treelets)

@@ -82,8 +82,8 @@ fn is_invalid_ray(first: vec4<u32>, second: vec4<u32>) -> bool {
     return is_untraceable(bitcast<vec3<f32>>(second.xyz), bitcast<vec3<f32>>(first.xyz)) || !is_interval;
 }
 
-// Returns whether this kernel treats explicit ray `i` as a miss: it is invalid, or extreme, so that `extreme_*` traces it. An
-// origin may also be too far away for the scene's scale.
+// Returns whether this kernel treats explicit ray `i` as a miss, because it is invalid or because `extreme_*` traces
+// it. The textbook intersectors trace extreme rays too, except those whose origin overflows in scaled units.
 fn is_skipped(i: u32) -> bool {
     let first = rays[2u * i];
     if is_invalid_ray(first, rays[2u * i + 1u]) { return true; }

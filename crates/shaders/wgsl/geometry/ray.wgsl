@@ -63,11 +63,12 @@ struct PreparedRay {
     // Terms that loose_planes adds to the near and far planes times the inverse.
     near_offset: vec3<f32>,
     far_offset: vec3<f32>,
-    // The axis of the largest |d|, and the shear along it.
+    // The main axis: that of the largest |d|.
     axis: u32,
     // The axes in the order (kx, ky, kz), and the origin in that order.
     axes: vec3<u32>,
     permuted_origin: vec3<f32>,
+    // The shear along the main axis.
     shear_x: f32,
     shear_y: f32,
     shear_z: f32,

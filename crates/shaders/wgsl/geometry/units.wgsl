@@ -48,7 +48,7 @@ fn flushed(x: f32) -> f32 { return select(x, 0.0, abs(x) < 7.888609052210118e-31
 
 // Extreme rays: geom::Range.
 
-// Returns whether a ray from `origin`, in scaled units, is extreme, at moments whose range the host knows.
+// Returns whether a ray from `origin`, in scaled units, is extreme. The host must know the range of the coordinates.
 fn is_extreme(origin: vec3<f32>) -> bool {
     return params.extreme == 1u || has_extreme_origin(origin, params.tiny != 0u);
 }

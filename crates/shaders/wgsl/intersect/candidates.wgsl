@@ -1,8 +1,9 @@
 // Rays that a search leaves undecided. Each has a linked list of candidates: the triangles that it may hit. A candidate takes
 // three words: its leaf, the next candidate, and whether a hit of that leaf is in shadow (resolve_hits_and_shadows.wgsl).
 //
-// `occluded` holds one word per ray, the list of undecided rays, and the candidates. The stacks of fallback.wgsl follow. Kernels
-// that need both lists then have a list of undecided shadow rays. Any-hit searches fill the list at `undecided_shadows_at`.
+// `occluded` holds one word per ray, the list of undecided rays, the candidates, and the stacks of fallback.wgsl.
+// Kernels that need both lists have the list of undecided shadow rays after the stacks. Any-hit searches fill the list
+// at `undecided_shadows_at`, which is otherwise the list of undecided rays.
 
 import package::lib::buffers::{counts, occluded};
 import package::lib::counters::CANDIDATE_COUNT;
@@ -11,9 +12,10 @@ import package::lib::params::params;
 // Index of the first candidate. In `occluded`, an undecided any-hit query holds such an index instead of the result 0 or 1.
 const FIRST_CANDIDATE: u32 = 2u;
 const NO_CANDIDATE: u32 = 0xffffffffu;
-// Replaces the index of a candidate: the list did not fit, or does not decide the ray. Replaces a shadow: not known yet.
+// In place of a candidate's index: the list did not fit, or does not decide the ray. In place of a candidate's shadow:
+// it is not known yet.
 const UNDECIDED: u32 = 0xfffffffeu;
-// Replaces the second weight of an undecided ray's hit. No weight has these bits.
+// In place of the second weight of a hit: the ray is undecided. No weight has these bits.
 const UNDECIDED_HIT: u32 = 0xffffffffu;
 
 fn candidate_at(candidate: u32) -> u32 { return 2u * params.search.undecided_rays_at + 3u * (candidate - FIRST_CANDIDATE); }

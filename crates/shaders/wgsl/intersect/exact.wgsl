@@ -59,7 +59,7 @@ fn exact_nearest_t(ray: PreparedRay, leaf: u32) -> f32 {
     set_shear_view(ray);
     let classified = classify(ray, corners_of(leaf));
     if !classified.possible { return bitcast<f32>(0x7f800000u | params.zero); }
-    // Negative where the interval's beginning is rounded below 0.
+    // Rounding may make the lower end negative.
     return select(0.0, classified.low, classified.low > 0.0);
 }
 

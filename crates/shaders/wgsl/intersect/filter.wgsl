@@ -23,7 +23,7 @@ fn set_shear_view(ray: PreparedRay) {
     shear_view.up = unpermute(vec3<f32>(0.0, 1.0, -ray.shear_y), ray.axis);
     // 4.01 * 2^-24 of the sheared part, and 2^-37, below which a component of the direction became zero.
     shear_view.errors_per_depth = 2.3901462554931640625e-7 * abs(vec2<f32>(ray.shear_x, ray.shear_y)) + 7.3e-12;
-    // `max_padding` is 17 * 2^-24 * D of the root.
+    // `max_padding` is 17 * 2^-24 * D of the root, and 986896 is at least 2^24 / 17.
     shear_view.max_errors = shear_view.errors_per_depth * (986896.0 * ray.max_padding) + SMALL;
 }
 
@@ -122,9 +122,10 @@ fn classify_closely(ray: PreparedRay, corners: Corners, sheared: ShearedTriangle
     return Classified(true, certain && rounds_within(ray, span), span.x, span.y);
 }
 
-// Returns whether every t of a span, rounded once in the ray's own units, is within the ray's limits. A float beyond t_min is at
-// least the next float, and rounding is monotone, so the limits themselves serve where t is normal. Subnormal numbers have fewer
-// digits than scaled ones, so distances below 2^-125 or beyond 2^127 stay undecided.
+// Returns whether every t of a span, rounded once in the ray's own units, is within the ray's limits. Rounding is
+// monotone, and the ends of the span are floats. So where t is normal, it suffices that both ends are within the
+// limits. Subnormal numbers have fewer digits than scaled ones, so distances below 2^-125 or beyond 2^127 stay
+// undecided.
 fn rounds_within(ray: PreparedRay, span: vec2<f32>) -> bool {
     let smallest = power_of_two(max(ray.exponent - 125, -99));
     let largest = power_of_two(ray.exponent + 127);

@@ -41,7 +41,7 @@ fn set_line(origin: vec3<u32>, direction: vec3<u32>, t_min: u32, t_max: u32, shi
     line = Line(origin, direction, t_min, t_max, shift, units.x, bits, limbs(bits));
 }
 
-// Converts the direction to integers of any length. Required by all functions below.
+// Converts the direction to integers of any length. Must be called before the functions below.
 fn prepare_line() {
     words[ONE_OFFSET] = 0u;
     words[ONE_OFFSET + 1u] = 1u;

@@ -82,7 +82,7 @@ fn has_zero(v: vec3<f32>) -> bool { return any(v == vec3<f32>(0.0)); }
 
 fn exact_difference(corners: vec3<f32>, start: f32) -> DoubleFloat3 { return two_sum(corners, vec3<f32>(-start)); }
 
-// Returns the scaled direction with the small components that `PreparedRay` replaces by zero.
+// Returns the scaled direction. Unlike `PreparedRay`, keeps its small components.
 fn unflushed_direction(direction: vec3<u32>, exponent: i32) -> vec3<f32> {
     return vec3<f32>(scale_bits(direction.x, exponent), scale_bits(direction.y, exponent), scale_bits(direction.z, exponent));
 }

@@ -9,7 +9,8 @@ import package::lib::integers::{
     compare_magnitudes, to_sign_magnitude, words,
 };
 
-// Intersects the line with a closed triangle, and stores the result in slot 0 or 1. Its rounded t must be within the ray's limits.
+// Intersects the line with a closed triangle, and stores the result in slot 0 or 1. There is no hit unless the rounded
+// t is within the ray's limits.
 fn intersect_within_limits(corners: array<vec3<u32>, 3>, slot: u32) -> ExactIntersection {
     let result = intersect_exactly(corners, slot, false);
     if !result.is_hit || !is_within_limits(rounded_t(result)) { return NO_INTERSECTION; }

@@ -9,7 +9,7 @@ import package::lib::params::params;
 
 // Shared by both: t is clamped to the triangle's own box, so that the hit does not depend on the tree.
 
-// The exact reciprocal: boxes decide hits at each candidate triangle.
+// Returns the correctly rounded reciprocal, because it decides whether a ray meets the own box of a triangle.
 fn textbook_inverse_for(ray: PreparedRay) -> vec3<f32> { return rounded_inverse(ray); }
 
 struct TriangleHit { is_hit: bool, t: f32, u: f32, v: f32, triangle: u32 }

@@ -19,5 +19,5 @@ const TEST_COUNT: u32 = 14u;
 const RASTER_INCOMPLETE: u32 = 15u;
 // 1 if a search met an extreme ray, which `extreme_*` traces.
 const FOUND_EXTREME: u32 = 16u;
-// 2 if coordinates differ so much in size that boxes are padded by their own distance, else 1. A hint for later submissions.
+// 2 if coordinates have very different sizes, else 1. Later submissions then pad each box by its own distance.
 const SIZE_SPREAD: u32 = 17u;

@@ -158,7 +158,7 @@ fn compare_approximations(a: Approximation, b: Approximation) -> i32 {
     return select(-1, 1, x > y);
 }
 
-// Returns n * 2^by modulo 2^192.
+// Returns n * 2^shift modulo 2^192.
 fn shift_left_192(n: Int192, shift: u32) -> Int192 {
     var result = n;
     for (var i = 0u; i < (shift >> 5u); i += 1u) {

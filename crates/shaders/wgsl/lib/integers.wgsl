@@ -41,7 +41,7 @@ fn add_32(a: u32, b: u32) -> vec2<u32> {
     return vec2<u32>(sum, select(0u, 1u, sum < a));
 }
 
-// Adds or subtracts a * b. Since not(not(x) + y) is x - y, one loop does both.
+// Adds a * b, or subtracts it if `flip` is 1. One loop does both, because not(not(x) + y) is x - y.
 fn accumulate_product(at: u32, len: u32, a: u32, a_len: u32, b: u32, b_len: u32, flip: u32) {
     let mask = 0u - (words[a] ^ words[b] ^ flip);
     for (var i = 0u; i < a_len; i += 1u) {
@@ -60,7 +60,7 @@ fn accumulate_product(at: u32, len: u32, a: u32, a_len: u32, b: u32, b_len: u32,
     }
 }
 
-// Adds or subtracts mantissa * 2^shift.
+// Adds mantissa * 2^shift, or subtracts it if `negative` is set.
 fn add_shifted(at: u32, len: u32, mantissa: u32, shift: u32, negative: bool) {
     let mask = select(0u, 0xffffffffu, negative);
     let bit_shift = shift & 31u;

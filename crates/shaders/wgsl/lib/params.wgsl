@@ -118,7 +118,7 @@ struct Params {
     node_count: u32,
     // Always 0. Unknown to the compiler, so it prevents optimizations across it.
     zero: u32,
-    // Row of the first box where a workgroup's search starts, and the number of these boxes.
+    // Row of the first box of the level where a workgroup's search starts, and the number of boxes of the level.
     start_row: u32,
     start_count: u32,
     // `extreme`: 1 if all rays are extreme, 2 if only the buffer `range` holds whether they are.

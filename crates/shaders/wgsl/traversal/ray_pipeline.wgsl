@@ -89,7 +89,7 @@ fn camera_shadow(@ray_invocation_id id: vec3<u32>) {
 
 struct ExplicitRay { origin: vec3<f32>, t_min: f32, direction: vec3<f32>, t_max: f32, is_traced: bool }
 
-// Invalid rays are not traced. Drivers do not trace behind a ray's origin.
+// Invalid rays are not traced. A negative t_min becomes 0, because drivers do not trace behind a ray's origin.
 fn load_ray(i: u32) -> ExplicitRay {
     let first = rays[2u * i];
     let second = rays[2u * i + 1u];

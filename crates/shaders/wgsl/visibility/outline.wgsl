@@ -32,7 +32,7 @@ const PROJECTION_ERROR: f32 = 2.1457672119140625e-6;
 // Distance from the picture, in pixels, beyond which coverage is not computed.
 const MAX_OFFSCREEN_PIXELS: f32 = 16384.0;
 
-// Bounds the error of a depth, and of the depth of a hit, in the same units. 38 * 2^-24.
+// The error of a depth, and of the depth of a hit, relative to the terms of the depth. 38 * 2^-24.
 @if(EXACT)
 const DEPTH_ERROR: f32 = 2.26497650146484375e-6;
 
@@ -120,14 +120,14 @@ fn is_box_outside_along(low: vec3<f32>, high: vec3<f32>, axis: vec3<f32>, size: 
     return is_outside(vec2<f32>(least.x + least.y + least.z, most.x + most.y + most.z), axis, size, max_distance);
 }
 
-// Returns whether two bounds, both times depth, show that: the least projected coordinate minus the picture's size, and the
-// greatest projected coordinate.
+// Returns whether an object is certainly outside the picture along one axis. `min_and_max` holds the least projected
+// coordinate minus the picture's size, and the greatest projected coordinate, both multiplied by the depth.
 fn is_outside(min_and_max: vec2<f32>, axis: vec3<f32>, size: u32, max_distance: f32) -> bool {
     let error_bound = DEPTH_ERROR * max_distance * (l1_norm(axis) + f32(size) * l1_norm(params.depth));
     return max_distance < MAX_DISTANCE && (min_and_max.x > error_bound || min_and_max.y < -error_bound);
 }
 
-// Returns the least depth of hits within something whose computed depth is `depth`; at least 0.
+// Returns a lower bound, at least 0, on the depth of hits in an object whose least computed depth is `depth`.
 fn nearest_depth(depth: f32, max_distance: f32) -> f32 {
     let least = depth - DEPTH_ERROR * max_distance * l1_norm(params.depth);
     return select(0.0, least, least > 0.0);

@@ -56,8 +56,8 @@ fn normalized_exponent(v: vec3<f32>) -> vec3<f32> {
     return select(w, vec3<f32>(0.0), abs(w) < vec3<f32>(9.094947017729282e-13));
 }
 
-// Normalizes to length 1, within a few units in the last place. Returns zero where `normalized_exponent` does. Uses Newton's
-// method from the customary guess, because a device's square root need not be correctly rounded.
+// Normalizes to length 1, within a few units in the last place. Returns zero where `normalized_exponent` does. Uses
+// Newton's method from an integer guess of 1 / sqrt, because a device's square root need not be correctly rounded.
 fn unit(v: vec3<f32>) -> vec3<f32> {
     let w = normalized_exponent(v);
     let square = dot_product(w, w);
