@@ -87,7 +87,10 @@ impl Topology {
     #[must_use]
     pub fn with_moving(mut self, parts: &StaticParts) -> Self {
         assert_eq!(parts.triangles.len(), self.triangle_count());
-        let treelets = self.to_treelets().into_owned();
+        let treelets = match self.treelets.take() {
+            Some(treelets) => *treelets,
+            None => Treelets::of(&self),
+        };
         self.treelets = Some(Box::new(treelets.with_moving(parts)));
         self
     }
