@@ -1,5 +1,6 @@
-//! [`Backend`] on the host. Work runs in the backend's own thread pool when it is submitted, so `wait` never blocks.
-//! A list of rays is traced before the call that records it returns, so the list is not copied.
+//! [`Backend`] on the host. `submit` executes the recorded commands in the backend's own thread pool and returns when
+//! they have finished, so `wait` never blocks. A trace of a list executes all recorded commands immediately, so that
+//! the list need not be copied.
 
 use crate::accelerator::{Accelerator, reserve};
 use crate::bvh2::Bvh2;
@@ -20,7 +21,7 @@ use std::time::Instant;
 /// Creates an empty tree.
 type NewTree = Box<dyn Fn() -> Box<dyn Accelerator> + Send + Sync>;
 
-/// Interpolates, preprocesses, refits and traces on the host.
+/// A backend that runs all stages on the host.
 pub struct CpuBackend {
     device: Device,
     pool: ThreadPool,
@@ -45,7 +46,7 @@ pub struct CpuBackend {
     epoch: Instant,
 }
 
-/// The most advanced data that are current after the last recorded command.
+/// The last stage whose results are current once all recorded commands have run. Later values include earlier ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum State {
     Nothing,
@@ -63,7 +64,7 @@ impl CpuBackend {
         Self::with_trees(BackendName::CpuRef, threads, || Box::new(Bvh2::default()))
     }
 
-    /// Creates a backend of another name as [`CpuBackend::new`] does, with trees from `new_tree`.
+    /// Creates a backend called `name`, whose trees `new_tree` creates. See [`CpuBackend::new`] for `threads`.
     ///
     /// # Errors
     /// See [`CpuBackend::new`].
@@ -111,7 +112,7 @@ impl CpuBackend {
         assert!(self.state >= state, "{why} comes first");
     }
 
-    /// Executes the recorded commands. A trace of a list reads `rays`.
+    /// Executes the recorded commands. `rays` is the list of a recorded trace, or empty.
     fn carry_out(&mut self, rays: &[Ray]) -> Result<()> {
         let start = Instant::now();
         let (next, scene) = (&mut self.next, loaded(&mut self.scene));
@@ -125,7 +126,7 @@ impl CpuBackend {
             all.try_for_each(|command| next.carry_out(command, rays, scene, copies))
         });
         if done.is_err() {
-            // Nothing is current any more, and the submission is dropped.
+            // The submission is dropped, and no results are current.
             (self.state, self.has_trace) = (State::Nothing, false);
             next.ticket = None;
             return done;
@@ -139,7 +140,7 @@ impl CpuBackend {
         Ok(())
     }
 
-    /// Drops submissions that have expired.
+    /// Drops submissions that are not retained and have [`FRAMES_IN_FLIGHT`] or more successors. Reuses their memory.
     fn drop_expired(&mut self) {
         let mut later = self.submissions.len();
         let mut later_traced = self.submissions.iter().filter(|s| s.is_traced).count();
@@ -198,7 +199,7 @@ impl Backend for CpuBackend {
     fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()> {
         assert!(
             self.commands.is_empty() && self.next.ticket.is_none(),
-            "a tree is adopted between submissions: submit what was recorded for the one before"
+            "cannot adopt a tree with unsubmitted commands: call submit first"
         );
         assert!(
             self.generation < Some(generation),
@@ -235,7 +236,7 @@ impl Backend for CpuBackend {
         self.require(State::Positions, "preprocess reads positions: interpolate");
         assert!(
             self.generation.is_some(),
-            "preprocess follows a tree's leaves: adopt comes first"
+            "preprocess needs a tree: adopt comes first"
         );
         self.commands.push(Command::Preprocess);
         self.state = State::Records;
@@ -301,7 +302,7 @@ impl Backend for CpuBackend {
         let mut done = std::mem::take(&mut self.next);
         done.is_traced = std::mem::take(&mut self.has_trace);
         if !done.is_traced {
-            // A trace that was refused has left its buffers.
+            // A trace that returned an error may have allocated buffers.
             self.spares.put(std::mem::take(&mut done.hits));
         }
         self.submissions.push_back(done);

@@ -3,16 +3,17 @@
 use crate::scale::PreparedRay;
 use geom::{Aabb, Point};
 
-/// Least magnitude of a direction's component, `2^-60`. Smaller ones are pushed away from zero to it.
+/// Least magnitude of a component of the direction, `2^-60`. Smaller components are replaced by this, with their sign.
 pub const SMALLEST: f32 = f32::from_bits((127 - 60) << 23);
-/// `17 * 2^-24`: bound on the errors of the watertight test and of this test, in units of `D`.
+/// Padding of boxes as a fraction of `D`, `17 * 2^-24`. It bounds the errors of the watertight test and of this test.
+///
+/// `D` is the largest distance along one axis from the ray's origin to a corner of the box.
 pub const PAD: f32 = 17.0 / 16_777_216.0;
-/// Upper bound of `D`, `2^80`, so that no product is infinite. `D` is the largest distance on one axis from the ray's
-/// origin to a corner of the box.
+/// Upper bound of `D`, `2^80`, so that no product is infinite.
 pub const FARTHEST: f32 = f32::from_bits((127 + 80) << 23);
-/// Lower bound of `D`, `2^-38`. Compared with this, coordinates that are replaced by zero are negligible.
+/// Lower bound of `D`, `2^-38`. Coordinates that were flushed to zero are negligible relative to this.
 pub const NEAREST: f32 = f32::from_bits((127 - 38) << 23);
-/// Bound on distances up to which every product of the watertight test is finite, `2^60`.
+/// For distances below this, `2^60`, every product of the watertight test is finite.
 pub const CALM: f32 = f32::from_bits((127 + 60) << 23);
 
 /// A ray, prepared for the box test.

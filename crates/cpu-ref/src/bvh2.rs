@@ -151,7 +151,7 @@ impl Accelerator for Bvh2 {
                 };
                 node.bounds.half_area()
             };
-            // A list of sums, so that the total does not depend on the number of threads.
+            // Sums per task are added in order, so that the total does not depend on the number of threads.
             let sums: Vec<f64> = tasks
                 .map(|nodes| nodes.iter_mut().map(refit).sum())
                 .collect();

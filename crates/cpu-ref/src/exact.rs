@@ -1,7 +1,7 @@
-//! Intersector `exact`: rounded arithmetic with proven error bounds, and integers where the bounds do not suffice.
+//! Intersector `exact`: single precision with proven error bounds, and integers where the bounds do not suffice.
 //!
-//! The rounded part is a filter in the sense of Shewchuk (1997) on the watertight test's
-//! numbers. The bounds and their proof are in `docs/design/hits.md`.
+//! The single-precision part is a floating-point filter (Shewchuk 1997). It bounds the errors of the watertight test's
+//! intermediate results. The bounds and their proof are in `docs/design/hits.md`.
 
 use crate::intersect::{Watertight, solve};
 use crate::scale::{LEAST, Limits, PreparedRay};
@@ -11,14 +11,14 @@ use geom::exact::{ExactDistance, RoundedHit};
 use geom::{Hit, is_active, is_degenerate};
 use std::cmp::Ordering;
 
-/// Bound on the error of a sheared coordinate relative to the size of its terms, `9.5 * 2^-24`.
+/// Bound on the error of a sheared coordinate relative to the magnitude of its terms, `9.5 * 2^-24`.
 pub const SHEAR: f32 = 9.5 / 16_777_216.0;
-/// Bound on the error of a depth relative to its size, `32 * 2^-24`.
+/// Bound on the error of a depth relative to its magnitude, `32 * 2^-24`.
 pub const DEPTH: f32 = 32.0 / 16_777_216.0;
 /// Bound on the error from flushing small numbers to zero, `2^-60`.
 pub const SMALL: f32 = f32::from_bits((127 - 60) << 23);
 
-/// A triangle that error bounds do not exclude.
+/// A triangle that the filter does not reject.
 #[derive(Clone, Copy, Debug)]
 struct PossibleHit {
     triangle: u32,
@@ -33,7 +33,7 @@ struct PossibleHit {
 struct FilterRay {
     ray: PreparedRay,
     test: Watertight,
-    /// Limits between which every `t` rounds to one within the ray's limits.
+    /// See [`PreparedRay::sure_limits`].
     limits: Limits,
 }
 
@@ -82,7 +82,7 @@ impl RaySearch<'_> {
         possible.any(|hit| self.crossing(hit.triangle).is_some())
     }
 
-    /// Returns the hit of a triangle that the ray certainly hits, its numbers rounded once.
+    /// Returns the hit of a triangle that the ray certainly hits. `t`, `u` and `v` are rounded once.
     pub fn certain_hit(&self, triangle: u32) -> Option<Hit> {
         let (line, corners) = (self.line(), self.geometry.corners(triangle));
         let rounded = line.rounded_surely(&corners).or_else(|| {
@@ -92,7 +92,7 @@ impl RaySearch<'_> {
         Some(hit(triangle, rounded?))
     }
 
-    /// Returns the triangle with the least exact `t`, then the least index.
+    /// Returns the triangle that the ray hits at the least exact `t`. Of several with this `t`, the least index.
     fn first(&self, possible: &[PossibleHit]) -> Option<u32> {
         let possible = possible.iter().map(|hit| hit.triangle);
         let crossings = possible.filter_map(|t| Some((self.crossing(t)?, t)));
@@ -155,8 +155,8 @@ impl FilterRay {
     }
 }
 
-/// Returns an interval around the rounded `t` that contains the exact `t` of a certain hit, or `None` if the error has no
-/// useful bound. `doubt` is the bound on the error of an edge function.
+/// Returns an interval around the rounded `t` that contains the exact `t` of a certain hit. Returns `None` if the error
+/// has no useful bound. `doubt` bounds the error of each edge function.
 fn near(edges: [f32; 3], depths: [f32; 3], doubt: f32) -> Option<[f32; 2]> {
     let least_det = (edges[0] + edges[1] + edges[2]).abs() - 4.0 * doubt;
     if least_det.partial_cmp(&(4.0 * doubt)) != Some(Ordering::Greater) {

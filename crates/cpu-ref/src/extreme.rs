@@ -1,6 +1,6 @@
-//! Exact arithmetic for rays and moments outside the range of rounded tests (`docs/design/hits.md`, "Extreme rays").
+//! Exact arithmetic for rays and moments outside the range of single precision (`docs/design/hits.md`, "Extreme rays").
 //!
-//! Boxes are tested in double precision, whose range holds every product that is needed here.
+//! Boxes are tested in double precision, in which no quotient overflows or underflows.
 
 use crate::geometry::Geometry;
 use crate::search::RaySearch;
@@ -9,7 +9,7 @@ use geom::exact::{ExactDistance, Line};
 use geom::{Aabb, Hit, Point, Ray, Triangle, is_active, is_degenerate, normal_signs, side_of};
 use std::cmp::Ordering;
 
-/// Returns whether a ray from `origin` is outside the range that rounded tests support.
+/// Returns whether a ray from `origin` must be traced in exact arithmetic.
 #[inline]
 pub fn is_extreme(geometry: &Geometry<'_>, origin: Point) -> bool {
     geometry.range.is_extreme(geometry.scale.apply(origin))
@@ -22,8 +22,8 @@ pub(crate) struct ExtremeSearch<'a> {
 }
 
 impl<'a> ExtremeSearch<'a> {
-    /// Returns the search of an extreme ray. Returns `None` for other rays, and for intersectors that test every ray in
-    /// rounded arithmetic.
+    /// Returns the search of an extreme ray. Returns `None` for other rays, and for intersectors that never use exact
+    /// arithmetic.
     pub(crate) fn of(search: &RaySearch<'a>) -> Option<Self> {
         let is_extreme =
             search.intersector.is_watertight() && is_extreme(&search.geometry, search.ray.origin);
@@ -79,7 +79,7 @@ impl<'a> ExtremeSearch<'a> {
 
     /// Returns the distance to a triangle, or `None` if the ray does not hit it.
     ///
-    /// With `watertight`, the ray moves by an infinitesimal offset, and the limits apply to the rounded `t`.
+    /// With `watertight`, the ray is perturbed: see [`Line::intersect_perturbed`]. The limits apply to the rounded `t`.
     fn crossing(&self, triangle: u32) -> Option<ExactDistance> {
         if self.search.intersector.is_exact() {
             return self.search.crossing(triangle);
@@ -101,8 +101,8 @@ impl<'a> ExtremeSearch<'a> {
         }
     }
 
-    /// Calls `see` for each triangle in a box that the ray meets before the bound, which is `t_max` at first, nearer boxes
-    /// first. Ends with the first result of `see`.
+    /// Calls `see` for each triangle in a box that the ray enters before the bound, nearest box first. The bound is
+    /// `t_max` at first, and `see` may reduce it. Returns the first result of `see` that is `Some`.
     fn visit<T>(&self, mut see: impl FnMut(u32, &mut f64) -> Option<T>) -> Option<T> {
         let RaySearch { tree, ray, .. } = &self.search;
         if !ray.is_valid() {
@@ -136,14 +136,15 @@ impl<'a> ExtremeSearch<'a> {
     }
 }
 
-/// A box in the scene's units, which contains every coordinate that was rounded to a plane of a scaled box.
+/// A box in the scene's units. It contains all points that were in a scaled box before scaling flushed small
+/// coordinates to zero.
 struct WideBox {
     min: [f64; 3],
     max: [f64; 3],
 }
 
 impl WideBox {
-    /// Creates the box of a scaled box, whose coordinates are in units of `unit`. An empty box stays empty.
+    /// Converts a box from scaled units, of which each is `unit` scene units. An empty box stays empty.
     fn new(scaled: &Aabb, unit: f64) -> Self {
         // A plane at zero may represent a coordinate that was flushed to zero: see `Scale`.
         let plane = |x: f32, if_zero: f64| unit * if x == 0.0 { if_zero } else { f64::from(x) };
@@ -154,9 +155,10 @@ impl WideBox {
         }
     }
 
-    /// Returns a lower bound on the `t` of the ray's points in the box, up to `bound`, or `None` if the ray misses the box.
+    /// Returns a lower bound on the `t` at which the ray enters the box. Returns `None` if the ray misses the box or
+    /// enters it after `bound`.
     ///
-    /// A quotient of a difference is rounded twice, so its relative error is below `4 * 2^-53`.
+    /// Each quotient has two roundings, so its relative error is below `4 * 2^-53`.
     fn entry(&self, ray: &Ray, bound: f64) -> Option<f64> {
         let (mut low, mut high) = (f64::from(ray.t_min), bound);
         for axis in 0..3 {
@@ -180,7 +182,7 @@ impl WideBox {
     }
 }
 
-/// Returns the shadow ray from a hit of `ray` to a light, over `t` in `(0, 2)`, in the scene's units.
+/// Returns the shadow ray from a hit of `ray` to a light, with `t` in `(0, 2)`, in the scene's units.
 ///
 /// The hit point is computed along the ray or within the triangle, whichever has the smaller error. It is then moved to
 /// the light's side of the triangle by at least that error. The direction is half the vector to the light, which cannot
@@ -225,7 +227,7 @@ fn largest(points: &[Point]) -> f32 {
     sizes.fold(0.0, f32::max)
 }
 
-/// Replaces an infinite number by the largest finite one of its sign.
+/// Replaces an infinite number by the largest finite number of the same sign.
 fn saturated(x: f32) -> f32 {
     x.clamp(-f32::MAX, f32::MAX)
 }

@@ -7,8 +7,8 @@ use std::ops::Range;
 /// Vertices that one task interpolates.
 const RUN: usize = 1 << 14;
 
-/// Writes the vertices of these ascending runs at a moment, with the same bits as [`Moment::vertex`]. Other vertices
-/// are left unchanged.
+/// Writes the positions of all vertices in `runs`, with the same bits as [`Moment::vertex`]. `runs` is in ascending
+/// order. Other vertices keep their positions.
 pub(crate) fn interpolate(moment: &Moment<'_>, runs: &[Range<usize>], positions: &mut [Point]) {
     let (pose, [earlier, later]) = (moment.pose(), moment.key_frames());
     let tasks = cut(runs, positions);

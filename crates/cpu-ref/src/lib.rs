@@ -1,15 +1,15 @@
 //! The reference backend, `cpu-ref`: runs every stage in scalar code on the host's cores with rayon.
 //!
-//! It is meant to be read, not to be fast. It follows the definition of a hit (`docs/design/hits.md`) exactly, and tests
-//! compare all other backends with it bit for bit. Its tree is the breadth-first binary tree of Kim and others (2014), with
-//! one triangle per leaf. Every frame processes all leaves and all nodes.
+//! It is written for clarity, not for speed. It follows the definition of a hit (`docs/design/hits.md`) exactly, and
+//! tests compare all other backends with it bit for bit. Its tree is the breadth-first binary tree of Kim and others
+//! (2014), with one triangle per leaf. Every frame processes all leaves and all nodes.
 //!
 //! Each module uses only modules above it in this list:
 //!
 //! - `scale`, `geometry`, `box_test`: units, the triangles of a moment, the box test;
 //! - `intersect`: the ray-triangle tests, one file each;
-//! - `tree`, `search`: the interface of a tree, and the search for hits in rounded arithmetic;
-//! - `exact`, `extreme`: searches that use integers;
+//! - `tree`, `search`: the interface of a tree, and the search for hits in single precision;
+//! - `exact`, `extreme`: searches that use exact integers;
 //! - `shadow`, `output`, `trace`: all rays of a query, with their shadow rays;
 //! - `accelerator`, `bvh2`: preprocess and refit, for the paper's tree;
 //! - `interpolate`, `scene`, `submission`, `backend`: the stages of a frame.

@@ -1,4 +1,4 @@
-//! Powers of two: a scene's scale, rays in scaled units, and multiplications without rounding.
+//! The scale of a scene, rays in scaled units, and exact scaling by powers of two.
 
 use geom::{Aabb, Animation, Point, Ray};
 
@@ -19,7 +19,7 @@ impl Scale {
     /// Least nonzero scaled coordinate, `2^-64`. Smaller ones are flushed to zero.
     pub const LEAST: f32 = power(-64);
 
-    /// Returns the scale for the largest finite coordinate of all key frames.
+    /// Returns the scale of a scene: see [`Animation::scale_exponent`].
     pub fn of(animation: &Animation) -> Self {
         Self {
             k: animation.scale_exponent(),
@@ -32,7 +32,7 @@ impl Scale {
         power(-self.k)
     }
 
-    /// Returns the factor of scaled units, `2^k`, or `None` if it is close to the end of the normal range.
+    /// Returns the factor from scaled units to scene units, `2^k`, or `None` if `|k|` exceeds 60.
     #[inline]
     pub fn usual_inverse(self) -> Option<f32> {
         (self.k.abs() <= 60).then(|| power(self.k))
@@ -43,7 +43,7 @@ impl Scale {
         self.k
     }
 
-    /// Converts scene units to scaled units. Results below `2^-64` become zero.
+    /// Converts scene units to scaled units. Results whose magnitude is below `2^-64` become zero.
     #[inline]
     pub fn apply(self, p: Point) -> Point {
         p.map(|x| without(Self::LEAST, x * self.factor()))
@@ -59,7 +59,7 @@ impl Scale {
     }
 }
 
-/// A ray as every test reads it: `o' + t' * d'` in scaled units, with the largest `|d'_i|` in `[1, 2)`.
+/// A ray, prepared for all tests: `o' + t' * d'` in scaled units, with the largest `|d'_i|` in `[1, 2)`.
 #[derive(Clone, Copy, Debug)]
 pub struct PreparedRay {
     /// Origin, `o'`.
@@ -106,12 +106,13 @@ impl PreparedRay {
         })
     }
 
-    /// Returns limits on an exact `t'`. Between these, `t` rounded once in the ray's own units is strictly within the
-    /// ray's limits.
+    /// Returns limits for intervals `low..=high` of floats. Let both ends be strictly between the limits. Then every
+    /// exact `t'` in the interval is strictly between the ray's `t_min` and `t_max` after it is converted to the ray's
+    /// own units and rounded once.
     ///
-    /// A float beyond `t_min` is at least the next one, and rounding is monotone. So the ray's own limits can be used
-    /// where `t` is normal. Subnormal numbers have fewer digits than scaled ones. So the result excludes distances
-    /// below `2^-125` and beyond `2^127` in the ray's own units.
+    /// `low` is at least the next float after the limit, and rounding is monotone. So the ray's own limits suffice
+    /// where `t` is a normal number. Subnormal numbers have fewer bits than scaled ones, and large numbers overflow.
+    /// So the limits exclude magnitudes below `2^-125` and above `2^127` in the ray's own units.
     pub fn sure_limits(&self) -> Limits {
         // 2^-125 and 2^127 in the ray's own units.
         let small = ldexp(1.0, -125 - self.unscale).max(power(-99));
@@ -137,13 +138,13 @@ impl PreparedRay {
     }
 }
 
-/// Returns `x`, or `+0` where `|x|` is below `least`.
+/// Returns `x`, or `+0` if `|x|` is below `least`.
 #[inline]
 fn without(least: f32, x: f32) -> f32 {
     if x.abs() < least { 0.0 } else { x }
 }
 
-/// Returns `x`, or `+0` where `|x|` is below `2^-100`. So devices that flush subnormal numbers give the same answers.
+/// Returns `x`, or `+0` if `|x|` is below `2^-100`. So devices that flush subnormal numbers compute the same hits.
 #[inline]
 pub fn flushed(x: f32) -> f32 {
     without(LEAST, x)

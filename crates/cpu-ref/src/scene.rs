@@ -14,7 +14,8 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 
-/// Number of static vertices at which two runs of moving ones stay separate. Below it, one longer run is cheaper.
+/// Runs of moving vertices are merged if fewer static vertices than this separate them, because one longer run is
+/// cheaper.
 const GAP: usize = 64;
 
 /// An animation with its tree, at one moment.
@@ -24,11 +25,10 @@ pub(crate) struct SceneState {
     /// Range of coordinates at the moment that was interpolated last.
     range: geom::Range,
     pub(crate) positions: Vec<Point>,
-    /// Runs of vertices that cover all moving ones, or one run of all vertices if too few are static to be worth
-    /// skipping.
+    /// Runs of vertices to interpolate. They contain all moving vertices, or simply all vertices if few are static.
     runs: Vec<Range<usize>>,
     pub(crate) accelerator: Box<dyn Accelerator>,
-    /// The tree that was evaluated last.
+    /// The tree that was evaluated last, or after its adoption the tree that it replaced.
     candidate: Option<CandidateTree>,
     /// Counts from the last preprocess, including triangles without a leaf.
     pub(crate) unhittable: Unhittable,
@@ -87,7 +87,7 @@ impl SceneState {
             .filter(|c| c.generation == generation)
         {
             std::mem::swap(&mut self.accelerator, &mut candidate.accelerator);
-            // The replaced tree must not be adopted under this generation.
+            // `candidate` now holds the replaced tree, which has another generation.
             candidate.generation = Generation(0);
             return Ok(());
         }
@@ -95,8 +95,8 @@ impl SceneState {
         self.accelerator.adopt(tree, &self.animation)
     }
 
-    /// Loads a tree for evaluation, into the last candidate or one from `new_tree`. Returns `false` if memory does not
-    /// suffice.
+    /// Loads a tree for evaluation. Reuses the memory of the last candidate, or creates one with `new_tree`. Returns
+    /// `false` if memory does not suffice.
     ///
     /// # Errors
     /// If the tree does not belong to this scene.

@@ -1,4 +1,4 @@
-//! The search for hits of one ray in rounded arithmetic.
+//! The search for hits of one ray in single precision.
 
 use crate::geometry::Geometry;
 use crate::intersect::RoundedTest;
@@ -18,7 +18,7 @@ pub struct RaySearch<'a> {
     pub geometry: Geometry<'a>,
     /// The triangle test.
     pub intersector: Intersector,
-    /// The ray, in units of the scene divided by `scale`.
+    /// The ray, in the scene's units or, for shadow rays, in scaled units.
     pub ray: Ray,
     /// Conversion from the ray's units to scaled units.
     pub scale: Scale,
@@ -27,7 +27,7 @@ pub struct RaySearch<'a> {
 }
 
 impl RaySearch<'_> {
-    /// Converts the ray to the input of exact arithmetic.
+    /// Returns the ray as input of exact arithmetic.
     pub(crate) fn line(&self) -> Line {
         Line {
             ray: self.ray,
@@ -53,7 +53,8 @@ impl RaySearch<'_> {
             if let Some(hit) = hit.filter(|hit| hit.is_before(&best)) {
                 best = hit;
             }
-            // Boxes before `LEAST` may contain a hit at zero with a lower index.
+            // Distances below `LEAST` become zero. So a box that begins before `LEAST` may contain a hit at zero with a
+            // lower index.
             Some(best.t.max(LEAST))
         });
         let t = ray.unscaled(best.t);

@@ -14,8 +14,8 @@ pub struct Light {
     pub at: Point,
     /// Position in the scene's units.
     pub given: Point,
-    /// Part of the root box's longest edge that offsets take into account, in scaled units. Larger triangles add their
-    /// own size.
+    /// Longest edge of the root box, limited by [`geom::Range::clearance`], in scaled units. Offsets of shadow rays
+    /// grow with the larger of this and the triangle's size.
     pub counted: f32,
 }
 
@@ -32,8 +32,8 @@ impl Light {
         }
     }
 
-    /// Returns the shadow ray from a hit to the light, over `(0, 1)`, in scaled units. Its origin is offset from the
-    /// hit.
+    /// Returns the shadow ray from a hit to the light, with `t` in `(0, 1)`, in scaled units. Its origin is offset from
+    /// the hit, towards the light's side of the triangle.
     ///
     /// `corners` are those of the hit triangle, and `eye` is the origin of the ray that hit it. Both are scaled.
     pub fn ray(&self, hit: &Hit, [a, b, c]: &Triangle, eye: Point) -> Ray {

@@ -21,7 +21,7 @@ pub(crate) enum Command {
     CopyPositions,
 }
 
-/// Requested copies of positions that are not taken yet, and buffers that builders have returned.
+/// Copies of positions that were requested but not taken yet, and returned buffers for reuse.
 #[derive(Default)]
 pub(crate) struct Copies {
     pub(crate) ready: VecDeque<(Ticket, Snapshot)>,
@@ -35,9 +35,9 @@ pub(crate) struct Submission {
     pub(crate) ticket: Option<Ticket>,
     /// Set if it has a trace that is not released.
     pub(crate) is_traced: bool,
-    /// Set while [`backend::Backend::retain_traces`] names it.
+    /// Set while [`backend::Backend::retain_traces`] retains it.
     pub(crate) is_retained: bool,
-    /// Set if its traces were released, see [`backend::Backend::retain_traces`].
+    /// Set if its traces were retained and then released by [`backend::Backend::retain_traces`].
     pub(crate) is_released: bool,
     pub(crate) report: FrameReport,
     pub(crate) hits: Hits,
@@ -50,7 +50,7 @@ impl Submission {
         self.report.times.begun_ms = Some(begun_ms);
     }
 
-    /// Executes one command in the current rayon pool. A trace of a list reads `rays`.
+    /// Executes one command in the current rayon pool. `rays` is the list of a trace without a camera.
     pub(crate) fn carry_out(
         &mut self,
         command: Command,
@@ -92,7 +92,7 @@ impl Submission {
                 positions.resize(scene.positions.len(), [0.0; 3]);
                 copy_in_parallel(&mut positions, &scene.positions);
                 self.report.readback_bytes += size_of_val(&positions[..]) as u64;
-                let ticket = self.ticket.expect("it has begun");
+                let ticket = self.ticket.expect("an executed submission has a ticket");
                 let copy = (ticket, copies.spares.lend(positions));
                 copies.ready.push_back(copy);
                 return Ok(());
@@ -119,8 +119,8 @@ impl Submission {
     }
 }
 
-/// Resizes `memory` to `count` entries of any value. Growth is parallel, because the system provides each page when it
-/// is first written.
+/// Resizes `memory` to `count` entries with unspecified values. Growth is parallel, because the system allocates each
+/// page when it is first written.
 fn fill<T: Clone + Send + Sync>(memory: &mut Vec<T>, count: usize, with: T) {
     memory.truncate(count);
     if memory.len() != count {

@@ -104,7 +104,7 @@ impl<'a> QueryTracer<'a> {
         }
     }
 
-    /// Creates the search of a ray, which is in units of the scene divided by `scale`.
+    /// Creates the search of a ray. `scale` converts the ray's units to scaled units.
     #[inline]
     pub fn search(&self, ray: Ray, scale: Scale) -> RaySearch<'a> {
         RaySearch {
@@ -118,7 +118,7 @@ impl<'a> QueryTracer<'a> {
     }
 }
 
-/// The search of a ray within the range of rounded tests.
+/// Searches for hits of a ray that is not [extreme](crate::is_extreme).
 impl RaySearch<'_> {
     /// Returns the closest hit, with `t` in the ray's own units.
     pub fn closest(&self) -> Option<Hit> {

@@ -1,4 +1,4 @@
-//! The interface through which rays are searched in a tree of any form.
+//! The interface of a tree: traversal by rays, independent of the number of children per node.
 
 use crate::intersect::Record;
 use crate::scale::PreparedRay;
@@ -13,8 +13,8 @@ pub trait TreeTraversal: Sync {
     /// `t_max` at first. Returns whether the visitor ended the traversal.
     fn traverse(&self, ray: &PreparedRay, visitor: &mut TriangleVisitor<'_>) -> bool;
 
-    /// Calls `each` for the children of a node, with a box that contains the child. Node 0 is the root. An empty tree has
-    /// a root without children.
+    /// Calls `each` for each child of a node, with a box that contains the child. Node 0 is the root. The root of an
+    /// empty tree has no children.
     fn children(&self, node: u32, each: &mut dyn FnMut(&Aabb, Child));
 }
 
@@ -27,7 +27,7 @@ pub enum Child {
     Triangle(u32),
 }
 
-/// Returns the next bound, or `None` to end the traversal. The second parameter is the current bound.
+/// Function of a visited triangle and the current bound. Returns the new bound, or `None` to end the traversal.
 pub type TriangleVisitor<'a> = dyn FnMut(&VisitedTriangle<'_>, f32) -> Option<f32> + 'a;
 
 /// A triangle whose own box the ray meets, and the span of the ray within that box.

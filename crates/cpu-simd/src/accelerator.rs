@@ -16,7 +16,8 @@ use geom::{Aabb, Animation, StaticParts};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Limit on the number of blocks, so that places fit in 32 bits. More blocks would take 170 GB.
+/// Limit on the number of blocks, so that the place of every triangle fits in 32 bits (see [`crate::tree::place`]).
+/// More blocks would need 170 GB.
 const MOST_BLOCKS: usize = NOWHERE as usize / LANES;
 
 /// A tree in its eight-wide form, with the boxes and triangles of one moment.
@@ -25,20 +26,21 @@ pub(crate) struct WideAccelerator {
     tree: Bvh8,
     /// Triangles and links of the tree.
     shape: Arc<BlockTree>,
-    /// Set if the tree still has the contents of another shape.
+    /// Set if `tree` does not yet have the contents of `shape`.
     stale: bool,
     /// The numbers of all nodes.
     all_nodes: Vec<u32>,
-    /// The moving parts, unless too little is static to be worth skipping.
+    /// The moving parts. `None` if so few parts are static that skipping them does not pay.
     moving: Option<MovingLanes>,
-    /// Half areas of all boxes of the binary tree except those collapsed into the root node, as of the last preprocess.
+    /// Sum of the half areas of the binary tree's boxes, as of the last preprocess. Excludes the binary nodes that were
+    /// collapsed into the root of the wide tree.
     areas: f64,
     /// The binary tree, for computing its boxes.
     binary: Topology,
 }
 
 impl WideAccelerator {
-    /// Creates an empty tree, to be traced with `level`.
+    /// Creates an empty tree for tracing with the instruction set `level`.
     pub(crate) fn new(level: Level) -> Self {
         Self {
             tree: Bvh8::new(level),
@@ -61,7 +63,7 @@ impl Accelerator for WideAccelerator {
         TreeFormat::WideBlocks
     }
 
-    /// Costs little if the topology includes its [`BlockTree`].
+    /// Fast if the topology includes its [`BlockTree`]. Otherwise computes it.
     fn adopt(&mut self, tree: &Topology, animation: &Animation) -> Result<()> {
         let shape = match tree.blocks() {
             Some(shape) => Arc::clone(shape),
@@ -96,7 +98,7 @@ impl Accelerator for WideAccelerator {
         self.moving = pays.then(|| MovingLanes::of(&shape, is_static)).flatten();
         self.binary.copy_record(tree);
         let old = std::mem::replace(&mut self.shape, shape);
-        // Freeing much memory takes a while.
+        // Freeing large buffers is slow, so another thread does it.
         rayon::spawn(move || drop((old, outgrown)));
         Ok(())
     }
@@ -137,7 +139,8 @@ impl Accelerator for WideAccelerator {
     }
 }
 
-/// Allocates memory if the capacity of `old` is below `count`. Adds a quarter, because the next tree may be larger.
+/// Allocates a new vector if the capacity of `old` is below `count`. Its capacity exceeds `count` by a quarter, because
+/// the next tree may be larger.
 fn larger<T>(old: &Vec<T>, count: usize, what: &str) -> Result<Option<Vec<T>>> {
     if old.capacity() >= count {
         return Ok(None);
@@ -147,7 +150,7 @@ fn larger<T>(old: &Vec<T>, count: usize, what: &str) -> Result<Option<Vec<T>>> {
     Ok(Some(new))
 }
 
-/// Resizes `memory` to `count`. Moves to `larger` if that is `Some`, and returns the memory that was replaced.
+/// Resizes `memory` to `count` entries. If `larger` is `Some`, replaces `memory` by it and returns the old vector.
 fn fill<T: Copy + Send + Sync>(
     memory: &mut Vec<T>,
     larger: Option<Vec<T>>,

@@ -1,4 +1,4 @@
-//! Operations on eight boxes at once: unions of neighbouring lanes, and areas.
+//! Operations on eight boxes at once: unions of neighbouring lanes, and surface areas.
 
 use crate::simd::{Eight, each};
 use crate::tree::{BoxPlanes, LANES};
@@ -11,10 +11,10 @@ pub(crate) struct EightBoxes<L> {
     pub(crate) high: [L; 3],
 }
 
-/// The union of eight boxes, and areas of unions of some of them.
+/// The union of eight boxes, and the areas of unions of neighbouring boxes.
 pub(crate) struct FoldedBoxes<L> {
     pub(crate) whole: Aabb,
-    /// Half the surface area of each range of boxes.
+    /// Half the surface area of each range: of the union of its boxes. Unused lanes are 0.
     pub(crate) half_areas: L,
 }
 
@@ -28,7 +28,7 @@ impl<L: Eight> EightBoxes<L> {
         }
     }
 
-    /// Returns the union of each box with the box `further` lanes on, modulo eight.
+    /// Returns the union of each box `i` with box `i + further`, modulo eight.
     #[inline(always)]
     fn joined(&self, further: u8) -> Self {
         let mut lanes = [0, 1, 2, 3, 4, 5, 6, 7];
@@ -54,7 +54,9 @@ impl<L: Eight> EightBoxes<L> {
         }
     }
 
-    /// Returns the union of all lanes, and the half areas of the boxes of `ranges`.
+    /// Returns the union of all lanes, and half the surface area of each range of lanes.
+    ///
+    /// Each range is the union of two parts of two or four lanes, as in a sparse table: see [`Ranges`].
     #[inline(always)]
     pub(crate) fn fold(&self, ranges: &Ranges) -> FoldedBoxes<L> {
         let twos = self.joined(1);
@@ -89,7 +91,7 @@ impl<L: Eight> EightBoxes<L> {
     }
 }
 
-/// Sums of areas in double precision, one per lane, so that sums over large trees keep their digits.
+/// Sums of areas, one per lane, in double precision so that sums over large trees stay accurate.
 #[derive(Default)]
 pub(crate) struct Sums([f64; LANES]);
 

@@ -1,6 +1,6 @@
 //! The vectorized filter of intersector `exact`: see "Filter" in `docs/design/hits.md`.
 //!
-//! The reference resolves rays whose hit is uncertain.
+//! If the filter cannot decide the hit of a ray, `cpu-ref` traces the ray again.
 
 use crate::intersect::{AnyHitTest, AnyHits};
 use crate::leaf::{OfBlock, OfLane, TriangleRay, Triangles, edges, solve};
@@ -30,7 +30,7 @@ impl AnyHitTest for ExactFilter {
     }
 }
 
-/// Returns the triangle that one ray hits first. The reference computes its numbers.
+/// Returns the place of the triangle that one ray hits first. `cpu-ref` computes the values of the hit.
 #[inline(always)]
 pub(crate) fn closest_of_ray<I: Isa>(
     tree: &Bvh8,
@@ -54,7 +54,8 @@ pub(crate) fn closest_of_ray<I: Isa>(
     }
 }
 
-/// Returns the triangles that the rays of a packet hit first, or `None` if tracing its rays singly is likely to be faster.
+/// Returns the places of the triangles that the rays of a packet hit first. Returns `None` if tracing the rays singly
+/// is likely to be faster.
 #[inline(always)]
 pub(crate) fn closest_of_packet<I: Isa>(
     tree: &Bvh8,
@@ -82,10 +83,10 @@ pub(crate) fn closest_of_packet<I: Isa>(
     })
 }
 
-/// A `t` after the start of every interval.
+/// A distance beyond the lower end of every interval.
 const NEVER: f32 = f32::MAX;
 
-/// Triangles that may be hit, with an interval that contains the exact `t` of a hit.
+/// Triangles that may be hit. If a triangle is hit, the exact `t` is in `low..=high`.
 struct PossibleHits<L> {
     /// Lanes that may be hit.
     lanes: u32,
@@ -95,7 +96,7 @@ struct PossibleHits<L> {
     high: L,
 }
 
-/// Tests triangles whose boxes are entered no later than `best`, as the reference's filter does.
+/// Runs the filter of `cpu-ref` in each lane. Excludes triangles whose own box is entered after `best`.
 #[inline(always)]
 fn filter<L: Lanes>(
     ray: &TriangleRay<L>,
@@ -153,8 +154,7 @@ fn filter<L: Lanes>(
     })
 }
 
-/// Returns limits such that each `t` strictly between them rounds to a `t` within the ray's limits. See
-/// `PreparedRay::sure_limits`.
+/// Returns the same limits as [`cpu_ref::scale::PreparedRay::sure_limits`].
 #[inline(always)]
 fn sure_limits<L: Lanes>(ray: &TriangleRay<L>) -> [L; 2] {
     // 2^-125, raised to at least 2^-99, and 2^127, in the ray's own units.
@@ -185,7 +185,7 @@ fn least_of<L: Lanes>([a, b, c]: &[L; 3]) -> L {
 struct ExactClosestOfRay<'a, R: Lanes> {
     tree: &'a Bvh8,
     ray: &'a OneRay<'a, R>,
-    /// Least upper end of the intervals of certain hits.
+    /// Least upper end of the intervals of certain hits, or `t_max` if there is no certain hit.
     bound: f32,
     /// Lower end of the interval that ends at `bound`.
     low: f32,

@@ -11,14 +11,15 @@ use cpu_ref::{Geometry, Unhittable};
 use geom::is_degenerate;
 use std::ops::Add;
 
-/// Distance, in blocks, at which vertices are prefetched, because they are scattered in memory.
+/// Vertices are prefetched for the block that follows by this number, because they are scattered in memory.
 const AHEAD: usize = 4;
 
 /// Results of fitting.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Fitted {
     pub(crate) unhittable: Unhittable,
-    /// Half areas of the boxes within blocks and of the collapsed nodes below lanes.
+    /// Sum of half areas: of triangles, of the binary nodes within blocks, and of the binary nodes collapsed into
+    /// nodes below a fitted lane.
     pub(crate) areas: f64,
 }
 
@@ -37,7 +38,7 @@ impl Add for Fitted {
 pub(crate) struct FitTask<'a> {
     pub(crate) tree: &'a mut Bvh8,
     pub(crate) shape: &'a BlockTree,
-    /// Set if nodes and blocks still have the contents of another tree. Then every node and block is fitted.
+    /// Set if nodes and blocks still have the contents of another tree. All of the tree must then be fitted.
     pub(crate) stale: bool,
     pub(crate) geometry: &'a Geometry<'a>,
     /// The numbers of all nodes.
@@ -51,8 +52,10 @@ impl FitTask<'_> {
         self.fit(levels.map(|level| &all[level.clone()]), None)
     }
 
-    /// Sets the corners of blocks, and all boxes from there up to the root's lanes. `selected` has the nodes to fit of
-    /// each level, root first. `lanes` has a bit for each lane to fit of each node; `None` fits all lanes.
+    /// Sets the corners of blocks and the boxes of nodes, bottom-up.
+    ///
+    /// `selected` contains the nodes to fit, level by level, root first. For each node of the tree, `lanes` contains a
+    /// bit mask of the lanes to fit. `None` fits all lanes.
     pub(crate) fn fit<'s>(
         &'s mut self,
         selected: impl Iterator<Item = &'s [u32]>,
@@ -135,7 +138,8 @@ impl VectorWork for FitLevel<'_, '_> {
 }
 
 impl FitInputs<'_> {
-    /// Sets a block's corners. Returns its box, and the half areas of the boxes within.
+    /// Sets a block's corners. Returns the block's box, and one sum per lane of the half areas of its triangles'
+    /// boxes and its binary nodes.
     #[inline(always)]
     fn fit_block<I: Isa>(
         &self,
@@ -145,7 +149,7 @@ impl FitInputs<'_> {
     ) -> FoldedBoxes<I::Eight> {
         let source = &self.shape.blocks[number];
         let later = self.shape.blocks.get(number + AHEAD).unwrap_or(source);
-        // The other vertices of a triangle are mostly near its first one in memory.
+        // Prefetches only first vertices. The other vertices of a triangle are mostly near the first in memory.
         for vertex in later.vertices[0] {
             prefetch(self.geometry.positions, vertex as usize);
         }
@@ -227,8 +231,10 @@ fn hittable<L: Eight>(corners: &[[L; 3]; 3], count: u32, unhittable: &mut Unhitt
     hittable
 }
 
-/// Returns whether a component of the cross product is certainly nonzero. Each product has three roundings and the
-/// difference one more. Small values may have lost digits and large ones may be infinite, so neither is certain.
+/// Returns the lanes where a component of the cross product is certainly nonzero.
+///
+/// Each product has three roundings, and the difference of products adds one. Small values may be subnormal and large
+/// values infinite, so these count as uncertain.
 #[inline(always)]
 fn stands_clear<L: Lanes>(edges: &[[L; 2]; 3], i: usize, j: usize) -> L::Mask {
     let (p, q) = (edges[i][0].mul(edges[j][1]), edges[j][0].mul(edges[i][1]));

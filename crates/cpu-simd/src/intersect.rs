@@ -4,9 +4,9 @@ use crate::leaf::{TriangleHits, TriangleRay, Triangles};
 use crate::simd::{Lanes, each};
 use cpu_ref::intersect::{MollerTrumbore, Watertight, Woop};
 
-/// A test that computes the reported values itself.
+/// A test that computes the values of hits itself, not only a filter.
 pub(crate) trait LaneTest: Sync {
-    /// Returns the intersections with `t` clamped and at most `best`. Must be `#[inline(always)]`.
+    /// Returns the hits whose `t`, clamped to the triangle's own box, is at most `best`. Must be `#[inline(always)]`.
     fn intersect<L: Lanes>(
         ray: &TriangleRay<L>,
         triangles: &impl Triangles<L>,
@@ -20,7 +20,7 @@ pub(crate) trait AnyHitTest: Sync {
     fn any_hit<L: Lanes>(ray: &TriangleRay<L>, triangles: &impl Triangles<L>) -> AnyHits;
 }
 
-/// Lanes that certainly hit, and lanes that rounded arithmetic cannot decide.
+/// Lanes that certainly hit, and open lanes, which the filter of `exact` cannot decide.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct AnyHits {
     pub(crate) hit: u32,

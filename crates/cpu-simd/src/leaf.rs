@@ -1,4 +1,5 @@
-//! Parts of all triangle tests in lanes, for one ray and eight triangles or many rays and one triangle, and the watertight test.
+//! The watertight test in lanes, and code that all triangle tests share. Each lane tests one ray with one triangle:
+//! one ray with eight triangles, or the rays of a packet with one triangle.
 
 use crate::rays::{Group, MOST_RAYS, OneRay};
 use crate::simd::{Lanes, each, set_lanes};
@@ -7,21 +8,22 @@ use crate::units::flushed;
 use cpu_ref::intersect::has_equal_signs;
 use cpu_ref::{FARTHEST, NEAREST, PAD};
 
-/// Rays prepared for the test, one per lane, or one ray in all lanes.
-/// Axes are in the order `kx, ky, kz`, which all lanes share, as they share the signs of directions.
+/// Rays prepared for the tests: one per lane, or the same ray in all lanes.
+///
+/// All rays have the same main axis. Axes are in the order `kx, ky, kz` unless stated otherwise.
 #[derive(Clone, Copy)]
 pub(crate) struct TriangleRay<L> {
     axes: [usize; 3],
     origin: [L; 3],
     shear: [L; 3],
-    /// `r`, for the triangles' own boxes.
+    /// Reciprocal of the direction, `r`, for the triangles' own boxes.
     inverse: [L; 3],
     pub(crate) t_min: L,
     pub(crate) t_max: L,
-    /// Origin and direction, axes in their own order.
+    /// Origin with axes in the order x, y, z, as for `direction`.
     pub(crate) start: [L; 3],
     pub(crate) direction: [L; 3],
-    /// Brings distances to the units of the given ray.
+    /// Factor from distances to units of the caller's ray.
     pub(crate) back: L,
 }
 
@@ -73,8 +75,8 @@ impl<L: Lanes> Triangles<L> for OfLane<'_> {
     }
 }
 
-/// Returns the padding of boxes in units of `|r|`. Planes are relative to the ray's origin, as `[lower, upper]` per
-/// axis.
+/// Returns the padding of boxes before the multiplication by `|r|`. The argument holds the `[lower, upper]` planes of
+/// each axis, relative to the ray's origin.
 #[inline(always)]
 pub(crate) fn slack<L: Lanes>([x, y, z]: &[[L; 2]; 3]) -> L {
     let below = x[0].abs().max(y[0].abs()).max(z[0].abs());
@@ -83,10 +85,10 @@ pub(crate) fn slack<L: Lanes>([x, y, z]: &[[L; 2]; 3]) -> L {
     L::splat(PAD).mul(reach.max(L::splat(NEAREST)).min(L::splat(FARTHEST)))
 }
 
-/// `kx, ky, kz`, indexed by `kz`.
+/// The axes `kx, ky, kz` for each `kz`.
 const AXES: [[usize; 3]; 3] = [[1, 2, 0], [2, 0, 1], [0, 1, 2]];
 
-/// Hits of a ray with triangles of a block, or of rays with one triangle.
+/// The result of a triangle test, lane by lane.
 pub(crate) struct TriangleHits<L: Lanes> {
     /// Bit `lane` is set if that lane has a hit.
     pub(crate) lanes: u32,
@@ -125,7 +127,8 @@ impl<L: Lanes> TriangleRay<L> {
         }
     }
 
-    /// Computes the ray's span in each triangle's own box. Spans that begin after `best` are not in `lanes`.
+    /// Computes each ray's span in the own box of its triangle. `lanes` excludes boxes that are missed or entered after
+    /// `best`.
     #[inline(always)]
     pub(crate) fn spans_of(&self, corners: &Relative<L>, best: L) -> Spans<L> {
         let (mut entry, mut exit) = (self.t_min, L::splat(f32::INFINITY));
@@ -135,7 +138,7 @@ impl<L: Lanes> TriangleRay<L> {
         });
         let slack = slack(&planes);
         for (i, [low, high]) in planes.into_iter().enumerate() {
-            // r has the sign of the direction, so the nearer plane has the smaller product: rounding is monotone.
+            // `r` has the sign of the direction and rounding is monotone. So the nearer plane has the smaller product.
             let r = self.inverse[i];
             let (p, q, pad) = (low.mul(r), high.mul(r), slack.mul(r.abs()));
             entry = entry.max(p.min(q).sub(pad));
@@ -145,7 +148,8 @@ impl<L: Lanes> TriangleRay<L> {
         Spans { lanes, entry, exit }
     }
 
-    /// Tests each lane's ray with each lane's triangle. `t` is clamped, and at most `best`.
+    /// Runs the watertight test in each lane. Returns the hits whose `t`, clamped to the triangle's own box, is at most
+    /// `best`.
     ///
     /// Distances must be below [`cpu_ref::CALM`], so that no edge function overflows.
     #[inline(always)]
@@ -172,7 +176,8 @@ impl<L: Lanes> TriangleRay<L> {
         self.within(&spans, lanes, [t, u, v], best)
     }
 
-    /// Returns the hits of those `lanes` whose `t`, clamped to the triangle's own box, lies within the ray's limits and is no later than `best`.
+    /// Clamps `t` to the triangle's own box. Returns the hits of `lanes` whose clamped `t` is within the ray's
+    /// limits and at most `best`.
     #[inline(always)]
     pub(crate) fn within(
         &self,
@@ -196,7 +201,7 @@ impl<L: Lanes> TriangleRay<L> {
         each!(i => each!(c => triangles.corner(self.axes[i], c).sub(self.origin[i])))
     }
 
-    /// Returns sheared `x` and `y` and the unscaled depths along the ray's main axis, for each corner.
+    /// Returns sheared `x`, sheared `y` and the distance along the ray's main axis, for each corner.
     #[inline(always)]
     pub(crate) fn sheared(&self, corners: &Relative<L>) -> [[L; 3]; 3] {
         let [from_x, from_y, along] = corners;
@@ -239,7 +244,7 @@ impl<L: Lanes<Array = [f32; LANES]>> TriangleRay<L> {
     }
 }
 
-/// Computes `U`, `V`, `W`.
+/// Computes the edge functions `U`, `V`, `W`.
 #[inline(always)]
 pub(crate) fn edges<L: Lanes>(x: &[L; 3], y: &[L; 3]) -> [L; 3] {
     each!(i => {
@@ -256,7 +261,8 @@ fn without_conflict<L: Lanes>([u, v, w]: &[L; 3]) -> L::Mask {
     L::either(zero.at_most(least), most.at_most(zero))
 }
 
-/// Removes the lanes that miss once signs of zeros are computed exactly. No lane in `lanes` has opposite signs.
+/// Computes the signs of edge functions that are zero exactly, and returns the `lanes` that still hit. The nonzero edge
+/// functions of each lane must have equal signs.
 #[inline(always)]
 fn resolve_zeros<L: Lanes>(lanes: u32, edges: &[L; 3], x: &[L; 3], y: &[L; 3]) -> u32 {
     let zero = L::splat(0.0);
@@ -286,7 +292,7 @@ fn resolve_exactly<L: Lanes>(lanes: u32, [edges, x, y]: &[[L::Array; 3]; 3]) -> 
     hit
 }
 
-/// Computes distance and weights, as the reference's `solve` does, for each lane.
+/// Computes the distance and the weights of each lane, with the same operations as `solve` of `cpu-ref`.
 #[inline(always)]
 pub(crate) fn solve<L: Lanes>(edges: &[L; 3], depths: &[L; 3]) -> [L; 3] {
     let [u, v, w] = [flushed(edges[0]), flushed(edges[1]), flushed(edges[2])];

@@ -2,11 +2,11 @@
 //!
 //! The adopted binary tree is collapsed (Wald, Benthin, Boulos 2008). A subtree of at most eight triangles becomes a
 //! *block*, whose triangles are tested together. Above the blocks, each node has up to eight children, whose boxes are
-//! tested together. Boxes of single triangles are not stored, since they are computed from the corners when needed.
+//! tested together. Boxes of single triangles are not stored. They are computed from the corners when needed.
 //!
 //! Each module uses only modules above it in this list:
 //!
-//! - `simd`, `units`: vectors; `window`, `tiles`: work for parallel tasks;
+//! - `simd`, `units`: vectors; `window`, `tiles`: parts of slices and pictures for parallel tasks;
 //! - `tree`, `boxes`: nodes, blocks, and operations on eight boxes;
 //! - `rays`, `leaf`, `intersect`: prepared rays, and the triangle tests in lanes;
 //! - `walk`, `single`, `packet`, `exact`, `search`: traversal, and the searches of rays and packets;
@@ -47,8 +47,8 @@ use cpu_ref::CpuBackend;
 
 pub use simd::Level;
 
-/// Opens the host as a backend, with a pool of `threads` threads, by default one per core, and with the best vector
-/// instructions of the machine.
+/// Opens backend `cpu` with a pool of `threads` threads, by default one per core. Uses the best instruction set of the
+/// machine.
 ///
 /// # Errors
 /// See [`CpuBackend::new`].
@@ -56,7 +56,7 @@ pub fn open(threads: Option<usize>) -> Result<CpuBackend> {
     open_at(Level::best(), threads)
 }
 
-/// Opens the host as [`open`] does, with the vector instructions of one level.
+/// Opens backend `cpu` like [`open`], with the instruction set `level`.
 ///
 /// # Errors
 /// See [`CpuBackend::new`].

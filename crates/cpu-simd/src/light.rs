@@ -1,4 +1,4 @@
-//! Results of a few rays, and their shadow rays to a light, one per lane: [`Light::ray`] in vectors.
+//! Results of the rays in all lanes, and their shadow rays: [`Light::ray`] in vector code.
 
 use crate::rays::{InputRays, MOST_RAYS};
 use crate::simd::{Isa, Lanes, PlaneVector, each};
@@ -9,7 +9,7 @@ use cpu_ref::shadow::{Light, ROUNDING};
 use cpu_ref::{Geometry, HitCounts, RayAnswer};
 use geom::Hit;
 
-/// Closest hits, the places of their triangles, and a bit for each occluded lane.
+/// For each lane, the closest hit and the place of its triangle. `blocked` has a bit for each occluded lane.
 pub(crate) struct LaneAnswers {
     pub(crate) hits: [Hit; MOST_RAYS],
     pub(crate) places: [u32; MOST_RAYS],
@@ -32,7 +32,7 @@ impl LaneAnswers {
         }
     }
 
-    /// Returns the counts of these lanes.
+    /// Returns the number of hits and of occluded rays in `lanes`.
     #[inline(always)]
     pub(crate) fn counts(&self, lanes: u32) -> HitCounts {
         HitCounts {
@@ -93,8 +93,8 @@ impl LaneAnswers {
 /// One point per lane.
 type Points<L> = [L; 3];
 
-/// Computes shadow rays. `corners` are the hit triangles', `weights` the hits' `u` and `v`, and `eyes` the origins of
-/// the rays that hit them. Inputs that are not finite give rays that miss.
+/// Computes shadow rays to `light`. The arguments are the corners of the hit triangles, the weights `u` and `v` of the
+/// hits, and the origins of the rays. If an input is not finite, the shadow ray misses.
 #[inline(always)]
 pub(crate) fn shadow_rays<L: Lanes>(
     light: &Light,

@@ -10,16 +10,16 @@ use std::ops::Range;
 /// Nodes that one task handles.
 const RUN: usize = 128;
 
-/// The moving nodes, and the results of the static ones since the tree was adopted.
+/// The moving nodes of a tree, and the result of fitting the static nodes once.
 #[derive(Debug)]
 pub(crate) struct MovingLanes {
-    /// For each node, a bit for each moving lane.
+    /// For each node, a bit mask of the moving lanes.
     lanes: Vec<u8>,
     /// Nodes with a moving lane, ascending.
     nodes: Vec<u32>,
     /// Range in `nodes` of each level, root first.
     levels: Vec<Range<usize>>,
-    /// Degenerate static triangles and areas of static parts, once all were fitted.
+    /// Number of degenerate static triangles and areas of static parts. `None` until the first fit.
     still: Option<Fitted>,
 }
 
@@ -66,7 +66,7 @@ impl MovingLanes {
     }
 }
 
-/// Computes, for each node, a bit for each lane above a moving triangle, deepest level first.
+/// Computes a bit mask for each node: the lanes that contain a moving triangle. Proceeds bottom-up.
 fn moving_lanes(shape: &BlockTree, is_static: &[bool]) -> Vec<u8> {
     let mut lanes = vec![0; shape.nodes.len()];
     let moves = |block: &Block| {

@@ -1,9 +1,9 @@
-//! Packet traversal of the wide tree: neighbouring rays, one in each lane. Boxes are tested against all rays at once,
-//! by interval arithmetic (Boulos, Wald, Shirley 2006).
+//! Packet traversal of the wide tree: neighbouring rays, one in each lane. Interval arithmetic tests a box against all
+//! rays at once (Boulos, Wald, Shirley 2006).
 //!
-//! Every operation of the box test is monotone in the ray's origin, in `|r|` and in `q`, rounding included. So bounds
-//! on these give bounds on every ray's entry and exit. A box that the bounds exclude is excluded by each ray's own
-//! test.
+//! Every operation of the box test is monotone in the ray's origin, in the reciprocal `|r|` of the direction and in
+//! the padding `q`, rounding included. So bounds on these bound the entry and the exit of every ray. If the bounds
+//! exclude a box, each ray's own test excludes it too.
 
 use crate::intersect::{AnyHitTest, AnyHits, LaneTest};
 use crate::leaf::{OfLane, TriangleRay};
@@ -19,7 +19,7 @@ use std::marker::PhantomData;
 pub(crate) struct RayPacket<L, P> {
     pub(crate) rays: TriangleRay<L>,
     pub(crate) bundle: Bundle<P>,
-    /// Factor from distances of each ray to the units of the first ray, a power of two.
+    /// Factor from each ray's distances to units of the first ray. A power of two.
     pub(crate) level: L,
     /// The `t_max` of each ray.
     pub(crate) t_max: L,
@@ -29,8 +29,8 @@ pub(crate) struct RayPacket<L, P> {
 const APART: f32 = 16.0;
 
 impl<L: Lanes, P: Halves> RayPacket<L, P> {
-    /// Creates a packet. Returns `None` if some ray is unusual, if directions differ in main axis or sign, or if their
-    /// exponents differ by too much.
+    /// Creates a packet. Returns `None` if a ray is not [ready](Group::ready), if directions differ in main axis or
+    /// sign, or if their exponents differ too much.
     #[inline(always)]
     pub(crate) fn of(group: &Group<L>) -> Option<Self> {
         let main = group.main_of_all()?;
@@ -58,25 +58,27 @@ fn is_negative<L: Lanes>(d: L) -> Option<bool> {
     (negative == 0 || negative == L::ALL).then_some(negative != 0)
 }
 
-/// Bounds on a packet's rays. Halves are as in a node, lower planes first.
+/// Bounds on a packet's rays. As in a node, the first half of a vector is for lower planes and the second half for
+/// upper planes.
 #[derive(Clone, Copy)]
 pub(crate) struct Bundle<P> {
-    /// The origin with the earliest entry or the latest exit: greatest for lower planes, least for upper ones.
+    /// The greatest origin for lower planes, the least for upper planes. These give the earliest entry and the latest
+    /// exit.
     origin: [P; 3],
     /// The least `|r|`, then the greatest. Both are negated for upper planes.
     inverse: [[P; 2]; 3],
-    /// The greatest `q`.
+    /// The greatest padding `q`.
     pad: [P; 3],
+    /// For each axis, true if directions are negative, so that the upper planes are the near ones.
     turned: [bool; 3],
-    /// The least `t_min` for the entries, negative infinity for the negated exits.
+    /// The least `t_min` for near planes. Negative infinity for far planes, whose distances are negated.
     floor: P,
     /// The greatest `t_max`, in units of the first ray.
     limit: f32,
 }
 
 impl<P: Halves> Bundle<P> {
-    /// Computes the bounds. `level` brings distances of all rays to one unit, exactly. `turned` marks negative
-    /// directions.
+    /// Computes the bounds. `level` is [`RayPacket::level`], and `turned` marks axes with negative directions.
     #[inline(always)]
     fn new<L: Lanes>(group: &Group<L>, turned: [bool; 3], level: L) -> Self {
         let [t_min, t_max] = [L::load(&group.limits[0]), L::load(&group.limits[1])];
@@ -95,7 +97,7 @@ impl<P: Halves> Bundle<P> {
         }
     }
 
-    /// Runs [`BoxTest::meet`] on planes in registers: lower ones, then upper ones.
+    /// Runs [`BoxTest::meet`] on planes in registers: lower planes, then upper planes.
     #[inline(always)]
     fn meet_planes(&self, planes: &[P; 3], best: f32) -> MetBoxes<P::Half> {
         let [x, y, z] = each!(axis => {
@@ -128,7 +130,7 @@ impl<P: Halves> BoxTest<P::Half> for Bundle<P> {
     }
 }
 
-/// Joins `low`, for lower planes, and `high`, for upper ones.
+/// Returns a vector with `low` for all lower planes and `high` for all upper planes.
 #[inline(always)]
 fn halves<P: Halves>(low: f32, high: f32) -> P {
     P::join(P::Half::splat(low), P::Half::splat(high))
@@ -142,20 +144,20 @@ pub(crate) struct PacketHits<L: Lanes> {
     pub(crate) v: L,
     /// Places of the triangles.
     pub(crate) places: [u32; MOST_RAYS],
-    /// Lanes that rounded arithmetic cannot decide.
+    /// Lanes that the filter of `exact` cannot decide.
     pub(crate) open: u32,
 }
 
-/// The rays of a packet that an any-hit search is for.
+/// Parameters of an any-hit search with a packet.
 #[derive(Clone, Copy)]
 pub(crate) struct AnyQuery<'a> {
     /// Lanes to search.
     pub(crate) active: u32,
-    /// The triangle that the ray in each lane passes through.
+    /// For each lane, the triangle that the ray ignores.
     pub(crate) skipped: &'a [u32; MOST_RAYS],
 }
 
-/// Skips no triangle.
+/// The value of [`AnyQuery::skipped`] for rays that ignore no triangle.
 pub(crate) const NONE: [u32; MOST_RAYS] = [Hit::MISS.triangle; MOST_RAYS];
 
 /// A search that tests the rays of a packet with one triangle at a time.
@@ -184,7 +186,8 @@ pub(crate) fn search<I: Isa>(
     !walk::<I>(tree, &packet.bundle, stack, &mut visitor)
 }
 
-/// Number of triangles that a packet tests before its rays are traced singly, as when each hits a different triangle.
+/// Number of triangles that a packet tests before its rays are traced singly. Packets that test more are usually
+/// slower, because each ray hits a different triangle.
 const TRIANGLE_BUDGET: u32 = 256;
 
 struct PacketVisitor<'a, L: Lanes, P, S> {
@@ -234,11 +237,12 @@ pub(crate) fn closest<I: Isa, T: LaneTest>(
     search::<I>(tree, packet, stack, &mut closest).then_some(closest.hits)
 }
 
-/// Number of blocks that a packet visits before its rays are traced singly. Packets are wide where hits are far apart.
+/// Number of blocks that a packet visits before its rays are traced singly. If the origins of shadow rays are far
+/// apart, the packet's bounds are loose and it visits too many blocks.
 const BLOCK_BUDGET: u32 = 16;
 
-/// Returns the active lanes that hit any triangle except the skipped one, or `None` if tracing the rays singly is likely
-/// to be faster.
+/// Returns the active lanes that hit any triangle except the skipped one. Returns `None` if tracing the rays singly is
+/// likely to be faster.
 #[inline(always)]
 pub(crate) fn any<I: Isa, T: AnyHitTest>(
     tree: &Bvh8,

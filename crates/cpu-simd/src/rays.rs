@@ -1,4 +1,4 @@
-//! Rays that are traced singly through the wide tree, prepared alone or together with as many as fit in a vector.
+//! Rays, prepared for traversal of the wide tree in groups of one ray per lane.
 
 use crate::simd::{Lanes, Plain, PlaneVector, each};
 use crate::tiles::Tiles;
@@ -10,33 +10,35 @@ use geom::{Aabb, Camera, Ray};
 /// Number of rays of the widest packet.
 pub(crate) const MOST_RAYS: usize = 16;
 
-/// Padding of inner nodes' boxes in units of `D` and of `|o'|`, where they are tested with `plane * r - o' * r`: `24`
-/// and `4` times `2^-24` (`docs/design/hits.md`, "Inner boxes").
+/// Padding of the boxes of inner nodes, as fractions of `D` and of `|o'|`: `24 * 2^-24` and `4 * 2^-24`. It covers the
+/// roundings of `plane * r - o' * r` (`docs/design/hits.md`, "Inner boxes").
 const INNER: [f32; 2] = [24.0 / 16_777_216.0, 4.0 / 16_777_216.0];
 
-/// Range of `2^e` of directions that are prepared here, `2^-60` to `2^60`. Others are left to [`PreparedRay`].
+/// Limits on the power of two below a direction's largest component, `2^-60` and `2^60`. `cpu-ref` traces other rays.
 const USUAL: [f32; 2] = [1.0 / TWO_TO_60, TWO_TO_60];
 const TWO_TO_60: f32 = (1_u64 << 60) as f32;
 
-/// A ray per lane of `L`, prepared as by [`PreparedRay`] and the reference's box test. Axes are in their original
-/// order.
+/// One ray per lane of `L`, prepared with the same results as [`PreparedRay`] and the box test of `cpu-ref`. Axes are
+/// in the order x, y, z.
 pub(crate) struct Group<L: Lanes> {
-    /// Lanes that hold a prepared ray. Rays in other lanes miss or are unusual.
+    /// Lanes that hold a prepared ray. Other lanes hold invalid rays, or rays that `cpu-ref` must trace because their
+    /// direction, their distance or the scene's scale is extreme.
     pub(crate) ready: u32,
     pub(crate) origin: [L::Array; 3],
     pub(crate) direction: [L::Array; 3],
-    /// `r`, with the direction's sign.
+    /// Reciprocal of the direction, `r`, with the direction's sign.
     pub(crate) inverse: [L::Array; 3],
-    /// The `q` of the root box, which is at least that of any box.
+    /// Padding `q` of the root box, which is at least the padding of any box.
     pub(crate) pad: [L::Array; 3],
-    /// Terms added to the products of `r` with the near and the far plane of an inner node's box.
+    /// Terms that are added to `plane * r` in tests of inner boxes, for near and for far planes: `-o' * r`, minus or
+    /// plus the padding.
     pub(crate) starts: [[L::Array; 2]; 3],
     /// `d[kx] / d[kz]`, `d[ky] / d[kz]`, `1 / d[kz]`.
     pub(crate) shear: [L::Array; 3],
-    /// `kz`.
+    /// Main axis `kz`: the axis of the direction's largest component.
     main: [u32; MOST_RAYS],
     pub(crate) limits: [L::Array; 2],
-    /// Factor from prepared distances to the units of the given ray.
+    /// Factor from prepared distances to units of the caller's ray.
     pub(crate) back: L::Array,
 }
 
@@ -49,7 +51,7 @@ pub(crate) struct InputRays<L> {
 }
 
 impl<L: Lanes> InputRays<L> {
-    /// Loads neighbouring rays of a list. Lanes beyond its end get rays that cannot hit anything.
+    /// Loads neighbouring rays of a list. Lanes beyond the end of the list get rays that hit nothing.
     #[inline(always)]
     pub(crate) fn listed(rays: &[Ray]) -> Self {
         let spare = L::splat(0.0).store();
@@ -120,7 +122,8 @@ impl<L: Lanes> InputRays<L> {
     }
 }
 
-/// `2^e` and `2^-e`, with `e` the exponent of each lane's largest component, and the lanes within `USUAL`.
+/// `2^e` and `2^-e`, where `e` is the exponent of each lane's largest component, and the lanes with `2^e` within
+/// `USUAL`.
 struct Powers<L> {
     up: L,
     down: L,
@@ -166,7 +169,7 @@ impl<L: Lanes> Group<L> {
         group
     }
 
-    /// Prepares rays in scaled units for boxes and triangles. Distances stay in the units of these rays.
+    /// Prepares rays in scaled units for tests with boxes and triangles. Distances keep the units of `rays`.
     #[inline(always)]
     fn prepared(rays: &InputRays<L>, farthest: L) -> Self {
         let (origin, d) = (&rays.origin, &rays.direction);
@@ -174,7 +177,8 @@ impl<L: Lanes> Group<L> {
         let inverse = each!(i => L::splat(1.0).div(d[i].abs().max(L::splat(SMALLEST))));
         let negative = each!(i => d[i].less(L::splat(0.0)));
         let signed = each!(i => inverse[i].replace(negative[i], inverse[i].neg()));
-        // Infinite only where the box test's products are: an origin so far away is its own distance to any plane.
+        // Infinite only if products of the box test are infinite too: the distance from so far an origin to any plane
+        // rounds to the origin's coordinate.
         let starts = each!(i => {
             let from = origin[i].mul(signed[i]).neg();
             let wide = L::splat(INNER[0]).mul(farthest).add(L::splat(INNER[1]).mul(origin[i].abs()));
@@ -196,7 +200,7 @@ impl<L: Lanes> Group<L> {
         }
     }
 
-    /// Returns `kz` if all lanes hold a prepared ray with the same `kz`.
+    /// Returns the main axis if it is the same in all lanes and all lanes are ready.
     #[inline(always)]
     pub(crate) fn main_of_all(&self) -> Option<usize> {
         let main = self.main[0];
@@ -209,7 +213,7 @@ impl<L: Lanes> Group<L> {
 }
 
 impl Group<Plain<1>> {
-    /// Prepares one ray of any kind. Distances stay in its own units.
+    /// Prepares one ray, which need not be within the limits of [`Group::ready`]. Distances keep the units of `ray`.
     #[inline]
     pub(crate) fn alone(ray: &PreparedRay, root: &Aabb) -> Self {
         let rays = InputRays {
@@ -222,7 +226,7 @@ impl Group<Plain<1>> {
     }
 }
 
-/// The ray in one lane of a group, read in place: a copy would occupy registers during the whole traversal.
+/// The ray in one lane of a group. Reads from the group, because a copy would occupy registers during the traversal.
 pub(crate) struct OneRay<'a, L: Lanes> {
     pub(crate) group: &'a Group<L>,
     pub(crate) lane: usize,
@@ -245,7 +249,7 @@ impl<L: Lanes> OneRay<'_, L> {
         self.at(&self.group.limits[1])
     }
 
-    /// Converts a distance to units of the given ray's direction. A zero result is `+0`.
+    /// Converts a distance to units of the caller's ray. A zero result is `+0`.
     #[inline(always)]
     pub(crate) fn unscaled(&self, t: f32) -> f32 {
         let t = t * self.at(&self.group.back);
@@ -265,7 +269,7 @@ fn farthest<L: Lanes>(origin: &[L; 3], root: &Aabb) -> L {
     farthest
 }
 
-/// The axis `kz` of each lane, and the shear that aligns the ray with it.
+/// The main axis `kz` of each lane, and the shear that aligns the ray with this axis.
 struct Shears<L> {
     main: [u32; MOST_RAYS],
     shear: [L; 3],
@@ -291,7 +295,8 @@ fn shears<L: Lanes>(d: &[L; 3], r: &[L; 3]) -> Shears<L> {
 /// Columns of a cell of pixels. The number of rows follows from the number of lanes.
 pub(crate) const COLUMNS: usize = 4;
 
-/// A few columns and rows of a picture. Lanes are row by row. Lanes beyond the edge repeat the last row or column.
+/// A few columns and rows of a picture. Lanes are assigned to pixels row by row. Lanes beyond the edge of the picture
+/// repeat the last row or column.
 pub(crate) struct Cell {
     /// Lanes within the picture.
     pub(crate) active: u32,

@@ -9,9 +9,9 @@ use crate::single::{self, PlacedHit};
 use crate::tree::Bvh8;
 use crate::walk::TraversalStack;
 
-/// An intersector as the tracer of the wide tree sees it. All functions must be `#[inline(always)]`.
+/// An intersector with its closest-hit searches in the wide tree. All functions must be `#[inline(always)]`.
 pub(crate) trait ClosestSearch: AnyHitTest {
-    /// Whether the lanes only filter hits, so that the reference computes the reported values.
+    /// True if the searches find only places of triangles. `cpu-ref` then computes the values of each hit.
     const IS_FILTER: bool;
 
     /// Returns the closest hit of one ray, with `t` in scaled units.

@@ -1,9 +1,8 @@
 //! Vector operations: one interface, and its implementations for the instruction sets of this machine.
 //!
-//! Code that is generic over [`Isa`] is compiled once for each instruction set. [`Level::run`]
-//! enters the version for the detected set. Every operation is a single IEEE operation per lane,
-//! so all sets give the same bits. Code inside must be `#[inline(always)]`, or it is compiled
-//! without the set's instructions.
+//! Code that is generic over [`Isa`] is compiled once for each instruction set. [`Level::run`] calls the version for
+//! one set. Every operation except [`Lanes::about`] is a single IEEE operation per lane, so all sets give the same
+//! bits. Generic functions must be `#[inline(always)]`, or they are compiled without the set's instructions.
 
 mod plain;
 #[cfg(target_arch = "x86_64")]
@@ -14,8 +13,8 @@ pub(crate) use plain::Plain;
 use bvh_layout::Link;
 use geom::Point;
 
-/// Repeats an expression for each of three axes or corners. A closure would be a function of its own and so compiled
-/// without the set's instructions. An expression is part of the enclosing function.
+/// Evaluates an expression for each of three axes or corners. This is a macro because a closure would be a separate
+/// function, which is compiled without the set's instructions.
 macro_rules! each {
     ($i:ident => $value:expr) => {
         [each!($i 0 $value), each!($i 1 $value), each!($i 2 $value)]
@@ -27,8 +26,8 @@ macro_rules! each {
 }
 pub(crate) use each;
 
-/// The lanes that are set in a mask, in ascending order. `N` is a power of two above every lane, so that arrays of `N` are
-/// accessed without a bounds check.
+/// The lanes that are set in a mask, in ascending order. `N` is a power of two that exceeds every lane, so that arrays
+/// of length `N` are accessed without a bounds check.
 pub(crate) struct SetLanes<const N: usize>(u32);
 
 /// Returns the lanes that are set in a mask.
@@ -76,7 +75,7 @@ pub(crate) trait Lanes: PlaneVector {
     fn store(self) -> Self::Array;
     fn add(self, other: Self) -> Self;
     fn div(self, other: Self) -> Self;
-    /// `self * by + plus`, rounded once or twice depending on the machine. Only for results where either is acceptable.
+    /// `self * by + plus`, rounded once or twice depending on the machine. No hit may depend on the result.
     fn about(self, by: Self, plus: Self) -> Self;
     fn abs(self) -> Self;
     /// `2^e`, where `e` is the exponent of a positive number. Zero for zero, infinity for infinity and NaN.
@@ -104,16 +103,17 @@ pub(crate) trait Lanes: PlaneVector {
 
 /// Eight numbers: one for each child of a node or each triangle of a block.
 pub(crate) trait Eight: Lanes<Array = [f32; 8]> {
-    /// Returns the coordinates of these points, axis by axis.
+    /// Returns the coordinates of `points`, axis by axis.
     fn coordinates(points: [&Point; 8]) -> [Self; 3];
-    /// Returns the greater when compared as signed integers (Embree's `maxi`), in a quarter of the time of
-    /// [`PlaneVector::max`]. For two negative numbers that is the lesser, so the result is never more than that of
+    /// Returns the operand whose bits are greater as a signed integer (Embree's `maxi`). Takes a quarter of the time of
+    /// [`PlaneVector::max`]. Of two negative numbers, returns the lesser. So the result is at most that of
     /// [`PlaneVector::max`].
     #[inline(always)]
     fn maxi(self, other: Self) -> Self {
         self.max(other)
     }
-    /// Returns the lesser when compared as signed integers, which is never less than the result of [`PlaneVector::min`].
+    /// Returns the operand whose bits are less as a signed integer. The result is at least that of
+    /// [`PlaneVector::min`].
     #[inline(always)]
     fn mini(self, other: Self) -> Self {
         self.min(other)
@@ -126,7 +126,7 @@ pub(crate) trait Eight: Lanes<Array = [f32; 8]> {
 pub(crate) trait Halves: PlaneVector<Array = [f32; 16]> {
     type Half: Eight;
 
-    /// Returns both halves, exchanged if `turn`.
+    /// Exchanges the halves if `turn` is true.
     fn turned(self, turn: bool) -> Self;
     fn low(self) -> Self::Half;
     fn high(self) -> Self::Half;
@@ -145,9 +145,9 @@ pub(crate) trait Isa: Sized + 'static {
     /// Runs `part` in a separate function.
     fn outlined<P: Outlined<Self>>(part: P) -> P::Out;
 
-    /// Moves the links of `lanes` to the front, in order. The entries after them are unspecified.
+    /// Moves the links of `lanes` to the front, in order. The remaining entries are unspecified.
     ///
-    /// There is no branch per lane, because the set lanes are hard to predict.
+    /// Avoids a branch per lane, because such branches are hard to predict.
     #[inline(always)]
     fn packed(of: &[Link; 8], lanes: u32) -> [Link; 8] {
         let (mut to, mut count) = (*of, 0);
@@ -159,8 +159,8 @@ pub(crate) trait Isa: Sized + 'static {
     }
 }
 
-/// Prefetches the cache lines of an entry that will soon be read. An entry that is not aligned to cache lines may reach
-/// into one more, which is not prefetched. Does nothing on machines without the instruction.
+/// Prefetches the cache lines of an entry that will soon be read. If the entry is not aligned to cache lines, its last
+/// line may not be prefetched. Does nothing on architectures other than x86-64.
 #[inline(always)]
 pub(crate) fn prefetch<T>(of: &[T], index: usize) {
     #[cfg(target_arch = "x86_64")]
@@ -204,7 +204,7 @@ impl<I: Isa, W: VectorWork> Outlined<I> for W {
     }
 }
 
-/// The instructions that every machine of this architecture has.
+/// The baseline instruction set of this architecture.
 struct Portable;
 
 impl Isa for Portable {
@@ -232,7 +232,7 @@ enum Set {
 }
 
 impl Level {
-    /// Returns all levels of this machine, the best last.
+    /// Returns all instruction sets of this machine, the best last.
     #[must_use]
     pub fn all() -> Vec<Self> {
         #[cfg(target_arch = "x86_64")]
@@ -246,12 +246,12 @@ impl Level {
         all.map(Self).collect()
     }
 
-    /// Returns the best level of this machine.
+    /// Returns the best instruction set of this machine.
     pub(crate) fn best() -> Self {
         Self::all().pop().unwrap_or(Self(Set::Portable))
     }
 
-    /// Runs `work` with this level's instructions.
+    /// Runs `work` with this instruction set.
     #[inline]
     pub(crate) fn run<W: VectorWork>(self, work: W) -> W::Out {
         match self.0 {

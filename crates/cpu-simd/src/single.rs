@@ -1,4 +1,4 @@
-//! Searches by one ray, which tests eight triangles at once.
+//! Searches of single rays. Each ray is tested with eight triangles at once.
 
 use crate::intersect::{AnyHitTest, AnyHits, LaneTest};
 use crate::leaf::{OfBlock, TriangleHits, TriangleRay};
@@ -10,12 +10,12 @@ use cpu_ref::scale::LEAST;
 use geom::Hit;
 use std::marker::PhantomData;
 
-/// A hit, and the place of its triangle in the tree: the block's index times [`LANES`], plus the lane.
+/// A hit, and the [place](crate::tree::place) of its triangle in the tree.
 #[derive(Clone, Copy)]
 pub(crate) struct PlacedHit {
     pub(crate) hit: Hit,
     pub(crate) place: u32,
-    /// Set if rounded arithmetic cannot decide.
+    /// Set if the filter of `exact` cannot decide the hit. Exact arithmetic must then search again.
     pub(crate) is_open: bool,
 }
 
@@ -41,7 +41,7 @@ impl<I: Isa, R: Lanes, T: LaneTest> Visitor<I> for ClosestOfRay<'_, R, T> {
 }
 
 impl<R: Lanes, T> ClosestOfRay<'_, R, T> {
-    /// Replaces the best hit by a nearer one of a block.
+    /// Replaces the best hit if the block has a nearer one.
     #[inline(always)]
     fn take<L: Lanes<Array = [f32; LANES]>>(&mut self, block: usize, hits: &TriangleHits<L>) {
         let (t, u, v) = (hits.t.store(), hits.u.store(), hits.v.store());
@@ -85,7 +85,9 @@ pub(crate) fn closest<I: Isa, T: LaneTest>(
     closest.best
 }
 
-/// Returns whether a ray, as the only lane, hits any triangle except `skipped`. Visits the last child of each node first.
+/// Searches for any hit of a ray except triangle `skipped`. The result is in lane 0.
+///
+/// Visits the last child of each node first: builders put likely occluders there.
 #[inline(always)]
 pub(crate) fn any<I: Isa, T: AnyHitTest>(
     tree: &Bvh8,
@@ -121,7 +123,7 @@ pub(crate) fn any<I: Isa, T: AnyHitTest>(
         }
         len -= 1;
         link = links[len % DEEPEST];
-        // Prefetches the entry after this one.
+        // Prefetches the entry that is popped next.
         tree.prefetch(links[len.saturating_sub(1) % DEEPEST]);
     }
 }

@@ -43,12 +43,12 @@ impl LevelPart<'_> {
     }
 }
 
-/// Neighbouring nodes of one level and, level by level, all nodes below them. Empty if no node is selected.
+/// Neighbouring nodes of one level, and all nodes below these, level by level. Empty if no node is selected.
 pub(crate) struct Subtrees<'a>(Vec<LevelPart<'a>>);
 
 impl<'a> Subtrees<'a> {
-    /// Creates the whole tree. `selected` selects nodes of each level, root first. The ancestors of a selected node must
-    /// be selected too.
+    /// Returns the whole tree as one part. `selected` contains the nodes to process, level by level, root first. The
+    /// ancestors of a selected node must be selected too.
     pub(crate) fn of(
         shape: &BlockTree,
         selected: impl Iterator<Item = &'a [u32]>,
@@ -67,8 +67,9 @@ impl<'a> Subtrees<'a> {
         Self(parts.filter(|part| !part.selected.is_empty()).collect())
     }
 
-    /// Runs `task` on each level, after the level below, with that level as its second argument. Large subtrees run in
-    /// parallel. Sums the results in the same order for every number of threads.
+    /// Runs `task` on every level, bottom-up. The second argument of `task` is the level below.
+    ///
+    /// Processes large subtrees in parallel. The order of the sum does not depend on the number of threads.
     pub(crate) fn fold<S: Add<Output = S> + Default + Send>(
         mut self,
         shape: &BlockTree,
@@ -98,7 +99,7 @@ impl<'a> Subtrees<'a> {
         task(&mut above[level], below.first())
     }
 
-    /// Splits in the middle of the uppermost nodes.
+    /// Splits in two at the middle node of the top level.
     fn halves(self, shape: &BlockTree) -> [Self; 2] {
         let top = self.0[0].selected;
         let mut node = top[top.len() / 2] as usize;

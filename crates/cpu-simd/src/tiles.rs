@@ -10,8 +10,8 @@ const TILES: usize = 8;
 /// Entries of a list that one task handles.
 const RUN: usize = 512;
 
-/// Fills `out` with the answers of these rays in parallel, and sums the results of the tasks. Each task gets some tiles
-/// of a camera's picture, or neighbouring entries of a list as a single row.
+/// Divides `out` among parallel runs of `task`, which trace `rays`. Returns the sum of their results. Each run gets
+/// some tiles of a camera's picture, or neighbouring entries of a list as a single row.
 pub(crate) fn fill(
     rays: Rays<'_>,
     out: TraceOutput<'_>,
@@ -31,7 +31,7 @@ pub(crate) fn fill(
     }
 }
 
-/// Consecutive entries.
+/// Consecutive entries of the output.
 struct Part<'a> {
     /// Index of the first entry.
     first: usize,
@@ -67,7 +67,7 @@ fn divide<T: Send>(
 #[derive(Debug)]
 pub(crate) struct Tiles<'a> {
     rows: [TraceOutput<'a>; TILE],
-    /// Index in the picture of the first entry of the first row.
+    /// Index of the first entry of the first row in the picture.
     first: usize,
     /// Columns of the whole picture.
     width: usize,
@@ -118,7 +118,7 @@ impl<'a> Tiles<'a> {
         self.rows[y].set(x, answer);
     }
 
-    /// Splits off the second half of the columns, unless few tiles are left.
+    /// Splits off the second half of the columns. Returns `None` if at most [`TILES`] tiles are left.
     fn halve(&mut self) -> Option<Self> {
         if self.columns() <= TILE * TILES {
             return None;

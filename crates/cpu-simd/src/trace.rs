@@ -1,4 +1,4 @@
-//! Tracing through the wide tree: neighbouring rays as packets where that is faster, other rays singly.
+//! Traces the rays of a query through the wide tree: neighbouring rays as packets if that is faster, other rays singly.
 
 use crate::exact::ExactFilter;
 use crate::intersect::AnyHits;
@@ -36,7 +36,7 @@ pub(crate) fn trace(tracer: &QueryTracer<'_>, tree: &Bvh8, out: TraceOutput<'_>)
     }
 }
 
-/// Returns the lanes whose rays are extreme at a moment that is not extreme ([`geom::Range::is_extreme`]).
+/// Returns the lanes whose rays are extreme, as [`geom::Range::is_extreme`] does. The moment must not be extreme.
 #[inline(always)]
 fn extreme_lanes<L: Lanes>(rays: &InputRays<L>, geometry: &Geometry<'_>) -> u32 {
     let origin = rays.scaled_origin(geometry.scale);
@@ -48,7 +48,7 @@ fn extreme_lanes<L: Lanes>(rays: &InputRays<L>, geometry: &Geometry<'_>) -> u32 
     !usual | if geometry.range.tiny { near } else { 0 }
 }
 
-/// A tracer for an intersector in vectors.
+/// Traces a query with intersector `T` in vector code.
 struct WideTracer<'a, T> {
     tracer: &'a QueryTracer<'a>,
     tree: &'a Bvh8,
@@ -64,12 +64,12 @@ struct LaneBatch<'a, L> {
     active: u32,
 }
 
-/// Hits that the reference must report.
+/// Rays of a [filter](ClosestSearch::IS_FILTER), whose hits `cpu-ref` must compute.
 struct Unreported {
     rays: [Ray; MOST_RAYS],
-    /// Lanes to report.
+    /// Lanes with a ray.
     active: u32,
-    /// Lanes that rounded arithmetic cannot decide.
+    /// Lanes that the filter cannot decide.
     open: u32,
 }
 
@@ -90,7 +90,7 @@ impl<'a, T: ClosestSearch> WideTracer<'a, T> {
         })
     }
 
-    /// Converts the hits of a packet. `back` is the factor from its distances to units of the given directions.
+    /// Converts the hits of a packet. `back` is the factor from the packet's distances to units of the caller's rays.
     #[inline(always)]
     fn unpack<I: Isa>(&self, hits: &PacketHits<I::Packet>, back: I::Packet) -> LaneAnswers {
         let t = hits.t.mul(back).store();
@@ -108,8 +108,7 @@ impl<'a, T: ClosestSearch> WideTracer<'a, T> {
         answers
     }
 
-    /// Returns the closest hits of rays that are prepared together: traced as a packet where that is faster, else
-    /// singly.
+    /// Returns the closest hits of a batch. Traces it as a packet if that is likely to be faster, otherwise ray by ray.
     #[inline(always)]
     fn closest<I: Isa>(
         &self,
@@ -162,7 +161,7 @@ impl<'a, T: ClosestSearch> WideTracer<'a, T> {
         answers
     }
 
-    /// Has the reference report exact hits. It traces the rays of open lanes again.
+    /// Computes the hits of a filter with `cpu-ref`. Rays of open lanes are traced again.
     #[inline(never)]
     fn report(&self, hits: &Unreported, answers: &mut LaneAnswers) {
         for lane in set_lanes::<MOST_RAYS>(hits.active) {
@@ -178,7 +177,7 @@ impl<'a, T: ClosestSearch> WideTracer<'a, T> {
         }
     }
 
-    /// Returns the active lanes that hit any triangle except the skipped ones. Traces them as a packet or singly.
+    /// Returns the active lanes that hit any triangle except the lane's skipped one. Traces a packet or ray by ray.
     #[inline(always)]
     fn any<I: Isa>(
         &self,
@@ -217,7 +216,7 @@ impl<'a, T: ClosestSearch> WideTracer<'a, T> {
         self.decide(batch, all, skipped)
     }
 
-    /// Returns the lanes that hit anything. The reference traces the rays of open lanes again.
+    /// Returns the lanes that hit anything. Traces the rays of open lanes again with `cpu-ref`.
     #[inline(always)]
     fn decide<L: Lanes>(
         &self,
@@ -233,7 +232,7 @@ impl<'a, T: ClosestSearch> WideTracer<'a, T> {
         hit
     }
 
-    /// Returns the closest hit of a ray that vectors do not answer.
+    /// Returns the closest hit of one ray. Uses `cpu-ref`, for rays that the vector code does not support or decide.
     #[cold]
     #[inline(never)]
     fn closest_unusual(&self, ray: &Ray) -> Hit {
@@ -241,14 +240,14 @@ impl<'a, T: ClosestSearch> WideTracer<'a, T> {
         search.closest().unwrap_or(Hit::MISS)
     }
 
-    /// Returns whether a ray that vectors do not answer hits any triangle except `skipped`.
+    /// Returns whether one ray hits any triangle except `skipped`. Uses `cpu-ref`, as in [`Self::closest_unusual`].
     #[cold]
     #[inline(never)]
     fn any_unusual(&self, ray: &Ray, scale: Scale, skipped: u32) -> bool {
         self.tracer.search(*ray, scale).any(Some(skipped))
     }
 
-    /// Answers rays of a list one by one, because some are extreme.
+    /// Traces rays of a list one by one with `cpu-ref`, because some are extreme.
     #[cold]
     #[inline(never)]
     fn singly(&self, indices: ops::Range<usize>) -> LaneAnswers {
@@ -349,7 +348,7 @@ impl<T: ClosestSearch> TilesTask<'_, '_, T> {
     }
 }
 
-/// Answers the rays in the active lanes. Lists and pictures share this part, because it takes long to compile.
+/// Traces the rays in the active lanes. Lists and pictures share this function, because it is slow to compile.
 struct AnswerLanes<'a, 't, L, T> {
     tracer: &'t WideTracer<'a, T>,
     rays: &'t InputRays<L>,
@@ -406,6 +405,7 @@ impl<I: Isa, T: ClosestSearch> Outlined<I> for AnswerLanes<'_, '_, I::Packet, T>
 /// History of whether packets were faster than single rays.
 #[derive(Default)]
 struct PacketHistory {
+    /// Number of packets in a row that were abandoned.
     failed: u32,
     /// Cells to trace singly before the next packet is tried.
     pause: u32,
@@ -415,8 +415,8 @@ struct PacketHistory {
 const PAUSE: u32 = 7;
 
 impl PacketHistory {
-    /// Creates a packet of a group's rays, unless a pause lasts or the tree is `spread`: packets pad boxes by the size
-    /// of the whole tree.
+    /// Creates a packet of a group's rays. Returns `None` during a pause, if the rays cannot form a packet, or if the
+    /// tree is `spread`, since packets pad all boxes by `D` of the root box.
     #[inline(always)]
     fn packet<I: Isa>(&mut self, group: &Group<I::Packet>, tree: &Bvh8) -> Option<PacketOf<I>> {
         let tries = self.pause == 0 && !tree.spread;

@@ -50,7 +50,7 @@ pub(crate) fn set_bounds(planes: &mut BoxPlanes, lane: usize, bounds: &Aabb) {
     }
 }
 
-/// The coordinate of eight triangles' corners in all lanes, for each axis and each corner.
+/// Corners of eight triangles, one triangle per lane: `[axis][corner][lane]`.
 pub(crate) type CornerLanes = [[[f32; LANES]; 3]; 3];
 
 /// Up to eight triangles in scaled units. Triangles that cannot be hit at this moment have NaN as corners.
@@ -62,7 +62,7 @@ pub(crate) struct TriangleBlock {
     pub(crate) triangles: [u32; LANES],
 }
 
-/// Records of a block's triangles for Woop's test: for each row, for each column, the number in all lanes.
+/// Records of a block's triangles for Woop's test: `[row][column][lane]`.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct BlockRecords(pub(crate) [[[f32; LANES]; 4]; 3]);
@@ -89,13 +89,13 @@ impl BlockRecords {
     }
 }
 
-/// Returns the place of the triangle in a lane of a block.
+/// Returns the *place* of a triangle: its position in the tree, as the block's index times [`LANES`] plus the lane.
 #[inline(always)]
 pub(crate) fn place(block: usize, lane: usize) -> u32 {
     (block * LANES + lane) as u32
 }
 
-/// A place without a triangle.
+/// The place of no triangle, for rays that miss.
 pub(crate) const NOWHERE: u32 = u32::MAX;
 
 impl Node8 {
@@ -132,7 +132,7 @@ pub(crate) struct Bvh8 {
     pub(crate) nodes: Vec<Node8>,
     /// Blocks in the order of their nodes and lanes.
     pub(crate) blocks: Vec<TriangleBlock>,
-    /// Records of each block if the test is Woop's. Else empty, because other tests read corners.
+    /// Records of each block if the intersector is `woop`. Stale or empty for other intersectors, which read corners.
     pub(crate) records: Vec<BlockRecords>,
     /// The root box, in scaled units.
     pub(crate) root: Aabb,
@@ -145,7 +145,7 @@ pub(crate) struct Bvh8 {
 }
 
 impl Bvh8 {
-    /// Creates an empty tree, to be traced with `level`.
+    /// Creates an empty tree for tracing with the instruction set `level`.
     pub(crate) fn new(level: Level) -> Self {
         Self {
             nodes: vec![Node8::UNUSED],
@@ -158,7 +158,7 @@ impl Bvh8 {
         }
     }
 
-    /// Sets the triangle test, and computes the records of all blocks from their corners if it reads records.
+    /// Sets the triangle test. Computes the records of all blocks from their corners if the test needs records.
     pub(crate) fn prepare(&mut self, intersector: Intersector) {
         self.intersector = intersector;
         if intersector == Intersector::Woop {

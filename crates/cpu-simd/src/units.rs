@@ -1,4 +1,4 @@
-//! The reference's rounding of small numbers to zero, for each lane.
+//! Flushing of small numbers to zero, with the same results as `cpu-ref`.
 
 use crate::simd::Lanes;
 use cpu_ref::scale::{LEAST, Scale};

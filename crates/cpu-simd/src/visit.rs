@@ -1,4 +1,4 @@
-//! The reference's view of the wide tree: its searches take one triangle at a time.
+//! Implements [`TreeTraversal`] for the wide tree, so that searches of `cpu-ref` can visit its triangles one at a time.
 
 use crate::leaf::{OfBlock, TriangleRay};
 use crate::rays::{Group, OneRay};

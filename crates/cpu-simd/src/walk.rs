@@ -1,4 +1,4 @@
-//! Traversal by one ray or packet, nearest child first, eight boxes at a time.
+//! Traversal of the wide tree by a ray or packet, nearest child first. Tests eight boxes at a time.
 
 use crate::leaf::slack;
 use crate::rays::OneRay;
@@ -6,8 +6,11 @@ use crate::simd::{Eight, Isa, Lanes, each, set_lanes};
 use crate::tree::{BoxPlanes, Bvh8, LANES, Link, Node8};
 use bvh_build::MAX_DEPTH;
 
-/// A node or block still to visit: the bits of its entry distance, then those of its link. So a single comparison
-/// without a branch orders them by distance. Negative entries are in another order, but all are still visited.
+/// A node or block still to visit. The upper 32 bits are the bits of the entry distance, the lower 32 bits are the
+/// link.
+///
+/// Comparing the integers orders links by distance without a branch. Negative distances, which occur only with a
+/// negative `t_min`, are not in ascending order. That affects only speed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct PendingLink(u64);
 
@@ -37,7 +40,7 @@ pub(crate) const DEEPEST: usize = ((LANES - 1) * (MAX_DEPTH as usize + 1)).next_
 /// Nodes and blocks still to visit, the next one last.
 pub(crate) struct TraversalStack {
     pending: [PendingLink; DEEPEST],
-    /// Used where their order does not matter. Has space for all lanes of one more node.
+    /// Stack of searches that do not order links by distance. Has space for all lanes of one more node.
     pub(crate) links: [Link; DEEPEST + LANES],
 }
 
@@ -57,12 +60,12 @@ pub(crate) trait Visitor<I> {
     fn block(&mut self, block: usize, bound: f32) -> Option<f32>;
 }
 
-/// A ray or packet that boxes can be tested with.
+/// A ray or packet, prepared for tests with boxes of nodes.
 pub(crate) trait BoxTest<L> {
-    /// Returns the greatest `t_max`, beyond which no box is visited.
+    /// Returns the greatest `t_max` of the rays.
     fn limit(&self) -> f32;
 
-    /// Returns which of eight boxes cannot be skipped. Must be `#[inline(always)]`.
+    /// Tests eight boxes. Boxes that are missed or entered after `best` can be skipped. Must be `#[inline(always)]`.
     fn meet(&self, planes: &BoxPlanes, best: f32) -> MetBoxes<L>;
 }
 
@@ -74,12 +77,13 @@ pub(crate) struct MetBoxes<L> {
     pub(crate) entry: L,
 }
 
-/// A ray, prepared for boxes of inner nodes. The boxes are padded more than in the reference's box test, which saves
-/// operations. They decide no hit.
+/// A ray, prepared for tests with boxes of nodes. The test needs fewer operations than the box test of `cpu-ref`, but
+/// pads boxes more. No hit depends on this test.
 #[derive(Clone, Copy)]
 pub(crate) struct NodeRay<L> {
     inverse: [L; 3],
-    /// Terms added to the products with near planes and with far planes.
+    /// For each axis, the terms that are added to `plane * r`: for near planes, then for far planes. See
+    /// [`crate::rays::Group::starts`].
     starts: [[L; 2]; 3],
     /// Index of the nearer planes on each axis: 0 for the lower ones.
     near: [usize; 3],
@@ -87,7 +91,7 @@ pub(crate) struct NodeRay<L> {
     t_max: f32,
     /// Origin of the ray.
     origin: [L; 3],
-    /// Set if each box is padded by its own distance instead of the whole tree's.
+    /// Set if the padding is computed from each box instead of the root box. See [`geom::Range::spread`].
     spread: bool,
 }
 
@@ -109,8 +113,8 @@ impl<L: Lanes> NodeRay<L> {
         }
     }
 
-    /// Returns the distances to near and far planes of boxes, computed as in the reference's box test. This is
-    /// conservative: `D` of a box is at least that of any box within, and every operation is monotone.
+    /// Returns the distances to near and far planes of boxes, with the operations of the box test in `cpu-ref`. These
+    /// are conservative: a box's `D` is at least that of any contained box, and every operation is monotone.
     #[inline(always)]
     fn spans_apart(&self, at: [[L; 2]; 3]) -> [[L; 2]; 3] {
         let from = each!(axis => {
@@ -158,7 +162,7 @@ impl<L: Eight> BoxTest<L> for NodeRay<L> {
     }
 }
 
-/// Visits the blocks that rays may hit, roughly nearest first. Returns whether `visitor` ended the traversal.
+/// Visits the blocks that `rays` may hit, approximately nearest first. Returns whether `visitor` ended the traversal.
 #[inline(always)]
 pub(crate) fn walk<I: Isa>(
     tree: &Bvh8,
@@ -211,7 +215,7 @@ struct PendingLinks<'a> {
 }
 
 impl PendingLinks<'_> {
-    /// Inserts a link among the last entries, which begin at `base` and are sorted, farthest first.
+    /// Inserts a link into the entries from `base` on, which are sorted, farthest first.
     #[inline(always)]
     fn insert(&mut self, base: usize, link: PendingLink) {
         let mut later = link;
@@ -224,7 +228,8 @@ impl PendingLinks<'_> {
     }
 }
 
-/// Returns the nearest of the boxes, of which there must be one, and makes the others pending, farthest first.
+/// Returns the link of the nearest box that is met, and pushes the links of the others, farthest first. At least one
+/// box must be met.
 #[inline(always)]
 fn nearest<L: Lanes<Array = [f32; LANES]>>(
     tree: &Bvh8,

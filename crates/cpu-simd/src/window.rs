@@ -10,7 +10,7 @@ pub(crate) struct Window<'a, T> {
 }
 
 impl<'a, T> Window<'a, T> {
-    /// Creates a window on items numbered from `first` on.
+    /// Creates a window whose first item has index `first`.
     pub(crate) fn new(first: usize, items: &'a mut [T]) -> Self {
         Self { first, items }
     }

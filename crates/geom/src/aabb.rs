@@ -87,7 +87,7 @@ impl Aabb {
         std::array::from_fn(|i| self.max[i] - self.min[i])
     }
 
-    /// Returns half the surface area, in double precision so that sums over large trees keep their digits.
+    /// Returns half the surface area, in double precision so that sums over large trees stay accurate.
     #[inline]
     pub fn half_area(&self) -> f64 {
         let [x, y, z] = self.edges();

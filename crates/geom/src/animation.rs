@@ -45,8 +45,8 @@ impl Animation {
 
     /// Creates an animation of `keys` key frames that reads them during playback.
     ///
-    /// At most `window` key frames are in memory, but at least four, in addition to the first. Reads every key frame
-    /// once, to find the facts that hold for all.
+    /// Keeps up to `window` key frames in memory, or four if `window` is less. The first key frame is always kept and
+    /// does not count. Reads every key frame once to determine bounds, ranges and static parts.
     ///
     /// # Errors
     /// Those of [`Self::new`], or a key frame cannot be read.
@@ -141,7 +141,8 @@ impl Animation {
         self.keys.look_ahead(keys);
     }
 
-    /// Returns up to `most` key frames that will be played next, with their numbers, for a device to upload early.
+    /// Returns up to `most` key frames that will be played next, with their numbers, so that a device can upload them
+    /// early.
     ///
     /// Stops at the first key frame that is not read yet. Empty unless the animation is [paged](Self::paged).
     pub fn upcoming(&self, most: usize) -> Vec<(usize, KeyFrame)> {
@@ -167,7 +168,7 @@ impl Animation {
     /// The number of vertices differs, or the animation is not streamed.
     pub fn push(&self, frame: impl Into<PointBuffer>) -> Result<f64, KeyFrameError> {
         let KeyFrames::Streamed(keys) = &self.keys else {
-            let cause = "all key frames of this animation are known";
+            let cause = "cannot push a key frame: the animation is not streamed";
             return Err(KeyFrameError(cause.to_owned()));
         };
         let frame = Arc::new(frame.into());
@@ -235,8 +236,8 @@ impl Animation {
 
     /// Returns the pose at `time`; see [`Pose::at`].
     ///
-    /// After the last key frame of a [streamed](Self::streamed) animation, the pose extrapolates the last two key frames. Such
-    /// poses are for tree builds only and are not traced.
+    /// After the last key frame of a [streamed](Self::streamed) animation, the pose extrapolates the last two key
+    /// frames. Such poses are for tree builds only and are not traced.
     pub fn pose(&self, time: f64) -> Pose {
         let last = self.key_count() - 1;
         match self.keys {
@@ -247,8 +248,8 @@ impl Animation {
 
     /// Returns the box that a tree uses for `triangle` while the triangle is inactive.
     ///
-    /// This is its box in the first key frame that has it active, or [`Aabb::EMPTY`] if no key frame has. Rays never
-    /// hit an inactive triangle, but the tree needs a leaf for the time when the triangle is active again.
+    /// This is its box in the first key frame in which the triangle is active, or [`Aabb::EMPTY`] if there is none.
+    /// Rays never hit an inactive triangle, but the tree needs a leaf for the time when the triangle becomes active.
     pub fn fallback_box(&self, triangle: u32) -> Aabb {
         let others = &self.survey.fallback_boxes;
         if let Ok(i) = others.binary_search_by_key(&triangle, |s| s.0) {
@@ -298,8 +299,7 @@ impl Animation {
         }
     }
 
-    /// Returns the range of coordinates at `pose`, or `None` if it is not known yet for a key frame that
-    /// [arrived](Self::push).
+    /// Returns the range of coordinates at `pose`, or `None` if a [pushed](Self::push) key frame was not measured yet.
     pub fn known_range(&self, pose: Pose) -> Option<Range> {
         match &self.keys {
             KeyFrames::Streamed(keys) if pose.key > 0 => keys.known_range(pose.key as usize),
@@ -307,9 +307,8 @@ impl Animation {
         }
     }
 
-    /// Sets [`Self::range`] from `vertices`, for a key frame that [arrived](Self::push) without all its vertices.
-    ///
-    /// A range that is already known stays.
+    /// Sets [`Self::range`] of a [pushed](Self::push) key frame from `vertices`, for frames whose complete positions
+    /// are only on a device. Keeps a range that is already known.
     pub fn measure(&self, pose: Pose, vertices: &[Point]) {
         if let KeyFrames::Streamed(keys) = &self.keys {
             let range = Range::of(&Sizes::of(vertices), self.scale_exponent());

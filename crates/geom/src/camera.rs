@@ -61,7 +61,7 @@ impl CameraPose {
 }
 
 impl Camera {
-    /// Creates a camera for an image of `width` times `height` pixels. Returns `None` if no image is defined:
+    /// Creates a camera for an image of `width` times `height` pixels. Returns `None` in these cases:
     ///
     /// - `eye` equals `target`, or `up` is parallel to the line of sight;
     /// - the field of view is outside `0..180`, or the image has no pixels;
@@ -118,7 +118,7 @@ impl Camera {
     }
 }
 
-/// Rounds to `f32`. Values below `2^-60` become zero, so that no sum of products is subnormal.
+/// Rounds to `f32`. Magnitudes below `2^-60` become zero, so that no component of a ray's direction is subnormal.
 fn rounded(x: f64) -> f32 {
     if x.abs() < (-60_f64).exp2() {
         0.0

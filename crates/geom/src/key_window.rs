@@ -6,13 +6,14 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 
-/// Capacity reserved for key frames that are requested outside the look-ahead.
+/// Number of key frames that the look-ahead leaves free for other requests.
 const SPARE: usize = 2;
 
 /// A window over a sequence of key frames, which follows playback.
 ///
-/// Readers have their own pool, with half as many threads as parallel work, because trees are built at the same time.
-/// The pool is not marked as the library's: readers are code of the program and may call the library.
+/// Key frames are read in a separate thread pool. It has half as many threads as [`parallelism`], because trees are
+/// built at the same time. The pool is not created by [`crate::own_pool`]: a [`KeySource`] is code of the program and
+/// may call the library.
 pub(crate) struct KeyWindow {
     /// Number of key frames in the whole sequence.
     pub(crate) keys: usize,
@@ -32,7 +33,7 @@ struct SharedWindow {
 #[derive(Default)]
 struct WindowState {
     entries: BTreeMap<usize, PagedKey>,
-    /// Counter that increases with each use.
+    /// Logical time of the last use.
     clock: u64,
     /// Key frames to be played, in order and without duplicates.
     upcoming: Vec<usize>,
@@ -43,6 +44,7 @@ struct WindowState {
 struct PagedKey {
     /// `None` while the key frame is read.
     read: Option<Result<KeyFrame, KeyFrameError>>,
+    /// Value of [`WindowState::clock`] at the last use.
     used: u64,
 }
 
@@ -61,7 +63,7 @@ impl KeyWindow {
             .thread_name(|i| format!("key frames {i}"))
             .num_threads(parallelism().div_ceil(2))
             .build()
-            .map_err(|e| KeyFrameError(format!("no threads to read key frames: {e}")))?;
+            .map_err(|e| KeyFrameError(format!("cannot start reader threads: {e}")))?;
         let shared = SharedWindow {
             source,
             state: Mutex::default(),
@@ -143,7 +145,7 @@ impl KeyWindow {
         });
     }
 
-    /// Returns the result of reading a key frame, or `None` if the read has not finished.
+    /// Returns the result of reading a key frame and marks it as used. Returns `None` if the read has not finished.
     fn take(&self, state: &mut WindowState, key: usize) -> Option<Result<KeyFrame, KeyFrameError>> {
         if key == 0 {
             return Some(Ok(Arc::clone(&self.first)));
@@ -156,7 +158,8 @@ impl KeyWindow {
 }
 
 impl WindowState {
-    /// Drops the least recently used key frames beyond `capacity`.
+    /// Drops the least recently used key frames until at most `capacity` remain. Reads that are pending or failed do
+    /// not count.
     fn forget_beyond(&mut self, capacity: usize) {
         let ready = |(&key, entry): (&usize, &PagedKey)| match &entry.read {
             Some(Ok(_)) => Some((entry.used, key)),

@@ -25,7 +25,7 @@ impl Pose {
         Self::between(time.floor() as usize, time.fract())
     }
 
-    /// Returns a pose after the last of at least two key frames. It extrapolates the last two by a weight above 1.
+    /// Returns a pose after the last of at least two key frames. It extrapolates the last two with a weight above 1.
     pub(crate) fn beyond(time: f64, last: usize) -> Self {
         Self {
             key: last as u32 - 1,
@@ -54,9 +54,9 @@ impl Pose {
 
     /// Returns the position of a vertex at `a` in key frame `key` and at `b` in key frame `key + 1`.
     ///
-    /// The position is `a + (b - a) * alpha`, with each operation rounded once and never fused. If `alpha` is 0, it is `a`,
-    /// bit for bit. A static vertex keeps its bits, except that a negative zero becomes positive. The result is not finite
-    /// if the vertex is not finite in a frame that is read.
+    /// The position is `a + (b - a) * alpha`, with each operation rounded once and never fused. If `alpha` is 0, the
+    /// position is `a`, bit for bit. If `a` and `b` are equal and finite, so is the result, bit for bit, except that
+    /// `-0` becomes `+0`. If `a` or a `b` that is read is not finite, the result is not finite.
     #[inline]
     pub fn blend(self, a: Point, b: Point) -> Point {
         if self.alpha == 0.0 {

@@ -7,25 +7,25 @@ use crate::{Point, Pose};
 const OUTLYING: f32 = 65_536.0;
 /// A key frame is spread if its largest coordinate exceeds this multiple of its typical size.
 ///
-/// At this limit, boxes padded by the size of the whole scene are `17 * 2^-14` of the typical size too large.
+/// Boxes are padded by `17 * 2^-24` of the scene's size. At this limit, the padding is `17 * 2^-14` of the typical
+/// size.
 const SPREAD: f32 = 1024.0;
-/// Upper bound of the extent from which shadow ray offsets are computed, as a multiple of the typical size.
+/// Limit on the extent of the scene when the offset of shadow rays is computed, as a multiple of the typical size.
 const CLEARANCE: f32 = 256.0;
-/// A triangle is tiny if all its scaled coordinates are below this, `2^-32`. At least two vertices of a tiny triangle
-/// with an area differ from the origin.
+/// A triangle is tiny if all its scaled coordinates are below this, `2^-32`.
 const TINY: f32 = 1.0 / 4_294_967_296.0;
 
 /// Range of the coordinates of one moment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Range {
-    /// True if some coordinates are so large that `watertight` and `exact` test every ray in exact arithmetic.
+    /// True if some coordinates are so large that `watertight` and `exact` must test every ray in exact arithmetic.
     pub extreme: bool,
-    /// True if some triangles may be so close to the origin that rays from there need exact arithmetic.
+    /// True if some triangles may be so small and so close to zero that rays that start there need exact arithmetic.
     pub tiny: bool,
-    /// True if sizes differ so much that inner boxes are padded by their own distance, not by the scene's size. Does
-    /// not change any hit.
+    /// True if the sizes of vertices differ greatly. Backends then compute the padding of each inner box from that box
+    /// instead of the root box. This changes no hit.
     pub spread: bool,
-    /// Largest extent of the scene that shadow ray offsets take into account, in scene units.
+    /// Limit on the extent of the scene when the offset of shadow rays is computed, in scene units.
     pub clearance: f32,
 }
 
@@ -38,10 +38,11 @@ impl Range {
         clearance: f32::INFINITY,
     };
 
-    /// Rays whose origin has a coordinate of at least this, `2^40` scaled units, are extreme. So are moments with
-    /// coordinates beyond.
+    /// A ray is extreme if a coordinate of its origin is at least `2^40` scaled units. A moment is extreme if a vertex
+    /// has a coordinate larger than this.
     pub const FAR: f32 = 1_099_511_627_776.0;
-    /// If there are tiny triangles, rays whose origin is closer to 0 than this, `2^-24` scaled units, are extreme.
+    /// In a moment with tiny triangles, a ray is also extreme if all coordinates of its origin are below `2^-24` scaled
+    /// units.
     pub const NEAR: f32 = 1.0 / 16_777_216.0;
 
     /// Returns whether a ray from `origin`, in scaled units, is tested in exact arithmetic.

@@ -10,8 +10,9 @@ const RUN: usize = 1 << 15;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Sizes {
     pub(crate) largest: f32,
-    /// Second smallest size of a vertex that is not the origin. Every triangle with an area has a coordinate of at
-    /// least this size.
+    /// Second smallest size of the vertices that are not at the origin.
+    ///
+    /// A triangle with a nonzero area has at least two such vertices. So it has a coordinate of at least this size.
     pub(crate) second: f32,
     /// Lower quartile of the sizes of sampled vertices.
     pub(crate) typical: f32,
@@ -55,13 +56,13 @@ struct SizeExtremes {
 }
 
 impl SizeExtremes {
-    /// SizeExtremes of an empty set.
+    /// Extremes of an empty set.
     const NONE: Self = Self {
         largest: 0.0,
         least: [f32::INFINITY; 2],
     };
 
-    /// Scans vertices in groups, because most groups change nothing and can be skipped quickly.
+    /// Scans vertices in groups. Most groups contain no new extreme, so that one branch skips the whole group.
     fn of(points: &[Point]) -> Self {
         const GROUP: usize = 16;
         points.chunks(GROUP).fold(Self::NONE, |found, group| {

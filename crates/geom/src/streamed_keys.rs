@@ -16,14 +16,14 @@ struct Recent {
     last: usize,
     /// The most recent key frames, oldest first, without key frame 0.
     kept: VecDeque<StreamedKey>,
-    /// Dropped key frames, which readers may still use.
+    /// Buffers for reuse: dropped key frames, which readers may still hold, and spare frames.
     dropped: Vec<KeyFrame>,
 }
 
 #[derive(Debug)]
 struct StreamedKey {
     frame: KeyFrame,
-    /// Range of coordinates, once it was requested.
+    /// Range of the coordinates; `None` until it is computed.
     range: Option<Range>,
 }
 
@@ -65,8 +65,8 @@ impl StreamedKeys {
         Arc::into_inner(dropped.swap_remove(free))
     }
 
-    /// Returns a key frame. If it was dropped, returns the oldest that is kept: only tree builds request key frames so
-    /// late.
+    /// Returns a key frame, or the oldest kept one if it was dropped. Only tree builds request dropped key frames, and
+    /// hits do not depend on the positions of a build.
     pub(crate) fn get(&self, key: usize) -> KeyFrame {
         let found = lock(&self.state)
             .find(key)

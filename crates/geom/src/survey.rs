@@ -10,8 +10,8 @@ use std::ops;
 /// Facts that hold for the whole animation.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Survey {
-    /// Triangles that are inactive in the first key frame, with their boxes in the first key frame that has them
-    /// active.
+    /// Triangles that are inactive in the first key frame, each with its box in the first key frame in which it is
+    /// active. Sorted by triangle.
     pub(crate) fallback_boxes: Vec<(u32, Aabb)>,
     pub(crate) never_active: u32,
     pub(crate) static_parts: StaticParts,
@@ -86,7 +86,8 @@ impl Survey {
     /// Adapts the facts of the first key frame to future key frames, in which vertices that are not `fixed` may move
     /// anywhere.
     ///
-    /// Any triangle may become active. Triangles that are still inactive get a point as their box.
+    /// Any triangle may become active later, so the tree needs a leaf for each. The box of an inactive triangle is then
+    /// a single point.
     pub(crate) fn expect_others(
         &mut self,
         first: &[Point],
@@ -176,8 +177,8 @@ pub(crate) fn check_triangles(
 /// Partition of vertices and triangles into static ones and moving ones.
 ///
 /// A vertex is *static* if it has the same bits in all key frames and blending returns those bits. All other vertices
-/// *move*. If there are several key frames, two kinds of vertices move although their bits are equal. A coordinate of
-/// `-0` becomes `+0` between key frames, and an infinite one becomes NaN.
+/// *move*. If there are several key frames, a vertex with a coordinate of `-0` or a non-finite coordinate always moves:
+/// between key frames, blending turns `-0` into `+0` and infinity into NaN.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct StaticParts {
     /// For each vertex, true if it is static.
@@ -234,8 +235,8 @@ impl StaticParts {
 
     /// Returns whether listing the moving elements is cheaper than processing all.
     ///
-    /// Each list entry adds four bytes to transfer and a dependent read. With at most half of all elements listed, the
-    /// list never costs more than it saves.
+    /// Each list entry adds four bytes to transfer and a dependent read. If at most half of the elements are listed,
+    /// the list saves more than it costs.
     #[must_use]
     pub fn pays(moving: usize, all: usize) -> bool {
         moving <= all / 2

@@ -1,9 +1,9 @@
 //! Thread pools of the library, separate from those of the program.
 //!
-//! While a rayon worker waits for other threads, it runs queued tasks of its own pool. If the program calls the library
-//! from such a task, these are tasks of the program. They may need a lock that the first task holds, or nest until the
-//! stack overflows. Therefore the library never waits for parallel work on a worker of the program, nor in a pool that
-//! runs tasks of the program.
+//! While a rayon worker waits for other threads, it runs queued tasks of its own pool. Suppose that the program calls
+//! the library from one of its own rayon tasks, and the library waited on that worker. The worker could then run other
+//! tasks of the program. These may need a lock that the first task holds, or nest until the stack overflows. Therefore
+//! the library never waits for parallel work on a worker of the program, nor in a pool that runs tasks of the program.
 
 use rayon::prelude::*;
 use rayon::{Scope, ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
@@ -33,7 +33,7 @@ pub fn use_global_pool() {
     GLOBAL_IS_OWN.store(true, Ordering::Relaxed);
 }
 
-/// Starts a pool of the library. Parallel work that starts in it stays in it.
+/// Starts a thread pool of the library. Parallel work of the library that begins on one of its workers uses this pool.
 ///
 /// # Errors
 /// The system refuses to start the threads.
@@ -53,9 +53,10 @@ pub fn run_in<T: Send>(pool: &ThreadPool, work: impl FnOnce() -> T + Send) -> T 
     }
 }
 
-/// Runs parallel `work` in the library pool of the calling thread, or else in the shared pool, and returns the result.
+/// Runs parallel `work` and returns its result. Uses the library pool that the calling thread belongs to, or else the
+/// shared pool.
 ///
-/// `work` must never wait for code of the program, which may need the shared pool itself.
+/// `work` must never wait for code of the program, because that code may itself wait for the shared pool.
 ///
 /// # Panics
 /// If `work` panics.
@@ -82,7 +83,8 @@ pub fn parallelism() -> usize {
     }
 }
 
-/// Returns the shared pool, or `None` if the calling thread is already in a pool of the library.
+/// Returns the shared pool, or `None` if the work should run in the current pool: the calling thread is already in a
+/// pool of the library, or the shared pool could not be started.
 fn foreign_pool() -> Option<&'static ThreadPool> {
     static SHARED: OnceLock<Option<ThreadPool>> = OnceLock::new();
     if IS_OWN_WORKER.get() || GLOBAL_IS_OWN.load(Ordering::Relaxed) {
@@ -97,7 +99,8 @@ fn foreign_pool() -> Option<&'static ThreadPool> {
     shared.as_ref()
 }
 
-/// Runs `work` on a thread that can wait without running tasks of the program: a new thread if this is a rayon worker.
+/// Runs `work` on a thread that can wait without running tasks of the program. This is a new thread if the calling
+/// thread is a rayon worker.
 fn off_worker<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     if rayon::current_thread_index().is_none() {
         return work();
@@ -111,11 +114,11 @@ fn off_worker<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     });
     match done {
         Some(result) => result,
-        None => work.expect("a thread that did not start took no work")(),
+        None => work.expect("a thread that failed to start cannot have taken the work")(),
     }
 }
 
-/// Number of values that the calling thread sets faster alone than with other threads, which must wake first.
+/// Up to this number of values, the calling thread alone is faster, because other threads must wake first.
 const FEW: usize = 1 << 13;
 
 /// Sets each value from its index, in parallel if there are many.
@@ -135,7 +138,7 @@ pub fn set_each<T: Send>(to: &mut [T], of: impl Fn(usize) -> T + Sync) {
 const HELPERS: usize = 3;
 /// Bytes that a thread copies at a time.
 const COPY_RUN: usize = 96 << 10;
-/// Bytes that the calling thread copies faster alone than with helpers, which must wake first.
+/// Up to this number of bytes, the calling thread alone is faster, because helpers must wake first.
 const FEW_BYTES: usize = 512 << 10;
 
 /// Copies `from` to `to` with a few threads.
@@ -168,7 +171,7 @@ where
     share_parts(to.chunks_mut(run).zip(from.chunks(run)), convert);
 }
 
-/// Passes each part to `work`, on the calling thread and a few helpers. A helper that starts late finds no part left.
+/// Passes each part to `work`, on the calling thread and a few helpers. A helper that starts late may find no parts.
 pub fn share_parts<P: Send>(parts: impl Iterator<Item = P> + Send, work: impl Fn(P) + Sync) {
     let parts = Mutex::new(parts);
     let next = || lock(&parts).next();

@@ -27,8 +27,8 @@ pub fn is_degenerate(corners: &Triangle) -> bool {
     let [a, b, c] = corners.map(|p| p.map(f64::from));
     let e = [b[0] - a[0], b[1] - a[1], b[2] - a[2]];
     let f = [c[0] - a[0], c[1] - a[1], c[2] - a[2]];
-    // Each product carries three roundings (two differences, one product), and the difference of products one more. 8
-    // units exceed both.
+    // Each product has three roundings: two differences and the product. The difference of products adds one more.
+    // A relative error of eight units bounds their sum.
     let stands_clear = |i: usize, j: usize| {
         let (p, q) = (e[i] * f[j], e[j] * f[i]);
         (p - q).abs() > 8.0 * f64::EPSILON * (p.abs() + q.abs())

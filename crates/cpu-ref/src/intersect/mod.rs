@@ -1,4 +1,4 @@
-//! Ray-triangle tests. Each prepares triangles once per moment and rays once, and intersects them in rounded arithmetic.
+//! Ray-triangle tests in single precision. Each test prepares every triangle once per moment and every ray once.
 
 mod moller_trumbore;
 mod record;
@@ -22,12 +22,12 @@ pub fn record(intersector: Intersector, corners: &Triangle) -> Record {
     match intersector {
         Intersector::MollerTrumbore => MollerTrumbore::record(corners),
         Intersector::Woop => Woop::record(corners),
-        // The exact intersector filters triangles by the watertight test's numbers.
+        // The filter of `exact` uses the intermediate results of the watertight test.
         Intersector::Watertight | Intersector::Exact => Watertight::record(corners),
     }
 }
 
-/// A ray, prepared for a test in rounded arithmetic.
+/// A ray, prepared for one of the tests.
 pub(crate) enum RoundedTest {
     MollerTrumbore(MollerTrumbore),
     Woop(Woop),

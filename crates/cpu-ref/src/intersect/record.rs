@@ -1,6 +1,6 @@
 //! Data that the triangle tests read and return.
 
-/// A preprocessed triangle: 48 bytes, three rows of four floats. Each test defines their meaning.
+/// A preprocessed triangle: three rows of four floats, 48 bytes. Each test defines the meaning of the rows.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C, align(16))]
 pub struct Record(pub [[f32; 4]; 3]);

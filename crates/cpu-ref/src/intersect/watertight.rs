@@ -1,16 +1,15 @@
 //! The watertight test: no leak and no double hit at edges and vertices.
 //!
 //! Woop, Benthin, Wald, *Watertight Ray/Triangle Intersection* (JCGT 2013).
-//! Exact signs and a symbolic perturbation (Edelsbrunner, Mücke 1990) replace
-//! the double-precision fallback: shared edges are decided as for one generic
-//! point.
+//! Exact signs and a symbolic perturbation (Edelsbrunner, Mücke 1990) replace the paper's double-precision fallback. So
+//! a ray through a shared edge or vertex is treated like a ray that passes very close to it.
 
 use super::record::{Record, TriangleHit};
 use crate::scale::{PreparedRay, flushed};
 use geom::{Point, Triangle};
 
-/// A ray for the test of Woop, Benthin, Wald 2013: axes in the order `kx, ky, kz`, and the shear that aligns the ray with
-/// axis `kz`. A record holds, for each axis, the coordinate of all three vertices.
+/// A ray for the test of Woop, Benthin, Wald 2013. Axes are in the order `kx, ky, kz`, and the shear aligns the ray
+/// with axis `kz`. A record holds the coordinates of the three vertices, axis by axis.
 #[derive(Clone, Copy, Debug)]
 pub struct Watertight {
     axes: [usize; 3],
@@ -26,7 +25,7 @@ type Three = [f32; 3];
 pub(crate) struct Sheared {
     pub(crate) x: Three,
     pub(crate) y: Three,
-    /// Distance from the ray's origin along `kz`, not scaled.
+    /// Distance from the ray's origin along `kz`, not divided by the direction.
     pub(crate) along: Three,
 }
 
@@ -129,8 +128,8 @@ pub(crate) fn solve(edges: &Three, depths: &Three) -> TriangleHit {
     }
 }
 
-/// Returns whether all three edge functions have the same sign, for vertices at sheared `x` and `y`. Signs that rounding
-/// left open are computed exactly.
+/// Returns whether all three edge functions have the same sign, for vertices at sheared `x` and `y`. Computes the signs
+/// of edge functions that are zero or NaN exactly.
 #[cold]
 #[inline(never)]
 pub fn has_equal_signs(edges: &[f32; 3], x: &[f32; 3], y: &[f32; 3]) -> bool {
@@ -147,7 +146,8 @@ pub fn has_equal_signs(edges: &[f32; 3], x: &[f32; 3], y: &[f32; 3]) -> bool {
     u != 0 && u == sign(1) && u == sign(2)
 }
 
-/// Returns the sign of `p x q`. If that is zero, the ray moves by `(e, e^2)`. The result is zero only if `p` is `q`.
+/// Returns the exact sign of `p x q`. If `p x q` is zero, returns its sign after the ray moves by `(e, e^2)` for an
+/// infinitesimal `e`. This is zero only if `p` equals `q`.
 fn exact_sign(p: [f32; 2], q: [f32; 2]) -> i32 {
     // Products of two f32 are exact in f64.
     let product = |a: f32, b: f32| f64::from(a) * f64::from(b);

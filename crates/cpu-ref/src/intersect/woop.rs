@@ -1,8 +1,8 @@
 //! Woop's test, which the paper uses: an affine transform maps each triangle to the unit triangle. It leaks near edges.
 //!
 //! Woop, *A Ray Tracing Hardware Architecture for Dynamic Scenes* (2004).
-//! The third row is the unit normal. The normal over its squared length loses
-//! small triangles.
+//! The third row of the transform is the unit normal. As part of the inverse of the basis `e1, e2, e1 x e2`, it would
+//! be the normal divided by its squared length, which underflows for small triangles.
 
 use super::record::{Record, TriangleHit};
 use crate::scale::PreparedRay;

@@ -1,7 +1,7 @@
 //! Vectors in AVX2 and AVX-512 registers.
 //!
-//! Only [`super::Level::run`] uses `Avx2` and `Avx512`, and a level exists only for instructions that were detected on
-//! this machine. So code that has one of their vectors may use the set's instructions.
+//! Only [`super::Level::run`] uses `Avx2` and `Avx512`, and a [`super::Level`] exists only for an instruction set that
+//! was detected on this machine. So code that holds a vector of a set may use the instructions of that set.
 
 #![expect(
     unsafe_code,
@@ -76,7 +76,7 @@ pub(super) fn has_avx512() -> bool {
     has_avx2() && has!("avx512f") && has!("avx512vl") && has!("avx512dq") && has!("avx512bw")
 }
 
-/// Defines lane operations of a single instruction.
+/// Defines lane operations from expressions with intrinsics.
 macro_rules! operation {
     ($( $name:ident ( $($arguments:tt)* ) -> $result:ty = $body:expr; )*) => { $(
         #[inline(always)]
@@ -140,7 +140,8 @@ fn least(x: __m256) -> f32 {
     _mm_cvtss_f32(_mm_min_ss(x, _mm_movehdup_ps(x)))
 }
 
-/// Transposes eight points. Full loads avoid a stall: a load that reads bytes just written by narrower stores waits.
+/// Transposes eight points. Loads whole points into registers. If scalar stores wrote the coordinates to an array
+/// first, a vector load of that array would stall.
 #[inline]
 #[target_feature(enable = "avx2")]
 fn coordinates(points: [&Point; 8]) -> [__m256; 3] {

@@ -1,9 +1,9 @@
-//! Exact ray-triangle intersection in integer arithmetic, for the few rays that rounded arithmetic cannot decide within
-//! its error bounds.
+//! Exact ray-triangle intersection in integer arithmetic, for the few rays that rounded arithmetic with error bounds
+//! cannot decide.
 //!
-//! Triangles include their edges, and a line in a triangle's plane misses it: the contract of `exact`. Every finite
-//! `f32` is an integer multiple of a power of two. So each decision is the sign of a sum of products of integers of any
-//! length, without rounding, overflow or underflow.
+//! As intersector `exact` requires, triangles include their edges, and a line in the plane of a triangle misses it.
+//! Every finite `f32` is an integer multiple of a power of two. So each decision is the sign of a sum of products of
+//! arbitrary-precision integers, without rounding, overflow or underflow.
 
 use crate::{Point, Ray, Triangle};
 use num_bigint::{BigInt, BigUint, Sign};
@@ -46,8 +46,8 @@ pub struct ExactDistance {
 impl Line {
     /// Returns the intersection with the closed triangle, or `None` if the ray misses it or is in its plane.
     ///
-    /// The rounded [`t`](ExactDistance::t) is within the ray's open interval. So a ray that continues from a reported `t`
-    /// never hits the same triangle again. The ray must be [valid](Ray::is_valid) and the corners finite.
+    /// The rounded [`t`](ExactDistance::t) is within the ray's open interval. So a ray that continues from a reported
+    /// `t` never hits the same triangle again. The ray must be [valid](Ray::is_valid) and the corners finite.
     pub fn intersect(&self, corners: &Triangle) -> Option<ExactDistance> {
         let distance = self.cross(corners, passes_within)?;
         let t = distance.t();
@@ -56,10 +56,9 @@ impl Line {
 
     /// Returns the intersection of a perturbed line with the triangle, at any `t`.
     ///
-    /// The perturbation is infinitesimal and the same for all triangles. So a line through an edge or a vertex of a
-    /// closed surface is counted like a line through the interior of a triangle.
-    ///
-    /// The ray's origin is moved by `(e, e^2, e^3)` (simulation of simplicity: Edelsbrunner, Mücke 1990).
+    /// The ray's origin is moved by `(e, e^2, e^3)` for an infinitesimal `e`, which is the same for all triangles
+    /// (simulation of simplicity: Edelsbrunner, Mücke 1990). So the line never meets an edge or a vertex, where a
+    /// closed surface could otherwise have no intersection or two.
     pub fn intersect_perturbed(&self, corners: &Triangle) -> Option<ExactDistance> {
         self.cross(corners, moved_passes_within)
     }
@@ -82,9 +81,10 @@ impl Line {
         (!d.is_zero()).then_some(ExactDistance { n, d, e })
     }
 
-    /// Returns the direction and the corners relative to the origin, both as integers, and an exponent `e`.
+    /// Returns the direction, the corners relative to the ray's origin, and an exponent `e`. Directions and positions
+    /// are integer multiples of two different units.
     ///
-    /// A quotient of positions over directions is scaled by `2^e`.
+    /// A quotient of a position and a direction must be multiplied by `2^e`, the quotient of the units.
     fn integers(&self, corners: &Triangle) -> (IntegerVector, [IntegerVector; 3], i32) {
         let direction_unit = unit(&[self.ray.direction]);
         let direction = whole(self.ray.direction, direction_unit);
@@ -95,16 +95,16 @@ impl Line {
         (direction, corners, e)
     }
 
-    /// Returns the distance and the weights where the line intersects a triangle that it [intersects](Self::intersect), each
-    /// rounded once.
+    /// Returns the distance and the weights at the [intersection](Self::intersect) with a triangle, each rounded once.
+    /// Returns `None` if the line misses the triangle. Ignores the ray's interval.
     pub fn rounded(&self, corners: &Triangle) -> Option<RoundedHit> {
         let t = self.cross(corners, passes_within)?.t();
         let [u, v] = self.weights(corners);
         Some(RoundedHit { t, u, v })
     }
 
-    /// Returns the weights of the second and the third corner where the line intersects a triangle that it
-    /// [intersects](Self::intersect), each rounded once.
+    /// Returns the weights of the second and the third corner at the intersection, each rounded once. The line must
+    /// [intersect](Self::intersect) the triangle.
     pub fn weights(&self, corners: &Triangle) -> [f32; 2] {
         let (direction, [a, b, c], _) = self.integers(corners);
         let [u, v, w] = sides(&direction, [&a, &b, &c]);
@@ -116,9 +116,9 @@ impl Line {
 
 /// Returns whether double precision proves that the line misses the triangle.
 ///
-/// Differences of floats carry one rounding. The side of an edge is a sum of six products, each with at most eight more
-/// roundings. So `16 * 2^-53` of the sum of their absolute values bounds all errors. Products of three numbers in the
-/// range of `f32` stay in the range of `f64`.
+/// Each difference of floats has one rounding. The side of an edge is a sum of six products, each with at most eight
+/// more roundings. So the error is at most `16 * 2^-53` times the sum of the products' absolute values. A product of
+/// three numbers in the range of `f32` is in the range of `f64`.
 fn surely_misses(line: &Line, corners: &Triangle) -> bool {
     let scale = f64::from(-line.shift).exp2();
     let direction = line.ray.direction.map(f64::from);
@@ -145,7 +145,7 @@ fn passes_within(direction: &IntegerVector, [a, b, c]: [&IntegerVector; 3]) -> b
     !(signs.contains(&Sign::Plus) && signs.contains(&Sign::Minus))
 }
 
-/// Returns whether the line intersects the triangle after an infinitesimal move.
+/// Returns whether the line intersects the triangle after the perturbation of [`Line::intersect_perturbed`].
 fn moved_passes_within(direction: &IntegerVector, [a, b, c]: [&IntegerVector; 3]) -> bool {
     let side = |p: &IntegerVector, q: &IntegerVector| match dot(direction, &cross(p, q)).sign() {
         Sign::NoSign => {
@@ -159,7 +159,7 @@ fn moved_passes_within(direction: &IntegerVector, [a, b, c]: [&IntegerVector; 3]
     first.is_some() && first == side(a, c) && first == side(b, a)
 }
 
-/// Returns the side on which the line passes each edge: from `b` to `c`, from `c` to `a`, and from `a` to `b`.
+/// Returns the edge functions of `bc`, `ca` and `ab`. The sign is the side on which the line passes the edge.
 fn sides(direction: &IntegerVector, [a, b, c]: [&IntegerVector; 3]) -> [BigInt; 3] {
     [(c, b), (a, c), (b, a)].map(|(p, q)| dot(direction, &cross(p, q)))
 }
@@ -195,8 +195,8 @@ impl ExactDistance {
     }
 }
 
-/// Returns the smallest exponent of a nonzero coordinate, with mantissas as integers. All coordinates are integer
-/// multiples of 2 to this exponent.
+/// Returns an exponent `e` such that all coordinates are integer multiples of `2^e`: the least exponent of the nonzero
+/// coordinates, with integer mantissas.
 fn unit(points: &[Point]) -> i32 {
     let parts = points.iter().flatten().map(|x| x.integer_decode());
     let exponents = parts.filter(|part| part.0 != 0).map(|part| part.1);

@@ -1,4 +1,4 @@
-//! Distances and weights in double precision, where error bounds prove how they round.
+//! Distances and weights in double precision. Error bounds prove that they round like the exact values.
 
 use super::{Line, RoundedHit};
 use crate::{Point, Triangle};
@@ -14,15 +14,16 @@ struct WithError {
 const ROUNDING: f64 = 4.0 * f64::EPSILON;
 
 impl Line {
-    /// Returns the distance and the weights where the line intersects a triangle that it [intersects](Self::intersect), each
-    /// rounded once.
+    /// Returns the distance and the weights at the intersection, each rounded once. The line must
+    /// [intersect](Self::intersect) the triangle.
     ///
-    /// Returns `None` if double precision cannot decide all three roundings.
+    /// Returns `None` if the error bounds of double precision allow several results. Use [`Self::rounded`] then.
     pub fn rounded_surely(&self, corners: &Triangle) -> Option<RoundedHit> {
-        // Corners are sheared along the direction's largest component, as in the watertight test but without a division:
-        // `x * dz - dx * z`. Errors are then relative to the triangle's size along the other axes, not to its distance.
+        // Corners are sheared along the direction's largest component, as in the watertight test but without a
+        // division: `x * dz - dx * z`. Errors are then relative to the triangle's size along the other axes, not to
+        // its distance.
         //
-        // The scale is a power of two within the normal range: `shift` is a scene's scale exponent, or the difference of two.
+        // `shift` is a scale exponent or a difference of two, so `2^-shift` is a normal number.
         let scale = f64::from_bits(((1023 - self.shift) as u64) << 52);
         let axes = axes_along(self.ray.direction);
         let direction = axes.map(|k| f64::from(self.ray.direction[k]));
@@ -67,7 +68,7 @@ fn axes_along(direction: Point) -> [usize; 3] {
     }
 }
 
-/// Returns `x * dz - dx * z`. Differences, products and the final difference are rounded once each.
+/// Returns `x * dz - dx * z` of a corner relative to the origin. The error bound includes the roundings of the corner.
 fn sheared(p: [f64; 3], direction: [f64; 3], i: usize) -> WithError {
     let (x, z) = (p[i] * direction[2], direction[i] * p[2]);
     WithError {
