@@ -1,12 +1,12 @@
-//! The values of the axes that a run is described by: backends, update policies and intersectors.
+//! The axes that describe a run: backends, update policies and intersectors.
 //!
-//! Each axis is defined here only. Command lines, names in files, plot marks, kernel variants and tests derive from it.
+//! Each axis is defined only here. Command lines, names in files, plot marks, kernel variants and tests use it.
 
 use std::fmt;
 use std::str::FromStr;
 
 crate::named! {
-    /// A backend, by its name on the command line. In the order of the manual.
+    /// A backend, by its name on the command line. Variants are in the order of the manual.
     pub enum BackendName {
         /// The host's cores, with vector instructions and wide trees.
         Cpu = "cpu",
@@ -31,13 +31,13 @@ impl BackendName {
         }
     }
 
-    /// Returns whether the backend computes on the host's cores, not on a device that can build trees.
+    /// Returns whether the backend computes on the host's cores. Such a backend has no device that can build trees.
     #[must_use]
     pub fn is_on_host(self) -> bool {
         matches!(self, Self::Cpu | Self::CpuRef)
     }
 
-    /// Returns whether the backend is measured only if it is named.
+    /// Returns whether the backend is a reference. References are measured only if the user names them.
     #[must_use]
     pub fn is_reference(self) -> bool {
         self == Self::CpuRef
@@ -57,13 +57,14 @@ pub enum Policy {
     /// As `Async`, but a tree is adopted exactly this number of frames after its request, and the frame waits for it if
     /// necessary. So each run uses the same trees. With 0, each frame waits for its own tree.
     Lockstep(u32),
-    /// The GPU builds a new tree in each frame: much sooner, but of lower quality. For motion that makes older trees
-    /// useless. Devices that cannot build trees, such as the host, return an error.
+    /// The GPU builds a new tree in each frame. It builds much faster than the host, but the trees are of lower
+    /// quality. Suits motion that makes older trees useless. Devices that cannot build trees, such as the host, return
+    /// an error.
     DeviceRebuild,
 }
 
 impl Policy {
-    /// One policy of each name. [`Policy::Lockstep`] has the name of [`Policy::Async`].
+    /// One policy per name. [`Policy::Lockstep`] has the name of [`Policy::Async`].
     pub const ALL: [Self; 4] = [Self::Rebuild, Self::Refit, Self::Async, Self::DeviceRebuild];
 
     /// Returns the name on the command line and in files.
@@ -81,13 +82,13 @@ impl Policy {
     #[must_use]
     pub fn description(self) -> &'static str {
         match self {
-            Self::Rebuild => "A new tree for every frame, which waits for it",
+            Self::Rebuild => "Every frame waits for a new tree",
             Self::Refit => "The first tree, refitted",
             Self::Async | Self::Lockstep(_) => {
                 "The newest finished tree, refitted, while the next one is built"
             }
             Self::DeviceRebuild => {
-                "A new tree for every frame, built on the graphics processor (PLOC: Meister, Bittner 2018)"
+                "A new tree for every frame, built on the GPU (PLOC: Meister, Bittner 2018)"
             }
         }
     }
@@ -139,7 +140,7 @@ impl Policy {
 }
 
 crate::named! {
-    /// Algorithm of the ray-triangle test. In the order of the manual.
+    /// Algorithm of the ray-triangle test. Variants are in the order of the manual.
     pub enum Intersector {
         /// Möller, Trumbore 1997, in single precision.
         MollerTrumbore = "moller-trumbore",
@@ -159,7 +160,7 @@ impl Intersector {
         match self {
             Self::MollerTrumbore => "Möller, Trumbore 1997",
             Self::Woop => "Woop 2004: an affine transform per triangle",
-            Self::Watertight => "Woop, Benthin, Wald 2013, with exact ties",
+            Self::Watertight => "Woop, Benthin, Wald 2013, with exact tie-breaking",
             Self::Exact => "The answer of exact arithmetic",
         }
     }

@@ -1,4 +1,4 @@
-//! Description of devices and adapters, and the choice of one.
+//! Description of devices and adapters, and the choice of an adapter.
 
 use crate::{BackendError, Intersector, Query, Result, TreeFormat};
 use std::fmt;
@@ -15,12 +15,13 @@ crate::named! {
     }
 }
 
-/// Floating-point behaviour of operations without a rounding decoration. Only the textbook intersectors depend on it.
+/// Floating-point behaviour of operations without a rounding decoration. It affects only the textbook intersectors,
+/// whose hits differ between backends ([`Intersector::is_equal_across_backends`]).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Arithmetic {
     /// Whether division is correctly rounded.
     pub rounds_division: bool,
-    /// Whether any product is added without being rounded first.
+    /// Whether some multiplications and additions are fused (FMA), so that the product is not rounded.
     pub fuses: bool,
 }
 
@@ -65,8 +66,8 @@ pub struct Device {
 /// Optional operations that a backend supports on its device.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Capabilities {
-    /// Tree format that [`Backend::adopt`](crate::Backend::adopt) reads. Builders produce it ahead of time. `adopt` also
-    /// accepts a tree without it, but takes longer.
+    /// Tree format that [`Backend::adopt`](crate::Backend::adopt) reads. Builders produce it in advance. `adopt` also
+    /// accepts a tree without this format, but then converts the tree itself and takes longer.
     pub tree_format: TreeFormat,
     /// Whether one submission can trace several queries.
     pub batches: bool,

@@ -1,6 +1,6 @@
-//! Errors of a device.
+//! Errors of backends.
 
-/// Failures that a correct caller cannot anticipate. Incorrect calls panic instead.
+/// Failures that a correct caller cannot anticipate. Incorrect calls of [`Backend`](crate::Backend) panic instead.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BackendError {
@@ -39,7 +39,7 @@ pub enum BackendError {
         /// Required bytes; 0 if only the driver knows.
         bytes: u64,
     },
-    /// The caller violated a rule of the interface.
+    /// The program that owns the device misused it, for example dropped the commands that contain a submission.
     #[error("{0}")]
     Misuse(String),
     /// The device's interface or its driver rejected a call. This indicates a bug in the library or in the driver.
@@ -56,9 +56,10 @@ pub enum BackendError {
 }
 
 impl BackendError {
-    /// Returns the error of a query with [`Rays::OnDevice`](crate::Rays::OnDevice) if no buffer was set for it.
+    /// Returns the error of a query with [`Rays::OnDevice`](crate::Rays::OnDevice) on a backend that received no
+    /// buffer of rays.
     pub fn no_rays_on_device(backend: &'static str) -> Self {
-        Self::unsupported(backend, "rays that lie on the device")
+        Self::unsupported(backend, "rays in device memory")
     }
 
     /// Returns the error of a backend that builds no trees on the device.

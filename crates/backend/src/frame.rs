@@ -9,13 +9,13 @@ use std::sync::{Arc, Mutex};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Ticket(pub u64);
 
-/// Number of a tree. Each adopted tree must have a higher one than the tree before.
+/// Number of a tree. It must be higher than that of the tree adopted before.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
 )]
 pub struct Generation(pub u64);
 
-/// Positions on the way to a builder: read-only and sendable. Dropping the snapshot returns its memory.
+/// Read-only positions that a builder thread borrows. Dropping the snapshot returns their memory to its pool.
 pub type Snapshot = Box<dyn Deref<Target = [Point]> + Send + Sync>;
 
 /// Pool of memory for positions. Memory returns to it once its reader has finished.
@@ -57,7 +57,7 @@ impl<T: Deref<Target = [Point]>> Deref for LentPositions<T> {
     fn deref(&self) -> &[Point] {
         self.positions
             .as_ref()
-            .expect("they stay until the loan ends")
+            .expect("positions are returned only on drop")
     }
 }
 
@@ -109,8 +109,8 @@ pub struct FrameReport {
     pub hits: u64,
     /// Hits in shadow.
     pub blocked: u64,
-    /// Rays, including shadow rays, that error bounds could not decide and exact arithmetic did; 0 unless the
-    /// intersector is `exact`.
+    /// Rays, including shadow rays, that were tested in exact arithmetic. With `exact`, these are the rays that error
+    /// bounds could not decide. With `watertight`, they are the [extreme](geom::Range::is_extreme) rays. Otherwise 0.
     pub settled: u64,
     /// Triangles that are inactive at the traced positions.
     pub inactive: u64,
@@ -127,7 +127,7 @@ pub struct FrameReport {
     pub readback_bytes: u64,
 }
 
-/// Serializes a number, if known, with six decimals: a nanosecond for times in milliseconds.
+/// Serializes a number, if known, rounded to six decimals. For times in milliseconds, this is one nanosecond.
 ///
 /// # Errors
 /// Those of the serializer.

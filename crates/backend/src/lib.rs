@@ -16,16 +16,16 @@
 //! [`FRAMES_IN_FLIGHT`] submissions are unfinished at any time; a further `submit` blocks until the oldest has
 //! finished.
 //!
-//! Only `submit`, [`Backend::wait`] and the methods that return results block. The report and the traces of a submission
-//! stay available for [`FRAMES_IN_FLIGHT`] further submissions that contain a trace, or for as long as
-//! [`Backend::retain_traces`] names the submission. A report can be read any number of times, hits can be taken once.
+//! Only `submit`, [`Backend::wait`] and the methods that return results block. A submission's report and traces expire
+//! once more than [`FRAMES_IN_FLIGHT`] later submissions contain a trace, unless [`Backend::retain_traces`] names the
+//! submission. A report can be read any number of times. Hits can be taken once.
 //!
 //! # Stage order
 //!
 //! 1. `interpolate` blends two key frames and writes vertex positions.
 //! 2. `preprocess` reads the latest positions and writes one triangle record and one box per leaf. It needs a tree,
-//!    because leaves are in tree order. It may blend the key frames again, to the same bits, instead of waiting for
-//!    `interpolate`.
+//!    because leaves are in tree order. Instead of waiting for `interpolate`, it may blend the key frames itself. The
+//!    result is bit-identical.
 //! 3. `refit` reads the boxes of leaves and writes the boxes of inner nodes.
 //! 4. `trace` reads records and boxes and writes hits.
 //!
@@ -35,25 +35,25 @@
 //!
 //! # Trees
 //!
-//! A tree contains exactly the live triangles of the animation ([`geom::Animation::is_live`]). Its generation must be
-//! higher than the previous one. [`Backend::adopt`] takes effect between submissions: work recorded afterwards uses the
-//! new tree, and submitted work keeps the old one.
+//! A tree contains exactly the *live* triangles of the animation: those that are active in at least one key frame
+//! ([`geom::Animation::is_live`]). Its generation must be higher than the previous one. [`Backend::adopt`] takes
+//! effect between submissions: work recorded afterwards uses the new tree, and submitted work keeps the old one.
 //!
 //! Large trees take time to reach a device. The builder thread therefore writes the tree through a [`TreeWriter`], and
 //! the driver adopts it once [`Backend::upload_tree`] returns `true`. No frame waits for the copy.
 //!
 //! # Candidates
 //!
-//! [`Backend::evaluate`] refits a tree that is not current yet at the positions of the recorded frame. The tree has its
-//! own buffers. The submission's report contains the costs of both trees. A candidate that is adopted later keeps its
-//! buffers, so adopting it requires no further work.
+//! A candidate is a tree that is not current. [`Backend::evaluate`] refits it to the positions of the recorded frame,
+//! in buffers of its own. The submission's report contains the costs of both trees. A candidate that is adopted later
+//! keeps its buffers, so adopting it requires no further work.
 //!
 //! # Trees built on the device
 //!
-//! If [`Capabilities::device_rebuild`] is `Ok`, [`Backend::rebuild`] can replace `adopt`. It records, like a stage, the
-//! build of a tree from the current positions. The generation must increase as it does for `adopt`. A following
-//! `preprocess` or `refit` does nothing. After the positions change, the owner must rebuild or adopt another tree:
-//! preprocessing a tree that was built on the device panics.
+//! If [`Capabilities::device_rebuild`] is `Ok`, [`Backend::rebuild`] can replace `adopt`. Like a stage, it records
+//! work: the build of a tree from the current positions. The generation must increase as it does for `adopt`. A
+//! following `preprocess` or `refit` does nothing, because the build includes both. After the positions change, the
+//! owner must rebuild or adopt another tree: preprocessing a tree that was built on the device panics.
 //!
 //! # Pictures
 //!
@@ -74,8 +74,9 @@
 //!
 //! # Errors
 //!
-//! [`BackendError`] covers failures that a correct caller cannot anticipate. Incorrect calls, such as tracing a stale
-//! tree or waiting for an unknown ticket, panic.
+//! [`BackendError`] covers failures that a correct caller cannot anticipate. Incorrect calls of [`Backend`], such as
+//! tracing a stale tree or waiting for an unknown ticket, panic. [`BackendError::Misuse`] reports an error of the
+//! program that owns the device.
 
 /// Defines an enum whose variants have names for the command line or for tables and files, and a list of all variants.
 #[macro_export]
@@ -137,16 +138,16 @@ pub enum TreeFormat {
     /// The breadth-first binary tree itself.
     #[default]
     Binary,
-    /// [`Topology::treelets`].
+    /// The binary tree divided into treelets, the parts that GPUs refit: [`Topology::treelets`].
     Treelets,
-    /// [`Topology::blocks`].
+    /// An eight-wide tree: [`Topology::blocks`].
     WideBlocks,
 }
 
 /// Function that writes a tree into memory for upload, on any thread. See [`Backend::tree_writer`].
 pub type TreeWriter = Box<dyn FnOnce(&Topology) + Send>;
 
-/// A device that deforms, refits and traces one scene.
+/// A device that interpolates, refits and traces one scene.
 ///
 /// The crate documentation states the contract. `# Errors` sections list only errors specific to a method;
 /// [`BackendError`] lists all.
@@ -170,13 +171,13 @@ pub trait Backend: Send + Any {
     fn prepare(&mut self, _query: Query<'_>, _builds_trees: bool) {}
 
     /// Returns a function with which a builder thread writes the tree of `generation` in the device's format. Returns
-    /// `None` if that saves no work on the owner's thread.
+    /// `None` if the backend needs no such preparation.
     fn tree_writer(&mut self, _generation: Generation) -> Result<Option<TreeWriter>> {
         Ok(None)
     }
 
-    /// Starts the upload of a tree concurrently with frames, unless it was started before. Returns whether the tree has
-    /// arrived. Never blocks.
+    /// Starts to upload a tree while frames run, unless its upload has already started. Returns whether the upload has
+    /// finished. Never blocks.
     fn upload_tree(&mut self, _tree: &Topology, _generation: Generation) -> Result<bool> {
         Ok(true)
     }
@@ -199,37 +200,37 @@ pub trait Backend: Send + Any {
         Ok(false)
     }
 
-    /// Records: builds a tree from the current positions on the device and makes it current. `preprocess` and `refit`
-    /// may follow as after [`Backend::adopt`]. The first tree allocates scratch memory, which is kept until another
-    /// scene is loaded.
+    /// Records the build of a tree on the device from the current positions, and makes the tree current. `preprocess`
+    /// and `refit` may follow as after [`Backend::adopt`]. The first build allocates scratch memory, which is kept
+    /// until another scene is loaded.
     ///
     /// # Errors
-    /// Also that of [`Capabilities::device_rebuild`].
+    /// Also the error of [`Capabilities::device_rebuild`].
     fn rebuild(&mut self, _generation: Generation) -> Result<()> {
         self.device().capabilities.device_rebuild.clone()
     }
 
-    /// Records: writes the positions at `pose`, blended from key frames.
+    /// Records the interpolation of key frames to the positions at `pose`.
     fn interpolate(&mut self, pose: Pose) -> Result<()>;
 
-    /// Records: writes triangle records and boxes of leaves from positions.
+    /// Records the computation of triangle records and boxes of leaves from positions.
     fn preprocess(&mut self) -> Result<()>;
 
-    /// Records: writes the boxes of inner nodes from the boxes of leaves.
+    /// Records the computation of the boxes of inner nodes from the boxes of leaves.
     fn refit(&mut self) -> Result<()>;
 
-    /// Records: traces queries and writes their hits. At most one call per submission. Small queries of one call finish
-    /// sooner than one after another, because they run at the same time. Only backends that
+    /// Records the trace of queries. At most one call per submission. Small queries finish sooner in one call than in
+    /// several submissions, because they run concurrently. Only backends that
     /// [support batches](Capabilities::can_batch) accept more than one query.
     fn trace(&mut self, queries: &[Query<'_>]) -> Result<()>;
 
-    /// Stores the colours for pictures, until the next [`Backend::load`]. From now on, the trace of a single camera query
-    /// with shadows also shades its hits into pixels. Returns `false` if the backend does not shade.
+    /// Stores the colours for pictures. Until the next [`Backend::load`], the trace of a single camera query with
+    /// shadows also shades its hits to pixels. Returns `false` if the backend does not shade.
     fn load_palette(&mut self, _palette: &Palette) -> Result<bool> {
         Ok(false)
     }
 
-    /// Records: copies the positions to the host for [`Backend::take_positions`]. At most one call per submission.
+    /// Records a copy of the positions to the host for [`Backend::take_positions`]. At most one call per submission.
     fn request_positions(&mut self) -> Result<()>;
 
     /// Submits the work recorded since the last call.
@@ -243,8 +244,9 @@ pub trait Backend: Send + Any {
         Ok(true)
     }
 
-    /// Blocks until `ticket` has finished and moves the hits of query `index` to `hits`, without a copy on the host. Later
-    /// traces may use the previous memory of `hits`. The hits of a query can be taken once.
+    /// Blocks until `ticket` has finished and replaces `hits` by the hits of query `index`, without copying them on
+    /// the host. The backend may reuse the previous memory of `hits` for later traces. The hits of a query can be
+    /// taken once.
     fn take_hits(&mut self, ticket: Ticket, index: usize, hits: &mut Hits) -> Result<()>;
 
     /// Blocks until `ticket` has finished and copies its pixels into `out`: four bytes each (red, green, blue, 255),
@@ -254,9 +256,9 @@ pub trait Backend: Send + Any {
     }
 
     /// Retains the reports and traces of these submissions until the next call or until another scene is loaded.
-    /// `tickets` is in ascending order. Traces that the previous call named and this one does not are released: later
-    /// traces reuse their memory. Frees released memory beyond that of one trace more than there are `tickets`, but not of
-    /// the last [`FRAMES_IN_FLIGHT`].
+    /// `tickets` is in ascending order. Traces that the previous call named and this call does not name are released,
+    /// so that later traces reuse their memory. The backend keeps the memory of at most `tickets.len() + 1` released
+    /// traces, or of [`FRAMES_IN_FLIGHT`] if that is more, and frees the rest.
     fn retain_traces(&mut self, tickets: &[Ticket]);
 
     /// Returns the oldest requested positions that were not taken yet, with the ticket of their submission. Returns
@@ -277,8 +279,8 @@ pub trait Inspect: Backend {
     /// degenerate triangles have [`Aabb::EMPTY`].
     fn boxes(&mut self) -> Result<Vec<Aabb>>;
 
-    /// Reads back the tree that the last [`Backend::rebuild`] built and checks it like any other tree. The boxes of
-    /// [`Inspect::boxes`] are in its node order.
+    /// Reads back and validates the tree that the last [`Backend::rebuild`] built. The boxes of [`Inspect::boxes`] are
+    /// in its node order.
     ///
     /// # Errors
     /// [`BackendError::WrongTree`] if the device's output is no tree over the live triangles;
@@ -287,8 +289,8 @@ pub trait Inspect: Backend {
         Err(BackendError::no_device_trees(self.device().backend))
     }
 
-    /// Returns all calls that the device's interface has rejected so far, and all messages of its validation layer in
-    /// this process.
+    /// Returns the messages of all calls that the device's interface has rejected so far, and all messages of its
+    /// validation layer in this process.
     fn complaints(&mut self) -> Vec<String> {
         Vec::new()
     }

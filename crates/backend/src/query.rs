@@ -97,8 +97,8 @@ impl<'a> Query<'a> {
 pub struct Palette {
     /// sRGB of each triangle: red in the lowest byte, then green and blue.
     pub colours: Vec<u32>,
-    /// Linear light of each 8-bit sRGB level, as the bits of an f32. Then the sRGB level of each step of linear light,
-    /// where 4096 steps make 1.
+    /// Two lookup tables, one after the other. The first maps each of the 256 sRGB levels to linear light, as the bits
+    /// of an `f32`. The second maps linear light to an sRGB level. Its index is linear light times 4096, rounded.
     pub tones: Vec<u32>,
 }
 

@@ -2,7 +2,8 @@
 //!
 //! A [`Property`] takes a subject, a reference and a [`Case`] generated from a seed, and fails with the first
 //! disagreement. The test suite runs [`PROPERTIES`] on every backend, and so does `abvh conform` on the user's machine.
-//! [`stress`] counts wrong answers where arithmetic is hardest, against [`oracle`], which shares no code with any backend.
+//! [`stress`] counts wrong answers where arithmetic is hardest. It compares with [`oracle`], which shares no code with
+//! any backend.
 
 mod compare;
 mod crossings;
@@ -46,7 +47,7 @@ pub struct Disagreement {
     pub what: String,
     /// The smallest case that was found to fail.
     pub minimal: Minimal,
-    /// Number of cases that passed before.
+    /// Number of cases that passed before this one.
     pub held: u32,
 }
 
@@ -88,21 +89,21 @@ impl std::fmt::Display for Minimal {
     }
 }
 
-/// Some cases of a seed.
+/// A range of the cases of a seed.
 ///
-/// Case `i` of a seed is the same in every run and on every machine, whichever other cases are tested.
+/// Case `i` of a seed is the same in every run and on every machine, and does not depend on the other cases.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Cases {
     /// The seed.
     pub seed: u64,
     /// Numbers of the cases.
     pub numbers: RangeInclusive<u32>,
-    /// The most attempts to shrink a case that fails. There are fewer if they take half a minute.
+    /// Maximum number of attempts to shrink a failing case. Shrinking also stops after half a minute.
     pub shrinks: u32,
 }
 
 impl Cases {
-    /// Cases that shrink in up to 512 attempts.
+    /// Creates a range of cases with up to 512 attempts to shrink.
     pub fn new(seed: u64, numbers: RangeInclusive<u32>) -> Self {
         Self {
             seed,

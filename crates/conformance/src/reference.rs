@@ -15,7 +15,7 @@ pub(crate) struct FrameResults {
 }
 
 impl FrameResults {
-    /// Returns the closest hits of the case's rays, and the boxes, after all recorded commands.
+    /// Traces the case's rays after all recorded commands. Returns the closest hits and the boxes.
     pub(crate) fn of(backend: &mut dyn Inspect, case: &Case) -> Result<Self> {
         Ok(Self {
             traced: ask(backend, Rays::List(&case.rays), QueryKind::Closest)?,
@@ -57,8 +57,7 @@ impl Reference {
         ask(backend, query.rays, query.kind)
     }
 
-    /// Returns the closest hits of the case's rays at `time`, and the boxes of this tree, by
-    /// `intersector`.
+    /// Returns the closest hits of the case's rays at `time` with `intersector`, and the boxes of `tree`.
     pub(crate) fn by_tree(
         &mut self,
         case: &Case,
@@ -73,7 +72,7 @@ impl Reference {
         FrameResults::of(backend, case)
     }
 
-    /// Returns the backend, for other cases, scenes and trees.
+    /// Returns the backend, to load another scene or tree. The current case no longer counts as loaded.
     pub(crate) fn backend(&mut self) -> &mut dyn Inspect {
         self.loaded = None;
         self.backend.as_mut()

@@ -1,4 +1,4 @@
-//! Steps from which all queries to a backend are composed.
+//! Functions that load a scene into a backend, compute its boxes and trace queries.
 
 use anyhow::bail;
 use backend::{
@@ -38,7 +38,7 @@ pub(crate) fn is_extreme(animation: &Animation, time: f64, origin: Point) -> boo
     animation.range(animation.pose(time)).is_extreme(scaled)
 }
 
-/// Builds a tree over these vertices, with lists of moving elements if they are worthwhile.
+/// Builds a tree over these vertices, with lists of moving treelets if [`Topology::with_moving`] adds any.
 pub fn tree_over(animation: &Animation, vertices: &[Point]) -> Topology {
     let mut tree = BinaryTree::default();
     let boxes = AnimationBoxes {
@@ -51,7 +51,7 @@ pub fn tree_over(animation: &Animation, vertices: &[Point]) -> Topology {
     record.with_moving(animation.static_parts())
 }
 
-/// Builds a tree over the scene at `time`, with lists of moving elements if they are worthwhile.
+/// Builds a tree over the scene at `time`: see [`tree_over`].
 pub fn tree_at(animation: &Animation, time: f64) -> Topology {
     tree_over(animation, &vertices(animation, time))
 }
@@ -67,7 +67,7 @@ pub(crate) fn open(
     backend.adopt(&tree_at(animation, time), Generation(1))
 }
 
-/// Records everything up to the boxes at `time`.
+/// Records `interpolate`, `preprocess` and `refit` at `time`, so that rays can be traced.
 ///
 /// # Errors
 /// The backend failed.
@@ -76,7 +76,7 @@ pub fn stand(backend: &mut dyn Backend, animation: &Animation, time: f64) -> Res
     boxes_anew(backend)
 }
 
-/// Records the boxes after a change of tree.
+/// Records `preprocess` and `refit`, for new positions or a new tree.
 pub(crate) fn boxes_anew(backend: &mut dyn Backend) -> Result<()> {
     backend.preprocess()?;
     backend.refit()
@@ -100,7 +100,7 @@ pub struct Traced {
     pub report: FrameReport,
 }
 
-/// Waits for a trace.
+/// Waits for the trace of one query. Returns its hits and report.
 pub(crate) fn fetch(backend: &mut dyn Backend, ticket: Ticket) -> Result<Traced> {
     let report = backend.wait(ticket)?;
     let mut hits = Hits::default();
@@ -129,5 +129,5 @@ pub fn next_positions(backend: &mut dyn Backend) -> anyhow::Result<(Ticket, Snap
         }
         std::thread::yield_now();
     }
-    bail!("no positions came in {TIME_LIMIT:?}")
+    bail!("no positions arrived within {TIME_LIMIT:?}")
 }

@@ -17,7 +17,7 @@ use tempfile::NamedTempFile;
 /// Size of the write buffer in bytes.
 const BUFFER: usize = 1 << 18;
 
-/// Error in a file or a folder that a run needs, with the cause. A file that could not be written keeps its previous
+/// Failure to read or write a file or a folder, with the cause. A file that could not be written keeps its previous
 /// content, or remains absent.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
@@ -44,7 +44,8 @@ fn unfinished() -> MutexGuard<'static, BTreeSet<PathBuf>> {
     lock(&UNFINISHED)
 }
 
-/// Removes all temporary files of this process, which is about to exit. Holding the result prevents new ones.
+/// Removes all temporary files of this process, which is about to exit. While the caller holds the returned guard, no
+/// temporary file can be created.
 #[must_use]
 pub fn remove_unfinished() -> impl Sized {
     let files = unfinished();
@@ -64,8 +65,8 @@ pub(crate) struct UnfinishedFile {
 }
 
 impl UnfinishedFile {
-    /// Begins the file `path`, after following links. It appears under its name when it is finished. Returns `None` for
-    /// a device, a pipe or a socket, which must be written to directly.
+    /// Creates a temporary file in the directory of `path`, after following symbolic links. [`Self::finish`] renames
+    /// it. Returns `None` for a device, a pipe or a socket, which must be written to directly.
     pub(crate) fn beside(path: &Path) -> io::Result<Option<Self>> {
         let begin = |path: PathBuf| {
             let temporary = temporary_in(host::parent(&path))?;
@@ -117,7 +118,7 @@ pub fn write_with(
     write().map_err(|e| OutputError::writing(path, e))
 }
 
-/// Opens an existing file for writing.
+/// Opens an existing file, device or pipe for writing, without truncating it.
 pub(crate) fn open_as_it_is(path: &Path) -> io::Result<fs::File> {
     fs::OpenOptions::new().write(true).open(path)
 }

@@ -74,8 +74,8 @@ pub fn write_found(path: &Path, found: &[u8]) -> Result<(), OutputError> {
 
 type Archive = ZipWriter<Cursor<Vec<u8>>>;
 
-/// Builds an archive of about `bytes` bytes in memory. If it wrote to a sink that fails, `ZipWriter` would print to
-/// standard error when dropped.
+/// Writes an archive of about `bytes` bytes. Builds it in memory first, because a `ZipWriter` whose output fails
+/// prints to standard error when dropped.
 fn write_archive(
     path: &Path,
     bytes: usize,

@@ -27,7 +27,7 @@ pub struct Manifest {
     pub version: String,
     /// Rendered scene.
     pub scene: SceneId,
-    /// Number of whole times in the motion.
+    /// Number of key frame times in the animation.
     pub key_times: usize,
     /// Values of the options, by name.
     pub options: BTreeMap<String, Value>,
@@ -51,8 +51,8 @@ impl Manifest {
             text => text.map_err(|e| OutputError::reading(&file, e))?,
         };
         serde_json::from_slice(&text).map(Some).map_err(|e| {
-            let no = format!("{} is no manifest of a run: {e}", file.display());
-            OutputError(format!("{no}; --overwrite starts afresh"))
+            let no = format!("{} is not the manifest of a run: {e}", file.display());
+            OutputError(format!("{no}; use --overwrite to start a new run"))
         })
     }
 
@@ -130,7 +130,7 @@ pub fn digests(files: &[PathBuf]) -> Result<Vec<NamedDigest>, OutputError> {
 #[derive(Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum JournalLine {
-    /// Frames that the run will make, and its statistics without frames.
+    /// Numbers of the frames that the run will render, and its statistics except those of frames.
     Run { list: Vec<u64>, stats: Value },
     Frame {
         files: Vec<NamedDigest>,
@@ -141,9 +141,9 @@ enum JournalLine {
 /// Combined contents of all journals of a folder.
 #[derive(Debug, Default)]
 pub struct Finished {
-    /// Frames of all runs together, in ascending order without duplicates.
+    /// Numbers of the frames of all runs, in ascending order without duplicates.
     pub list: Vec<u64>,
-    /// Statistics without frames, of the last run that has any.
+    /// Statistics of the last run that recorded any, except those of frames.
     pub stats: Option<Value>,
     frames: BTreeMap<u64, (Vec<NamedDigest>, FrameStats)>,
 }
@@ -190,7 +190,8 @@ impl Finished {
     }
 }
 
-/// Returns whether all names are plausible outputs of a run. The journal may have been tampered with.
+/// Returns whether all names are plausible outputs of a run. Files that a manipulated journal lists must not be
+/// removed.
 fn are_ours(files: &[NamedDigest]) -> bool {
     files.iter().all(|(name, _)| {
         let is_plain = Path::new(name).file_name() == Some(name.as_ref());
@@ -279,7 +280,7 @@ impl Journal {
         Ok(Self { path, file })
     }
 
-    /// Appends a line with the frames that the run will make, and its statistics.
+    /// Appends a line with the numbers of the frames that the run will render, and its statistics.
     pub fn begin(&mut self, list: Vec<u64>, stats: Value) -> Result<(), OutputError> {
         let path = &self.path;
         // The last line may be truncated. It is ended here, so that the new line is separate.

@@ -162,7 +162,7 @@ fn read_header(reader: &mut impl Read) -> Result<(NpyHeader, u64), String> {
     let mut bytes = vec![0; 8];
     reader.read_exact(&mut bytes).map_err(ended)?;
     if bytes[..6] != *b"\x93NUMPY" {
-        return Err("it does not begin with the magic \\x93NUMPY".to_owned());
+        return Err("it does not begin with the bytes \\x93NUMPY".to_owned());
     }
     let width = if bytes[6] == 1 { 2 } else { 4 };
     let mut length = [0; 4];
@@ -170,7 +170,7 @@ fn read_header(reader: &mut impl Read) -> Result<(NpyHeader, u64), String> {
     bytes.extend_from_slice(&length[..width]);
     let length = u32::from_le_bytes(length);
     if length > MAX_HEADER {
-        return Err(format!("its header of {length} bytes describes no rays"));
+        return Err(format!("its header of {length} bytes is too long for rays"));
     }
     let start = bytes.len();
     bytes.resize(start + length as usize, 0);
@@ -178,7 +178,7 @@ fn read_header(reader: &mut impl Read) -> Result<(NpyHeader, u64), String> {
     if shape_digits(&bytes[start..]) > 19 {
         return Err("its header describes an array too large to exist".to_owned());
     }
-    // The parser appends a drawing of the error location after its message.
+    // After its message, the parser appends several lines that mark the location of the error.
     let first_words = |e: io::Error| match e.to_string().split_once("-->") {
         Some((words, _)) => words.trim().to_owned(),
         None => e.to_string(),
@@ -187,8 +187,8 @@ fn read_header(reader: &mut impl Read) -> Result<(NpyHeader, u64), String> {
     Ok((header, bytes.len() as u64))
 }
 
-/// Counts the digits between the key `shape` and the end of its tuple. The product of numbers with `n` digits in total
-/// is below `10^n`. With at most 19 digits it fits u64, which `npyz` assumes.
+/// Counts the digits between the key `shape` and the end of its tuple. If all numbers together have `n` digits, their
+/// product is below `10^n`. With at most 19 digits it fits into a `u64`, which `npyz` assumes.
 fn shape_digits(header: &[u8]) -> usize {
     let text = String::from_utf8_lossy(header);
     let (_, after) = text.split_once("shape").unwrap_or(("", &text));
@@ -220,7 +220,7 @@ fn check(header: &NpyHeader) -> Result<(Format, [u64; 2]), String> {
     }
 }
 
-/// Layout of the numbers in memory, and the offset to subtract.
+/// Order of the numbers in the file, and the offset to subtract from origins.
 struct Table {
     rays: usize,
     columns: usize,

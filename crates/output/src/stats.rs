@@ -49,7 +49,7 @@ impl FrameStats {
         }
     }
 
-    /// Returns the statistics of a frame that has just finished, of which only a report is known.
+    /// Returns the statistics of a frame that has just finished and has a report but no [`FrameRecord`].
     #[must_use]
     pub fn of_report(frame: Frame, report: FrameReport, wall_ms: f64) -> Self {
         Self {
@@ -111,7 +111,7 @@ impl Summary {
     }
 }
 
-/// Function that reads a time, or another quantity, of a frame.
+/// Function that returns a time, or another quantity, of a frame.
 pub type Time = fn(&FrameStats) -> Option<f64>;
 
 /// Times that are summarized, in stage order.

@@ -65,7 +65,8 @@ impl<F: AsRef<VideoPlanes> + Send + 'static> Video<F> {
         let rate = y4m::Ratio::new((fps * 1000.0).round() as usize, 1000);
         let header = move || y4m::encode(width, height, rate);
         let thread = thread::Builder::new().spawn(move || write(&receiver, sinks, &header));
-        let thread = thread.map_err(|e| OutputError(format!("no thread for the video: {e}")))?;
+        let thread =
+            thread.map_err(|e| OutputError(format!("cannot start the video thread: {e}")))?;
         Ok(Some(Self {
             frames: Some(frames),
             thread: Some(thread),
@@ -130,10 +131,11 @@ fn write<F: AsRef<VideoPlanes>>(
     Ok(())
 }
 
-/// Destination of a video's bytes. It must be dropped before its sink, so that no encoder writes to a removed file.
+/// Stream that receives a video's bytes: a file, standard output or the input of `ffmpeg`. It must be dropped before
+/// its [`Sink`], so that no encoder writes to a removed file.
 type Bytes = Box<dyn Write + Send>;
 
-/// Destination of a video.
+/// Output file of a video, and the encoder that writes it, if any.
 struct Sink {
     encoder: Option<Encoder>,
     file: Option<UnfinishedFile>,
@@ -231,7 +233,7 @@ impl Encoder {
     fn start(format: &str, file: &Path) -> Result<(Self, ChildStdin)> {
         let cannot = |e: io::Error| match e.kind() {
             io::ErrorKind::NotFound => OutputError(
-                "--video takes `ffmpeg`, which is not on PATH: install it, or use --y4m".to_owned(),
+                "--video needs `ffmpeg`, which is not on PATH: install it, or use --y4m".to_owned(),
             ),
             _ => OutputError(format!("--video: ffmpeg cannot be started: {e}")),
         };
@@ -249,7 +251,7 @@ impl Encoder {
             .map_err(cannot)?;
         let pipe = child.stdin.take();
         let encoder = Self { child, complaints };
-        let pipe = pipe.ok_or_else(|| OutputError("--video: ffmpeg reads nothing".to_owned()))?;
+        let pipe = pipe.ok_or_else(|| OutputError("--video: ffmpeg has no stdin".to_owned()))?;
         // Maximum size without privileges. A larger pipe needs fewer context switches.
         #[cfg(target_os = "linux")]
         let _ = rustix::pipe::fcntl_setpipe_size(&pipe, 1 << 20);

@@ -12,7 +12,7 @@ use std::sync::Arc;
 backend::named! {
     /// Target of a ray.
     pub enum Aim {
-        /// A point on an edge, as close as its coordinates can be.
+        /// A point on an edge, rounded to single precision.
         Edge = "an edge",
         /// A vertex.
         Vertex = "a vertex",
@@ -103,8 +103,8 @@ pub(crate) struct PlacedBody {
     to_scene: DAffine3,
 }
 
-/// A body that is moved by `offset` plus a random distance below 1 along each axis. Flat faces stay flat unless the body is
-/// turned.
+/// A body that is moved by `offset` plus a random distance below 1 along each axis. Flat faces stay flat unless
+/// `is_turned`.
 pub(crate) fn placed_body(
     body: &'static ClosedBody,
     offset: f32,
@@ -154,7 +154,7 @@ pub(crate) struct BodyRay {
     inner: [f64; 3],
     /// Directions of length 1.
     directions: [[f64; 3]; 2],
-    /// Distances from the body, from 0 to 1.
+    /// Random numbers from 0 to 1, for the distances of the start and of a random target from the body's centre.
     distances: [f64; 2],
 }
 

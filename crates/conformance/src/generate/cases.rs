@@ -25,7 +25,7 @@ pub struct Case {
     pub animation: Arc<Animation>,
     /// Times to visit, in key frames. There are at least three, and the first tree is built at the first one.
     pub times: Vec<f64>,
-    /// List of rays, of each [`crate::RayKind`] in rotation.
+    /// Rays to trace. Consecutive rays cycle through the [kinds](crate::RayKind).
     pub rays: Vec<Ray>,
     /// Kinds of the rays.
     pub kinds: Vec<RayKind>,
@@ -88,14 +88,14 @@ const ROUNDS: u64 = 6;
 const BODY_RAYS: usize = 240;
 /// Distances by which closed bodies are moved from the origin.
 const BODY_OFFSETS: [f32; 4] = [0.0, 10.0, 1e3, 1e5];
-/// The most triangles of a scene.
+/// Maximum number of triangles of a scene.
 const TRIANGLES: u32 = 2400;
 
 /// Description of a case. It shrinks, and a [`Case`] is computed from it.
 #[derive(Clone, Debug)]
 struct CaseDescription {
     scene: MovingMesh,
-    /// Triangles of the scene that are kept, with numbers up to [`TRIANGLES`].
+    /// Indices below [`TRIANGLES`] of the triangles that are kept. Indices that the scene does not have are ignored.
     kept: Vec<u32>,
     /// Number of key frames that are kept.
     keys: usize,
@@ -113,10 +113,10 @@ struct CaseDescription {
     body_rays: Vec<BodyRay>,
 }
 
-/// Cases with this number. Kinds of scenes rotate with it.
+/// Cases with this number, which selects the kind of scene.
 ///
-/// Shrinking removes triangles, key frames and rays, and then simplifies the rest. Rays stay where they are while
-/// triangles are removed.
+/// Shrinking removes triangles, key frames and rays, and then simplifies the rest. Rays do not change while triangles
+/// are removed.
 pub(crate) fn cases(number: u32) -> impl Strategy<Value = Case> {
     let kind = SceneKind::ALL[number as usize % SceneKind::ALL.len()];
     let rays = each((0..ROUNDS * RayKind::ALL.len() as u64).map(turn));
@@ -207,12 +207,12 @@ impl CaseDescription {
     }
 }
 
-/// Returns some of the triangles of a scene, with their vertices alone.
+/// Returns the `kept` triangles of a scene, with only the vertices that they use.
 fn some((keys, triangles): MovingMesh, kept: &[u32]) -> MovingMesh {
     let numbers = kept.iter().map(|&t| t as usize);
     let some: Vec<[u32; 3]> = numbers.filter_map(|t| triangles.get(t).copied()).collect();
     let mut used = some.as_flattened().to_vec();
-    // Scenes without triangles have vertices too.
+    // A scene without triangles keeps one vertex.
     used.extend(some.is_empty().then_some(0));
     used.sort_unstable();
     used.dedup();
@@ -228,7 +228,7 @@ fn some((keys, triangles): MovingMesh, kept: &[u32]) -> MovingMesh {
 #[derive(Clone, Copy, Debug)]
 struct VisitTimes {
     all: [f64; 3],
-    /// Index of a time, and a key frame.
+    /// Index of the time that is replaced, and the key frame that replaces it.
     whole: Option<(usize, u8)>,
     precision: Precision,
 }
@@ -249,6 +249,7 @@ fn times() -> impl Strategy<Value = VisitTimes> {
 impl VisitTimes {
     /// Returns the times, but not beyond key frame `end`.
     fn up_to(self, end: usize) -> [f64; 3] {
+        // Simple times are key frames, or eighths between them.
         let mut times = self.all.map(|time| match self.precision {
             Precision::Eighths => time.round(),
             Precision::ThreeBits => (8.0 * time).round() / 8.0,
@@ -261,7 +262,7 @@ impl VisitTimes {
     }
 }
 
-/// Where a light is hard to treat: in a triangle's plane outside the triangle, or at one of its vertices.
+/// Description of a light. A hard light is in a triangle's plane outside the triangle, or at one of its vertices.
 #[derive(Clone, Copy, Debug)]
 struct LightDescription {
     is_hard: bool,
@@ -354,7 +355,8 @@ impl ScenePlacement {
         })
     }
 
-    /// Returns a camera that sees the scene. GPUs trace the rays of the smaller picture one by one, if triangles are many.
+    /// Returns a camera that sees the scene. If there are many triangles, GPUs rasterize the larger picture and trace
+    /// single rays for the smaller one, which has fewer than 256 pixels.
     pub(crate) fn camera(&self, unit: Point) -> Camera {
         let eye = self.put([2.5 + unit[0], 1.5 + unit[1], 3.0 + unit[2]]);
         let pose = CameraPose::new(eye, self.put([0.0; 3])).with_fov(50.0);

@@ -28,7 +28,7 @@ pub(crate) enum BackendCommand {
 /// A tree to adopt.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum AdoptedTree {
-    /// Built at one of the case's first three times, with lists of moving elements.
+    /// Built at one of the case's first three times, with lists of moving treelets.
     Built(usize),
     /// Built in the same way, without lists.
     Plain(usize),
@@ -60,7 +60,7 @@ pub(crate) fn commands() -> impl Strategy<Value = Vec<BackendCommand>> {
 }
 
 impl AdoptedTree {
-    /// Returns the tree. `built` builds one at one of the case's times.
+    /// Returns the tree. `built` builds a tree at the case's time of the given index.
     pub(crate) fn tree(self, animation: &Animation, built: impl Fn(usize) -> Topology) -> Topology {
         match self {
             Self::Built(time) => built(time),
@@ -74,7 +74,7 @@ impl AdoptedTree {
     }
 }
 
-/// Returns the same tree without lists of moving elements.
+/// Returns the same tree without treelets and lists of moving treelets.
 pub(crate) fn without_lists(tree: &Topology) -> Topology {
     Topology::from_words(tree.words().to_vec()).expect("its words were valid before")
 }

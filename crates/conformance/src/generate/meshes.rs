@@ -66,7 +66,7 @@ pub(crate) fn separate(triangles: &[Triangle]) -> IndexedMesh {
     (triangles.concat(), apart(triangles.len()))
 }
 
-/// Returns the indices of `count` triangles with three vertices of their own.
+/// Returns the vertex indices of `count` triangles that share no vertex.
 pub(crate) fn apart(count: usize) -> Vec<[u32; 3]> {
     let all = 0..count as u32;
     all.map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect()
@@ -151,7 +151,7 @@ pub(crate) fn flakes() -> impl Strategy<Value = Vec<Triangle>> {
     all.prop_shuffle()
 }
 
-/// Sheets with dents, `n` quads in each direction. Heights are multiples of a quarter of `1 / steps`.
+/// Uneven sheets of `n` by `n` quads. Heights are multiples of `0.25 / steps`.
 pub(crate) fn sheet(n: u32, steps: i32) -> impl Strategy<Value = IndexedMesh> {
     let heights = vec(grid(steps), (n as usize + 1).pow(2));
     heights.prop_map(move |heights| {
@@ -164,7 +164,7 @@ pub(crate) fn sheet(n: u32, steps: i32) -> impl Strategy<Value = IndexedMesh> {
     })
 }
 
-/// Returns two triangles per cell of a lattice, whose vertex numbers `at` returns.
+/// Returns two triangles for each of `n` by `m` cells of a lattice. `at` returns the vertex index of a lattice point.
 pub(crate) fn quads(n: u32, m: u32, at: impl Fn(u32, u32) -> u32) -> Vec<[[u32; 3]; 2]> {
     let cells = (0..m).flat_map(|j| (0..n).map(move |i| (i, j)));
     let quad = |(i, j)| {

@@ -80,9 +80,9 @@ pub(crate) struct RayDescription {
     is_vertex: bool,
     /// Points around the scene.
     points: [[f64; 3]; 2],
-    /// Edges of a triangle to walk along from its first vertex.
+    /// Multiples of a triangle's edge vectors, which lead from its first vertex to a start in its plane.
     walk: [i32; 2],
-    /// Exponent of the distance of a far start.
+    /// Binary exponent of the distance at which a [`RayKind::Beyond`] ray starts, in units of the scene's radius.
     exponent: i32,
     axis: usize,
     /// Signs of zeros.
@@ -142,7 +142,7 @@ fn kinds(kind: RayKind) -> Steps<RayKind> {
     steps(simple.chain([kind]).collect::<Vec<_>>())
 }
 
-/// Ray `i` of a scene. Kinds rotate, and so do the interior, an edge and a vertex as targets.
+/// Ray `i` of a scene. Consecutive rays cycle through all kinds, and then through all targets.
 pub(crate) fn turn(i: u64) -> impl Strategy<Value = RayDescription> {
     let (i, kinds) = (i as usize, RayKind::ALL.len());
     rays_of(RayKind::ALL[i % kinds], Target::ALL[i / kinds % 3])
@@ -187,7 +187,8 @@ impl Aims {
         }
     }
 
-    /// Returns the targets of a scene at a time: without triangles that reach a thousand times as far as most, and all.
+    /// Returns two sets of targets of a scene at a time. The first omits triangles whose largest coordinate exceeds a
+    /// thousand times the median. The second contains all triangles.
     pub(crate) fn of(animation: &Animation, time: f64) -> [Self; 2] {
         let all = stage::triangles(animation, time);
         let size = |t: &Triangle| t.iter().flatten().fold(0.0_f32, |m, x| m.max(x.abs()));
@@ -215,7 +216,7 @@ impl Aims {
         }
     }
 
-    /// Returns the ray with all digits.
+    /// Returns the described ray in full precision.
     fn full(&self, ray: &RayDescription) -> Ray {
         let somewhere = ray.points[0].map(|x| x as f32);
         if self.corners.is_empty() {
@@ -263,7 +264,7 @@ impl Aims {
                 let from = within(self.triangle(ray.triangles[1]), halves(rim, ray.part));
                 [from, self.target(ray.target, ray)]
             }
-            // From before the edge, from its end or from within it.
+            // From a point before the edge, from the first vertex or from the midpoint.
             RayKind::AlongEdge => {
                 let start = [-1.0, 0.0, 0.5][ray.variant % 3];
                 [within(triangle, [start, 0.0]), triangle[1]]
@@ -292,7 +293,7 @@ impl Aims {
         within(self.triangle(ray.triangles[0]), weights)
     }
 
-    /// Returns the nearest multiple of a power of two between a 32nd and a 16th of the scene's size.
+    /// Returns the nearest multiple of a power of two between 1/32 and 1/16 of the scene's radius.
     fn snapped(&self, x: f64) -> f64 {
         let step = f64::from_bits((self.radius / 16.0).to_bits() & EXPONENT);
         if step > 0.0 {
@@ -312,7 +313,7 @@ impl Aims {
         Ray::new(from.map(|x| x as f32), direction)
     }
 
-    /// Returns a ray that starts at most `times` the scene's size away.
+    /// Returns a ray that starts at most `times` the scene's radius away from its target, along each axis.
     fn beyond(&self, ray: &RayDescription, times: f64) -> Ray {
         let (from, at) = (ray.points[0], self.target(ray.target, ray));
         let reach = times * self.radius;
@@ -330,7 +331,8 @@ fn within([a, b, c]: [[f64; 3]; 3], [v, w]: [f64; 2]) -> [f64; 3] {
     std::array::from_fn(|i| a[i] + v * (b[i] - a[i]) + w * (c[i] - a[i]))
 }
 
-/// Returns weights of the second and third vertex: of a vertex, the midpoint of an edge or an interior point.
+/// Returns the barycentric weights of the second and third vertex, for a vertex, the midpoint of an edge or an
+/// interior point.
 fn halves(target: Target, part: usize) -> [f64; 2] {
     let vertices = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]];
     let edges = [[0.5, 0.0], [0.5, 0.5], [0.0, 0.5]];

@@ -11,7 +11,7 @@ use proptest::sample::select;
 use std::ops::Range;
 
 backend::named! {
-    /// Contents of a scene. Kinds rotate, so that a few cases contain every kind.
+    /// Contents of a scene. Consecutive cases cycle through the kinds.
     pub enum SceneKind {
         /// Separate triangles.
         Soup = "soup",
@@ -52,15 +52,15 @@ pub(crate) type MovingMesh = (Vec<Vec<Point>>, Vec<[u32; 3]>);
 /// Number of key frames.
 pub(crate) const KEYS: usize = 3;
 
-/// Three numbers in `-1..=1` that are multiples of a power of two and not subnormal.
+/// Points with coordinates in `-1..=1` that are multiples of `1 / 1024`.
 pub(crate) fn unit() -> impl Strategy<Value = Point> + Clone {
     uniform3(grid(1024))
 }
 
 /// Three key frames of a mesh of about unit size.
 ///
-/// Scenes shrink by their special vertices and triangles alone. A [case](super::cases) keeps fewer of the triangles and
-/// key frames, and fewer digits.
+/// Shrinking a scene only removes special vertices and triangles. Shrinking a [case](super::cases) also removes other
+/// triangles, key frames and digits.
 pub(crate) fn scenes(kind: SceneKind) -> BoxedStrategy<MovingMesh> {
     match kind {
         SceneKind::Soup => free(1..150, PLUMP).boxed(),
@@ -105,9 +105,9 @@ fn drift() -> impl Strategy<Value = [Point; KEYS]> + Clone {
     [unit(), unit()].prop_map(|[second, third]| [[0.0; 3], second, third])
 }
 
-/// The most triangles that move independently.
+/// Maximum number of triangles that move independently.
 const DRIFTS: usize = 200;
-/// The most vertices that move by shares of their own.
+/// Maximum number of vertices with different shares of the drift.
 const SHARES: usize = 300;
 
 /// Animates meshes so that each run of three vertices moves independently.
@@ -125,7 +125,7 @@ fn scattered(meshes: impl Strategy<Value = IndexedMesh>) -> impl Strategy<Value 
     moving.no_shrink()
 }
 
-/// Animates bodies whose vertices drift, each by a share of its own.
+/// Animates meshes. In each key frame, all vertices move in one direction, each by its own share of one distance.
 fn animated(meshes: impl Strategy<Value = IndexedMesh>) -> impl Strategy<Value = MovingMesh> {
     let all = (meshes, drift(), vec(0.0_f32..1.0, SHARES));
     let moving = all.prop_map(|((points, triangles), drift, shares)| {
@@ -138,7 +138,7 @@ fn animated(meshes: impl Strategy<Value = IndexedMesh>) -> impl Strategy<Value =
     moving.no_shrink()
 }
 
-/// Something special about a scene, where `vertex` is any number.
+/// A special vertex or triangle of a scene. `vertex` and `other` select vertices, modulo their number.
 #[derive(Clone, Debug)]
 struct Oddity {
     kind: usize,
@@ -188,7 +188,7 @@ fn broken() -> impl Strategy<Value = MovingMesh> {
     })
 }
 
-/// Two separate triangles or fewer, with the vertices of two.
+/// At most two separate triangles. There are always six vertices.
 fn few() -> impl Strategy<Value = MovingMesh> {
     (free(2, PLUMP), 0..3_usize).prop_map(|((keys, mut triangles), count)| {
         triangles.truncate(count);
@@ -221,10 +221,10 @@ fn grown() -> impl Strategy<Value = MovingMesh> {
     })
 }
 
-/// Makes all triangles static except the first few, up to three of sixteen.
+/// Makes all triangles static except the first ones, at most three sixteenths of all.
 ///
-/// Static triangles stay as in the first key frame. Some static vertices get special values, and some triangles are
-/// degenerate.
+/// Static triangles keep the positions of the first key frame. Some static vertices get special values, and some
+/// triangles are degenerate.
 fn resting() -> impl Strategy<Value = MovingMesh> {
     let all = (free(8..200, PLUMP), 0..4_usize, oddities(16));
     all.prop_map(|((mut keys, mut triangles), share, oddities)| {
@@ -239,7 +239,7 @@ fn resting() -> impl Strategy<Value = MovingMesh> {
             let (axis, rare) = (odd.kind % 3, odd.is_rare);
             let all = keys.iter_mut().map(|key| &mut key[vertex]);
             match odd.kind % 8 {
-                // Between key frames, this zero is positive.
+                // Interpolation makes this zero positive.
                 0 => all.for_each(|p| p[axis] = -0.0),
                 1 => all.for_each(|p| p[axis] = 0.0),
                 2 if rare => all.for_each(|p| p[axis] = f32::NAN),

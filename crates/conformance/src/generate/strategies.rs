@@ -1,6 +1,6 @@
 //! Building blocks of the strategies, and their random numbers.
 //!
-//! A tree of `proptest` shrinks one number at a time. A failing scene has thousands of numbers, and each attempt runs
+//! `proptest` shrinks one number at a time. A failing scene has thousands of numbers, and each attempt runs
 //! a property on a backend. So these strategies shrink in large steps: [`each`] removes half of a list at once, and
 //! [`steps`] tries the simplest of a few values first.
 
@@ -47,7 +47,7 @@ pub(crate) fn sample<S: Strategy>(strategy: &S, seed: u64) -> S::Value {
     tree(strategy, &mut runner(seed, 0, 0)).current()
 }
 
-/// Returns a value that can shrink.
+/// Returns a `proptest` value tree: a value that can shrink.
 pub(crate) fn tree<S: Strategy>(strategy: &S, runner: &mut TestRunner) -> S::Tree {
     strategy
         .new_tree(runner)
@@ -94,7 +94,7 @@ pub(crate) struct EachTree<T> {
     run: usize,
     /// Where the next run begins, as an index into `kept`.
     begin: usize,
-    /// The run that was removed last, if the outcome is not known yet.
+    /// The run that was removed last, or empty if the resulting list is known to fail.
     removed: Vec<usize>,
     /// The element to shrink, as an index into `kept`.
     next: usize,
@@ -156,7 +156,7 @@ impl<T: ValueTree> ValueTree for EachTree<T> {
     }
 }
 
-/// Returns a strategy for the last of `values`, which shrinks to the first that will do.
+/// Returns a strategy for the last of `values`. Shrinking finds the first value that fails.
 pub(crate) fn steps<T: Clone + Debug>(values: impl Into<Vec<T>>) -> Steps<T> {
     Steps(values.into())
 }

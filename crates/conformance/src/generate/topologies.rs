@@ -36,7 +36,7 @@ impl LeafSplit {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TreeDescription {
     pub(crate) split: LeafSplit,
-    /// Decides the order of its leaves and, if it is split at random, its shape.
+    /// Seed of the order of leaves, and of the shape if `split` is random.
     pub(crate) order: u64,
 }
 
@@ -105,7 +105,7 @@ pub(crate) fn foreign(animation: &Animation, chance: u64) -> Vec<(&'static str, 
     if !live.is_empty() {
         all.push(("one live triangle without a leaf", of(count, fewer)));
         let beyond = of(count + 1, &with(count as u32));
-        all.push(("a leaf of a triangle that is not there", beyond));
+        all.push(("a leaf of a triangle that does not exist", beyond));
     }
     if live.len() != 1 {
         all.push(("a tree of one leaf", of(count.max(1), &[0])));
@@ -116,7 +116,7 @@ pub(crate) fn foreign(animation: &Animation, chance: u64) -> Vec<(&'static str, 
     }
     if let Some(never) = never.filter(|_| !live.is_empty()) {
         let instead = of(count, &with(never));
-        all.push(("a triangle never active instead of a live one", instead));
+        all.push(("a never active triangle instead of a live one", instead));
     }
     all
 }

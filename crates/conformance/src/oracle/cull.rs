@@ -2,7 +2,7 @@
 
 use geom::{Aabb, Ray, Triangle};
 
-/// Maximum number of triangles in a group of the lowest level.
+/// Maximum number of triangles in a leaf, which is called a group here.
 const GROUP: usize = 8;
 
 /// A balanced tree of boxes over the active triangles.
@@ -51,7 +51,8 @@ impl CullTree {
     }
 }
 
-/// Computes the boxes of `node` and its descendants. The node contains `order`, in `groups` groups.
+/// Computes the boxes of `node` and its descendants. The node contains the triangles in `order` and has `groups`
+/// leaves.
 fn split(corners: &[Triangle], order: &mut [u32], nodes: &mut [Aabb], node: usize, groups: usize) {
     let of = |&i: &u32| Aabb::of_triangle(&corners[i as usize]);
     let bounds = order.iter().map(of).fold(Aabb::EMPTY, Aabb::union);

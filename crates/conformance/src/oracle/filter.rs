@@ -43,7 +43,7 @@ pub(super) fn bound_hit(ray: &Ray, corners: &Triangle) -> Option<HitBounds> {
     let [low, high] = quotient(determinant(a, b, c), sum(weights));
     let (t_min, t_max) = (f64::from(ray.t_min), f64::from(ray.t_max));
     let inside = plus == [true; 3] || minus == [true; 3];
-    // A number that rounds to a float beyond a limit is itself beyond the limit. Rounding to `f32` here proves it.
+    // Rounding is monotonic. So the float nearest to the exact `t` is between those nearest to `low` and `high`.
     let is_sure = inside && (low as f32) > ray.t_min && (high as f32) < ray.t_max;
     (high > t_min && low < t_max).then_some(HitBounds { low, high, is_sure })
 }
@@ -58,9 +58,9 @@ fn determinant(a: DVec3, b: DVec3, c: DVec3) -> Bounded {
 
 /// Adds three numbers.
 ///
-/// The two sums round by less than `2.01 * 2^-53` of the summands' magnitudes. Each magnitude is at most its permanent,
-/// `error / DETERMINANT`, so this is an eighth of the errors. Half of the errors exceeds it and the rounding of the
-/// bound itself.
+/// The rounding error of the two additions is below `2.01 * 2^-53` times the sum of the terms' magnitudes. Each
+/// magnitude is at most its permanent, `error / DETERMINANT`. So the rounding error is about an eighth of the sum of
+/// the errors. The factor 1.5 covers it, and the rounding of the bound itself.
 fn sum(terms: [Bounded; 3]) -> Bounded {
     let [a, b, c] = terms;
     Bounded {

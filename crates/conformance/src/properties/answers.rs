@@ -26,10 +26,13 @@ pub(super) fn verify(c: &mut Check<'_>, time: f64, query: Query<'_>, found: &Tra
     let expected = c.reference.trace(c.case, c.intersector, time, query)?;
     answers(c.case, time, query.rays, &found.hits, &expected.hits)?;
     same_counts(&found.report, &expected.report).with_context(|| format!("at time {time:?}"))?;
-    // With `exact`, a backend may settle any number of rays. `watertight` settles only extreme rays.
+    // With `exact`, a backend may test any ray in exact arithmetic. With `watertight`, only extreme rays.
     let may_settle = c.intersector == Intersector::Exact || has_extremes(c.case, time, query.rays);
     let settled = found.report.settled;
-    ensure!(may_settle || settled == 0, "{settled} rays are settled");
+    ensure!(
+        may_settle || settled == 0,
+        "{settled} rays needed exact arithmetic, expected 0"
+    );
     Ok(())
 }
 
@@ -83,7 +86,7 @@ pub(super) fn any_is_closest(c: &mut Check<'_>) -> Result<()> {
     let closest = c.closest()?.closest;
     let any = c.ask(c.rays(), QueryKind::Any)?.blocked;
     let [a, b] = [closest.len(), any.len()];
-    ensure!(a == b, "closest hits are {a} and any hits {b} in number");
+    ensure!(a == b, "{a} closest hits, but {b} any-hit results");
     let mut pairs = closest.iter().zip(&any).enumerate();
     if let Some((i, (hit, any))) = pairs.find(|(_, (hit, any))| hit.is_hit() != (**any == 1)) {
         let ray = named_ray(c.rays(), i);
@@ -128,13 +131,13 @@ pub(super) fn together(c: &mut Check<'_>) -> Result<()> {
             answered.with_context(|| format!("query {place}"))?;
             sum += alone.report.hits;
         }
-        ensure!(met == sum, "{met} hits are reported of {sum}");
+        ensure!(met == sum, "the report counts {met} hits, expected {sum}");
     }
     Ok(())
 }
 
-/// Tests that no ray leaves a closed body without a hit. Rays from inside must cross the body an odd number of times, and
-/// rays from outside an even number.
+/// Tests that no ray leaves a closed body without a hit. Rays from inside must cross the body an odd number of times,
+/// rays from outside an even number of times.
 pub(super) fn leaks(c: &mut Check<'_>) -> Result<()> {
     let (placed, described) = (&c.case.body, &c.case.body_rays);
     let animation = placed.animation();

@@ -8,11 +8,11 @@ use backend::{Hits, Query, QueryKind, Rays};
 use geom::{Animation, Hit, Point, Ray, Triangle};
 use std::sync::Arc;
 
-/// Distances of the stray triangle from the origin. Scenes keep their units at each distance.
+/// Distances of the stray triangle from the origin. At none of these distances is a scene of unit size scaled.
 const DISTANCES: [f32; 5] = [1e3, 1e5, 1e6, 1e8, 1e9];
 
-/// Tests that a scene with a stray triangle has the closer hit of the scene and the triangle, each traced alone, bit
-/// for bit.
+/// Traces a scene, a stray triangle, and both together. Tests that each ray's hit in both together is, bit for bit,
+/// the closer of its two separate hits.
 pub(super) fn apart(c: &mut Check<'_>) -> Result<()> {
     let case = c.case;
     let points = vertices(&case.animation, case.times[1]);
@@ -23,7 +23,7 @@ pub(super) fn apart(c: &mut Check<'_>) -> Result<()> {
     let range = near.0.range(near.0.pose(0.0));
     let is_scaled = near.0.scale_exponent() != 0 || both.0.scale_exponent() != 0;
     if is_scaled || range.extreme || range.tiny {
-        // Such scenes have other units, or rays that are tested in exact arithmetic.
+        // The test does not apply, because the scenes have different units or rays are tested in exact arithmetic.
         return Ok(());
     }
     let mut rays = case.rays.clone();
@@ -60,7 +60,7 @@ pub(super) fn apart(c: &mut Check<'_>) -> Result<()> {
     let met = near_found[1].blocked.iter().zip(&far_found[1].blocked);
     let met: Vec<u8> = met.map(|(a, b)| a | b).collect();
     let same = found[1].blocked == met;
-    ensure!(same, "whether rays hit differs with {stray:?}");
+    ensure!(same, "any-hit results differ with {stray:?}");
     Ok(())
 }
 

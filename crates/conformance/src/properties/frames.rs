@@ -153,7 +153,11 @@ impl RecordingState {
         for copy in take(&mut self.copies) {
             let (ticket, points) = next_positions(c.subject)?;
             let same = ticket == copy.ticket;
-            ensure!(same, "a copy is of {ticket:?}, expected {:?}", copy.ticket);
+            ensure!(
+                same,
+                "a copy of positions belongs to {ticket:?}, expected {:?}",
+                copy.ticket
+            );
             let formula = vertices(&case.animation, copy.time);
             lists("copied vertex", &points, &formula, same_point)?;
         }

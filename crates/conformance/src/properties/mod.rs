@@ -1,4 +1,4 @@
-//! Tables of all properties.
+//! The table of all properties.
 
 mod answers;
 mod far;
@@ -30,7 +30,7 @@ pub struct Property {
 }
 
 impl Property {
-    /// Returns this property for the usual intersector alone, or `None` if it holds for `exact` only.
+    /// Returns this property for the default intersector alone, or `None` if it applies only to `exact`.
     #[must_use]
     pub fn by_usual_intersector(self) -> Option<Self> {
         let intersectors: Intersectors = usual;
@@ -56,7 +56,7 @@ impl<'a> Check<'a> {
         open(self.subject, &self.case.animation, time, self.intersector)
     }
 
-    /// Records everything up to the boxes at `time`.
+    /// Records `interpolate`, `preprocess` and `refit` at `time`.
     fn stand(&mut self, time: f64) -> backend::Result<()> {
         stage::stand(self.subject, &self.case.animation, time)
     }

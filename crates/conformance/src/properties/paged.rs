@@ -7,9 +7,11 @@ use anyhow::{Context, Result, ensure};
 use geom::Animation;
 use std::sync::Arc;
 
-/// Number of key frames, and number kept in memory.
+/// Number of key frames.
 const KEYS: usize = 24;
+/// Number of key frames in memory.
 const WINDOW: usize = 8;
+/// Number of frames that are played.
 const FRAMES: usize = 40;
 /// Number of frames in flight when the positions of one are read.
 const AHEAD: usize = 2;
@@ -43,7 +45,10 @@ pub(super) fn positions(c: &mut Check<'_>) -> Result<()> {
         }
         if let Some((ticket, wanted)) = i.checked_sub(AHEAD).map(|i| &expected[i]) {
             let (of, found) = next_positions(c.subject)?;
-            ensure!(of == *ticket, "positions of {of:?} came before {ticket:?}");
+            ensure!(
+                of == *ticket,
+                "positions of {of:?} arrived, expected those of {ticket:?}"
+            );
             lists("vertex", &found, wanted, same_point).with_context(|| format!("{ticket:?}"))?;
         }
     }

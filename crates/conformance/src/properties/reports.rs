@@ -19,13 +19,13 @@ pub(super) fn stages(c: &mut Check<'_>) -> Result<()> {
     let first = c.subject.wait(whole)?;
     let second = c.subject.wait(traced)?;
     let same = c.subject.wait(whole)? == first;
-    ensure!(same, "a report changed between two looks at it");
+    ensure!(same, "a report changed when it was read again");
     same_stages("the whole frame", &first, [true, true, true, true, false])?;
     let traced = [false, false, false, true, false];
     same_stages("the second trace", &second, traced)?;
     match (first.times.begun_ms, second.times.begun_ms) {
         (Some(a), Some(b)) if a > b => bail!("the clock went from {a} ms to {b} ms"),
-        (Some(_), None) | (None, Some(_)) => bail!("the clock comes and goes"),
+        (Some(_), None) | (None, Some(_)) => bail!("only one of two reports has a start time"),
         _ => Ok(()),
     }
 }
@@ -76,7 +76,7 @@ pub(super) fn tickets(c: &mut Check<'_>) -> Result<()> {
     }
     c.stand(case.times[0])?;
     let rise = tickets.is_sorted_by(|a, b| a < b);
-    ensure!(rise, "tickets do not rise: {tickets:?}");
+    ensure!(rise, "tickets do not increase: {tickets:?}");
     // In descending order of tickets.
     for ((&ticket, expected), &time) in tickets.iter().zip(&expected).zip(times).rev() {
         answers(case, time, rays, &fetch(c.subject, ticket)?.hits, expected)?;

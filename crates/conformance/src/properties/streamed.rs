@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 /// Number of key frames that are pushed.
 const PUSHED: usize = 12;
-/// Number of rays aimed at them, two of each kind.
+/// Number of rays aimed at the pushed key frames, two of each kind.
 const AIMED: u64 = 34;
 /// Positions to which a vertex leaps.
 const LEAPS: [Point; 6] = [
@@ -94,7 +94,8 @@ struct StartedQuery {
     kind: QueryKind,
 }
 
-/// Pushes the case's key frames in memory of every kind, adopts trees of random key frames, and starts a query at each.
+/// Pushes the case's key frames, in new or reused memory. Adopts trees of random key frames, and starts a query at
+/// each key frame.
 fn push_all(
     c: &mut Check<'_>,
     streamed: &Arc<Animation>,
@@ -171,7 +172,7 @@ fn same(found: &[Traced; 2], expected: &[Traced; 2]) -> Result<()> {
     for (found, expected) in found.iter().zip(expected) {
         let (hits, right) = (&found.hits, &expected.hits);
         lists("hit", &hits.closest, &right.closest, same_hit)?;
-        ensure!(hits.blocked == right.blocked, "whether rays hit differs");
+        ensure!(hits.blocked == right.blocked, "any-hit results differ");
         same_counts(&found.report, &expected.report)?;
     }
     Ok(())
@@ -199,7 +200,7 @@ fn play(
     frames.iter().map(play).collect()
 }
 
-/// Number of rays of either kind. Exact arithmetic is slow.
+/// Number of rays of the case, and of rays from near the origin. There are few, because exact arithmetic is slow.
 const RAYS: usize = 12;
 
 /// Returns rays to some vertices, which start at many small distances from the origin.

@@ -1,6 +1,6 @@
 //! Changes of the tree, which must not change any result.
 //!
-//! Properties of trees made on the device hold trivially for backends without such trees.
+//! Backends that build no trees on the device pass the tests of such trees.
 
 use super::Check;
 use crate::compare::{answers, lists, same_counts};
@@ -13,7 +13,7 @@ use backend::{Backend, BackendError, Generation, Hits, QueryKind, check_tree};
 use bvh_layout::Topology;
 use std::sync::Arc;
 
-/// Tests that a tree built at one time and refitted to another has the same hits as a fresh tree, for every intersector.
+/// Tests that a tree built at one time and refitted to another has the same hits as a new tree, for every intersector.
 pub(super) fn age(c: &mut Check<'_>) -> Result<()> {
     let (case, now) = (c.case, c.case.times[1]);
     c.open(now)?;
@@ -138,7 +138,7 @@ pub(super) fn evaluated(c: &mut Check<'_>) -> Result<()> {
         c.stand(then)?;
         answers(case, then, rays, &c.closest()?, &fresh_then).context("at another time")?;
         c.stand(now)?;
-        // A tree and a candidate exchange their buffers, so check the cost once more.
+        // Adoption exchanges the buffers of the tree and the candidate, so check the cost once more.
         let again = ask(c.subject, rays, QueryKind::Closest)?;
         same_cost(again.report.sah_cost, adopted.report.sah_cost)?;
     }
@@ -170,7 +170,7 @@ pub(super) fn wrong(c: &mut Check<'_>) -> Result<()> {
     for (what, tree) in foreign(&case.animation, case.chance) {
         match c.subject.adopt(&tree, Generation(2)) {
             Err(BackendError::WrongTree(why)) if !why.is_empty() => {}
-            other => bail!("{what}, expected to be refused, got {other:?}"),
+            other => bail!("{what}: expected an error, got {other:?}"),
         }
     }
     // Refused trees must not change the tree or its boxes.
@@ -220,7 +220,7 @@ pub(super) fn same_hits(c: &mut Check<'_>) -> Result<()> {
         return Ok(());
     }
     let made = both(c)?;
-    // No stage is left to do, but these may be recorded.
+    // The build includes these stages, but recording them is allowed.
     boxes_anew(c.subject)?;
     // Make another tree while a frame with the first one is in flight.
     let under_way = start(c.subject, rays, QueryKind::Closest)?;

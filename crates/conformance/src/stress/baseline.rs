@@ -90,7 +90,7 @@ pub(super) fn known(
 /// Number of rays of each family in each run, and number of runs.
 #[derive(Clone, Copy, Debug)]
 pub struct Sampling {
-    /// Number of runs, which have the seeds from 1 on.
+    /// Number of runs. Their seeds are 1, 2 and so on.
     pub seeds: u64,
     /// Number of rays of each family in a run.
     pub rays: u32,

@@ -1,11 +1,12 @@
 //! Counts of a stress test, compared with bounds that allow for chance.
 //!
-//! Let `p` be the true rate and `q` any other rate. In `n` independent rays, chance yields a rate as far from `p` as
-//! `q` is, on the same side, with a probability of at most `exp(-n KL(q, p))`. Here `KL` is the divergence of two coins
-//! (Chernoff 1952).
+//! Let `p` be the true rate and `q` another rate. In `n` independent rays, the probability of a rate at least as far
+//! from `p` as `q`, on the same side, is at most `exp(-n KL(q, p))`. Here `KL` is the Kullback-Leibler divergence of
+//! two Bernoulli distributions (Chernoff 1952).
 //!
-//! Rays of one scene are not independent. So `n` is divided by the spread: the variance of the rate among seeds over
-//! that of as many independent rays. The true rate is known from a baseline, within the same limits.
+//! Rays of one scene are not independent. So `n` is divided by the spread: the variance of the rate among seeds,
+//! divided by that of independent rays. The baseline also comes from a sample, so the same bound yields an interval
+//! for `p`.
 
 use crate::stress::Family;
 use crate::stress::baseline::{RateEntry, is_never, known};
@@ -18,7 +19,7 @@ backend::named! {
         Wrong = "wrong",
         /// Rays from inside that miss.
         Leaks = "leaks",
-        /// Rays that cross a body too often or not often enough.
+        /// Rays from inside that cross a body an even number of times, or rays from outside an odd number of times.
         DoubleHits = "double_hits",
     }
 }
@@ -121,7 +122,7 @@ impl StressCell {
 /// Negative logarithm of the probability of a rate out of bounds. `exp(-18)`, less than `2e-8`, corresponds to six
 /// standard deviations by Chernoff's bound.
 const LIMIT: f64 = 18.0;
-/// Number of bisection steps, which reach the precision of a rate.
+/// Number of bisection steps. They suffice for the precision of an `f64`.
 const STEPS: u32 = 60;
 
 /// Returns the bounds of the rate in `rays` rays.
@@ -138,7 +139,7 @@ fn interval(known: &RateEntry, rays: u64) -> [f64; 2] {
     ]
 }
 
-/// Returns the last point from `from`, where `holds`, towards `to`, up to which it holds.
+/// Returns the last point between `from` and `to` at which `holds` is true, by bisection. It must be true at `from`.
 fn edge(from: f64, to: f64, holds: impl Fn(f64) -> bool) -> f64 {
     if holds(to) {
         return to;
@@ -155,7 +156,7 @@ fn edge(from: f64, to: f64, holds: impl Fn(f64) -> bool) -> f64 {
     inner
 }
 
-/// Returns the divergence `KL(q, p)` of two coins, in nats.
+/// Returns the Kullback-Leibler divergence `KL(q, p)` of two Bernoulli distributions, in nats.
 fn divergence(q: f64, p: f64) -> f64 {
     let term = |q: f64, p: f64| if q == 0.0 { 0.0 } else { q * (q / p).ln() };
     term(q, p) + term(1.0 - q, 1.0 - p)

@@ -81,7 +81,7 @@ backend::named! {
         NonFinite = "non-finite",
         /// Closed bodies of size 1 and one triangle at a distance of `1e3` to `3e38`, or of size `1e-38` to `1e-3`.
         Outlier = "outlier",
-        /// A sheet with one vertex that moves as far in a later key frame.
+        /// A sheet with one vertex that moves by `1e3` to `3e38` in the last key frame.
         Exploding = "exploding",
     }
 }

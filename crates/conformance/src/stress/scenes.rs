@@ -14,7 +14,8 @@ use std::sync::Arc;
 
 /// Minimum number of scenes per family, among which its rays are divided.
 const SCENES: u32 = 32;
-/// Maximum number of rays per scene. Beyond it there are more scenes, so that rates vary alike for any number of rays.
+/// Maximum number of rays per scene. More rays need more scenes, so that the spread of a rate does not depend on the
+/// number of rays.
 const RAYS: u32 = 256;
 
 /// A scene, the times of its tree and its trace, and its rays.
@@ -60,8 +61,8 @@ pub(crate) fn scenes(family: Family, plan: &Plan) -> Vec<StressScene> {
     scenes.collect()
 }
 
-/// Returns one scene of a family, with `rays` rays. Scenes start with different kinds of rays, so that few rays contain
-/// all kinds.
+/// Returns one scene of a family, with `rays` rays. Scenes start with different kinds of rays, so that all kinds occur
+/// even if scenes have few rays.
 fn one(family: Family, number: usize, rays: usize, rng: &mut Rng) -> StressScene {
     let body = |offset: f32, aim: Option<Aim>, rng: &mut Rng| {
         let placed = placed_body(&BODIES[number % BODIES.len()], offset, false);
@@ -74,7 +75,7 @@ fn one(family: Family, number: usize, rays: usize, rng: &mut Rng) -> StressScene
         Family::Far10 => body(10.0, None, rng),
         Family::Far1e3 => body(1e3, None, rng),
         Family::Far1e5 => body(1e5, None, rng),
-        // At this distance, rounding moves walls past points that were inside.
+        // At this distance, rounding may deform the body so that a point inside is then outside.
         Family::Far1e7 => StressScene {
             inside: None,
             ..body(1e7, None, rng)

@@ -1,12 +1,13 @@
 //! Charts of measured points: SVG pictures, HTML pages and tables.
 //!
 //! A [`Chart`] shows milliseconds per frame against wrong answers per million rays. Both axes are logarithmic, with a
-//! separate position for points without wrong answers. A further panel shows hard rays.
+//! separate position for points without wrong answers. A further panel shows the rates of wrong answers for hard rays.
 //!
 //! All numbers are measured by the caller and are finite. Values that may be unknown are `Option`s.
 //!
 //! This module draws with `plotters`. It measures nothing and accesses no files. Equal data give equal bytes, and no
-//! data causes a panic. Missing, non-finite or absurd values are omitted. If this hides a point, the picture says so.
+//! data causes a panic. Missing, non-finite or absurd values are omitted. The picture states how many points are not
+//! drawn for this reason.
 
 #![expect(missing_docs, reason = "names are those of points.json")]
 
@@ -135,7 +136,7 @@ pub struct TimeSpread {
     pub p95: Option<f64>,
 }
 
-/// Results of the rays whose closest hit is hardest to determine, against exact arithmetic. Counted separately.
+/// Results of rays at edges and vertices, whose closest hit is hardest to determine, compared with exact arithmetic.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Aimed {
     pub rays: u64,
@@ -249,7 +250,7 @@ impl Chart {
         front.iter().any(|dot| dot.index == index)
     }
 
-    /// Returns the families of mixed range of all measurements.
+    /// Returns the names of all families in [`ChartPoint::mixed_range`].
     pub(crate) fn families(&self) -> BTreeSet<&str> {
         let all = self.points.iter().flat_map(|p| &p.mixed_range);
         all.map(|f| &*f.family).collect()

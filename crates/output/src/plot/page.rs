@@ -134,8 +134,8 @@ struct RayFamily<'a> {
     rates: Vec<Option<Rate>>,
 }
 
-/// Returns a panel with one position per family of hard rays, and one mark per backend and intersector. Returns `None` if
-/// no point has data. Horizontal offsets keep marks of equal values apart.
+/// Returns a panel with one position per family of hard rays, and one mark per backend and intersector. Returns `None`
+/// if no point has data. Marks have different horizontal offsets, so that equal values do not overlap.
 fn hard_rays(chart: &Chart) -> Option<Panel> {
     let points = &chart.points;
     let aimed = |p: &ChartPoint| Rate::of(p.aimed.wrong, p.aimed.rays);
@@ -204,7 +204,7 @@ pub fn html(chart: &Chart) -> Result<String> {
          <figure>\n{picture}</figure>\n\
          <h2>All points</h2>\n<p>★: no other point of its scene is both faster and more often right.</p>\n\
          <p>Intervals are 95 % score intervals (Wilson 1927), or 3 / rays where no answer was wrong. After an eighth and after half of \
-         the rays, intersectors of a backend whose intervals are apart get no more.</p>\n\
+         the rays, intersectors of a backend whose intervals do not overlap are tested no further.</p>\n\
          <div class=\"wide\"><table>\n<thead><tr><th></th>{head}</tr></thead>\n<tbody>\n"
     );
     for (i, point) in chart.points.iter().enumerate() {

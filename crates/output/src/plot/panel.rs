@@ -14,16 +14,19 @@ use std::ops::Range;
 
 /// Width of the page in pixels.
 pub(crate) const WIDTH: u32 = 1000;
-/// Width of the legend, and height of its lines, in pixels.
+/// Width of the legend in pixels.
 const LEGEND: u32 = 285;
+/// Height of a line of the legend in pixels.
 const LEADING: usize = 17;
-/// Number of characters that fit across the page, and across the legend.
+/// Number of characters that fit across the page.
 pub(crate) const LINE: usize = 120;
+/// Number of characters that fit across the legend.
 const ENTRY: usize = 38;
 /// Minimum length of a logarithmic axis in decades.
 const LEAST_DECADES: f64 = 1.0;
-/// Longest axis in decades that also labels 2 and 5, and longest axis that labels every decade.
+/// Length in decades below which an axis also labels 2 and 5.
 const FEW_DECADES: f64 = 3.5;
+/// Maximum length in decades of an axis that labels every decade.
 const MOST_DECADES: f64 = 9.0;
 
 /// Drawing area: a page or part of a page.
@@ -141,7 +144,7 @@ fn log_ticks(low: f64, high: f64) -> Vec<(f64, String)> {
     named.filter(within).collect()
 }
 
-/// Pair of values with their intervals.
+/// Mark at a pair of values, with an interval for each value.
 #[derive(Clone, Debug)]
 pub(crate) struct Mark {
     pub(crate) at: [f64; 2],

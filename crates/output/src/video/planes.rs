@@ -9,7 +9,7 @@ pub struct VideoPlanes {
 }
 
 impl VideoPlanes {
-    /// Converts sRGB pixels, row by row. The fourth byte of a pixel is ignored. Runs on the calling thread only, because
+    /// Converts sRGB pixels, row by row. Ignores the fourth byte of a pixel. Runs on the calling thread only, because
     /// other frames are converted in parallel.
     pub fn set(&mut self, pixels: &[[u8; 4]]) {
         let Self { luma, cb, cr } = self;

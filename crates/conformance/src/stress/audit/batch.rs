@@ -32,7 +32,7 @@ pub struct AuditCounts {
     pub ties: u64,
     /// Number of rays whose closest hit is exactly on an edge or a vertex.
     pub edges: u64,
-    /// Number of rays that the backend did not decide by rounded arithmetic.
+    /// Number of rays that the backend tested in exact arithmetic.
     pub settled: u64,
     /// Number of rays whose triangle or miss differs from the exact one.
     pub wrong: u64,

@@ -1,8 +1,8 @@
 //! Compares millions of rays with the oracle, on meshes of many kinds, sizes and positions.
 //!
-//! An [`Audit`] divides its rays among [`BatchSpec`]s. Each is a scene at one moment with rays of every kind. Scene and
-//! rays of a batch depend only on the seed and the batch number, so that any batch can be generated alone. A [`AuditBatch`]
-//! also holds the oracle's answers, which are computed once and compared with any number of backends.
+//! An [`Audit`] divides its rays among [`BatchSpec`]s. Each is a scene at one moment with rays of every kind. Scene
+//! and rays of a batch depend only on the seed and the batch number, so that any batch can be generated alone. An
+//! [`AuditBatch`] also holds the oracle's answers, which are computed once and compared with any number of backends.
 
 mod batch;
 
@@ -47,7 +47,7 @@ pub struct Audit {
 }
 
 impl Audit {
-    /// Returns all batches that have rays. Each kind of mesh gets the same number of rays, up to one.
+    /// Returns all batches that have rays. The numbers of rays for two kinds of mesh differ by at most one.
     pub fn specs(&self) -> Vec<BatchSpec> {
         let kinds = SceneKind::ALL;
         let mut specs = Vec::new();
