@@ -274,7 +274,7 @@ fn rows(rival: &'static Known) {
         rows.iter()
             .any(|row| row["backend"] == "cpu" && row.get("differing").is_none())
     );
-    assert!(text.contains("of rays hit otherwise than ours"), "{text}");
+    assert!(text.contains("of rays differ from backend cpu"), "{text}");
 }
 
 fn points(rival: &'static Known) {

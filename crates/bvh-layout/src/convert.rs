@@ -292,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    #[should_panic(expected = "names triangle")]
+    #[should_panic(expected = "contains triangle")]
     fn panics_on_trees_of_other_scenes() {
         let tree = random_tree(100, 1);
         let greatest = *tree.order().iter().max().unwrap();

@@ -213,9 +213,9 @@ mod tests {
             nodes[at] = link;
             read(nodes).unwrap_err()
         };
-        assert!(broken(4, 4).ends_with("a child at node 4"));
-        assert!(broken(4, 1).ends_with("without end"));
-        assert!(broken(4, LEAF | 3).ends_with("a leaf 3"));
+        assert!(broken(4, 4).ends_with("no node 4"));
+        assert!(broken(4, 1).ends_with("more nodes than its leaves allow"));
+        assert!(broken(4, LEAF | 3).ends_with("no leaf 3"));
         // One triangle twice and another one missing.
         for (at, link) in [(4, LEAF | 1), (2, LEAF)] {
             assert!(broken(at, link).contains("makes no record: "));

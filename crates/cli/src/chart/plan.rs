@@ -173,7 +173,7 @@ mod tests {
             (BackendName::Cpu, &[Cpu][..], None),
             (Vulkan, &[Software, Gpu], None),
             (Wgpu, &[Gpu], None),
-            (Wgpu, &[Software], Some("no GPU but 0: software")),
+            (Wgpu, &[Software], Some("no GPU, only 0: software")),
             (Vulkan, &[], Some("no loader")),
         ] {
             let found = why_not(presence(backend, kinds));
