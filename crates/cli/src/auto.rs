@@ -58,13 +58,13 @@ fn facts(
     let times: Vec<f64> = workload.frames.iter().map(|f| f.time).collect();
     let rays = workload.rays;
     let threads = settings.share(device, Policy::Async);
+    // Options of `rebuild`, to estimate the memory of trees that the device builds.
     let options = DriverOptions {
         intersector: settings.intersector,
         update: Policy::DeviceRebuild,
         time_range: workload.time_range(),
         predict: settings.predict,
     };
-    // Memory that trees need if the device builds them.
     let memory = ExpectedMemory::of(animation, device, &options, rays);
     Ok(RunFacts {
         frames: times.len(),

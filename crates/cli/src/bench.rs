@@ -29,8 +29,8 @@ use std::path::PathBuf;
 pub(crate) struct BenchSettings {
     #[command(flatten)]
     pub(crate) measure: MeasureSettings,
-    /// Rays: a camera's primary and shadow rays, or as many random rays from points in the scene's bounds. Random rays
-    /// find the closest hit, cast no shadow ray, and are the same in every frame
+    /// Rays: a camera's primary and shadow rays, or one random ray per pixel from a point in the scene's bounds. Random
+    /// rays find the closest hit, cast no shadow ray, and are the same in every frame
     #[arg(
         long,
         value_name = "LIST",

@@ -2,7 +2,8 @@
 //!
 //! Times are those of `bench`: the device's time and, with `rebuild`, the wait for the frame's own tree. They cover all
 //! frames but the first, which warms up. Answers are compared with those of the exact oracle, which shares no code with
-//! any backend. Shadow rays start at the reported hit, so they are compared with `exact` on the host over fresh trees.
+//! any backend. The start of a shadow ray depends on the reported hit, so the oracle cannot answer it in advance.
+//! Shadow rays are compared with `exact` on the host over fresh trees.
 //!
 //! An update policy must not change any hit. To check this, each contender first traces a few rays. Contenders of one
 //! backend and intersector whose hits are equal, bit for bit, share one comparison ([`accuracy`]). A contender whose
@@ -39,11 +40,11 @@ use std::path::PathBuf;
 
 const LEGEND: &str = "wrong: closest hits that differ from exact arithmetic; aimed: rays at edges and vertices; \
     mixed range: scenes with far or large parts\n\
-    after an eighth or half of the rays, a method stops if its 95 % interval overlaps no other intersector's \
-    on its backend (Wilson interval; 0 to 3 / rays if no hit is wrong)\n";
+    after an eighth or half of the rays, a method stops if the 95 % interval of its error rate \
+    overlaps that of no other intersector on its backend (Wilson interval; 0 to 3 / rays if no hit is wrong)\n";
 
-/// Seconds of warm-up if the previous run was on the same device. The device has hardly cooled down while the scene was
-/// loaded and a first tree was built. As always, the warm-up continues until frame times are steady.
+/// Minimum seconds of warm-up if the previous run was on the same device. The device has hardly cooled down while the
+/// scene was loaded and a first tree was built. As always, the warm-up continues until frame times are steady.
 const LATER_WARM_UP: f64 = 0.2;
 
 #[derive(Args, Debug)]

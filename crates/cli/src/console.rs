@@ -1,4 +1,4 @@
-//! The only module that writes to the terminal: results to standard output, remarks to standard error.
+//! Writes to the terminal: results to standard output, remarks to standard error. Only clap prints its help itself.
 
 use crate::stop::Stop;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};

@@ -162,6 +162,7 @@ impl Opening {
     /// Waits for the result. Returns `None` if opening never began or the result was taken before.
     pub(crate) fn wait(&mut self) -> Option<Result<SelectedBackend, Stop>> {
         let opened = self.opened.take()?.recv();
+        // Receiving fails only if the thread panicked. The panic then continues here.
         if opened.is_err() {
             let ended = self.thread.take().map_or(Ok(()), JoinHandle::join);
             ended.unwrap_or_else(|e| std::panic::resume_unwind(e));

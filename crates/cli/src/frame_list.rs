@@ -18,7 +18,7 @@ const MAX_FRAMES: usize = 1_000_000;
 pub(crate) enum FrameChoice {
     /// A number of frames, spread evenly over the time range.
     Count(usize),
-    /// Frames at these key times, in this order.
+    /// Frames at the key frames with these indices, in this order.
     Keys(Vec<usize>),
 }
 

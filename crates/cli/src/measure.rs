@@ -300,7 +300,7 @@ pub(crate) struct MeasuredRow {
     /// Medians by name: of [`TIMES`] and [`MORE`].
     #[serde(flatten)]
     medians: BTreeMap<&'static str, Option<f64>>,
-    /// Millions of primary and shadow rays per second of the time that tracing both took.
+    /// Millions of primary and shadow rays per second of tracing time.
     pub(crate) mrays_per_s: Option<f64>,
     pub(crate) trees: usize,
     /// Number of built trees that were discarded because they were no better than the current tree.

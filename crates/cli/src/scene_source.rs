@@ -35,6 +35,7 @@ impl SceneSettings {
     /// the limit that is checked before key frames are read.
     pub(crate) fn open(&self, name: &str, rays: usize) -> Result<Scene, Stop> {
         let options = SceneOptions {
+            // Only the memory of the rays: `triangle_bytes` covers the trees.
             more_bytes: trees_bytes(0, rays),
             triangle_bytes: TREE_BYTES,
             ..self.options()

@@ -55,6 +55,7 @@ const GRACE_PERIOD: std::time::Duration = std::time::Duration::from_secs(1);
 
 #[cfg(unix)]
 fn end_at_once(signal: i32) -> ! {
+    // No temporary file can be created while this guard is held.
     let _held = output::remove_unfinished();
     signal_hook::low_level::exit(128 + signal)
 }

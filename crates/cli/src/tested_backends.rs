@@ -13,7 +13,7 @@ use std::path::PathBuf;
 /// The backends to test, and where results go.
 #[derive(Args, Debug)]
 pub(crate) struct TestSettings {
-    /// Backends. auto selects all available backends except the reference, or the best one for stress
+    /// Backends. With stress, auto selects the best backend, otherwise all available ones except the reference
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = parsers::AUTO, value_parser = parsers::backend("As described above"))]
     pub(crate) backend: Vec<BackendChoice>,
     /// Adapter of the backends, by index or by part of its name

@@ -28,6 +28,7 @@ pub(crate) fn start(threads: Option<usize>) {
             .spawn_handler(|worker| hand(crew, worker))
             .build_global(),
     };
+    // This program owns the process, so `geom` uses rayon's global pool instead of its own.
     geom::use_global_pool();
 }
 

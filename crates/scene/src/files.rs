@@ -10,7 +10,8 @@ use std::path::{Path, PathBuf};
 
 /// Returns all files that determine the content of the scene `spec`: key frames, materials and buffers.
 ///
-/// The list is sorted and has no duplicates. Demos have no files. Fails if an input does not exist.
+/// The list is sorted and has no duplicates. Demos have no files. Fails if a file or directory does not exist.
+/// A glob without a match adds no files.
 pub fn files(spec: &str) -> Result<Vec<PathBuf>> {
     let mut all = Vec::new();
     for input in inputs(spec, &exists)? {

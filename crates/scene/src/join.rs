@@ -81,6 +81,8 @@ fn first_input<'a>(spec: &'a str, exists: &dyn Fn(&str) -> bool) -> (&'a str, Op
     (&spec[..end], spec.get(end + 1..))
 }
 
+/// Splits a placement off an input. A text that exists is a name without placement. An invalid placement is an error
+/// only if the name before it exists.
 fn input<'a>(text: &'a str, exists: &dyn Fn(&str) -> bool) -> Result<Input<'a>> {
     let placed = text.rsplit_once(AT).filter(|_| !exists(text));
     let (spec, place) = match placed.map(|(spec, at)| (spec, at, parse(at))) {

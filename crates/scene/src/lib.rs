@@ -62,8 +62,8 @@ pub struct Facts {
     pub clip: Option<String>,
     /// Seconds between key frames, if the source specifies them.
     pub seconds_per_key: Option<f64>,
-    /// The point that was subtracted from all coordinates, in the units of the files. `None` for a single demo, and if
-    /// [`SceneOptions::recentre`] is not set.
+    /// The point that was subtracted from all coordinates, in the units of the files. `None` if
+    /// [`SceneOptions::recentre`] is not set, and for a demo that is not joined with other inputs.
     pub offset: Option<[f64; 3]>,
     /// Remarks for the user: data that was skipped, assumed or missing.
     pub notes: Vec<String>,

@@ -47,7 +47,8 @@ pub(crate) fn path(word: &str) -> PathBuf {
     word.into()
 }
 
-/// Returns whether all of `spec` names one input: a demo of any name, an existing path, or a glob with a match.
+/// Returns whether `spec`, as a whole, is the name of one input: a demo of any name, an existing path,
+/// or a glob with a match.
 pub(crate) fn exists(spec: &str) -> bool {
     let matches = || glob::glob(spec).is_ok_and(|mut all| all.next().is_some());
     let is_demo = spec.starts_with("demo:") && !spec.contains(['+', '@']);

@@ -71,9 +71,9 @@ impl Clipper<'_> {
         });
     }
 
-    /// Projects a polygon along the axis of the largest component of its normal, as in Newell's method. The normal is
-    /// the sum of cross products over the fan. The projection is an affine map of the polygon's plane, so it preserves
-    /// inside and outside. It drops one coordinate and does not round the others.
+    /// Projects a polygon along the axis of the largest component of its normal. The normal is the sum of cross
+    /// products over the fan, as in Newell's method. The projection is an affine map of the polygon's plane, so it
+    /// preserves inside and outside. It drops one coordinate and does not round the others.
     ///
     /// Returns `false` if the normal is not finite or the projected area is 0.
     fn flatten(&mut self, corners: &[u32]) -> bool {

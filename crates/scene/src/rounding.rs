@@ -4,7 +4,7 @@ use crate::SceneOptions;
 use geom::Point;
 use std::path::Path;
 
-/// Position in the file's precision.
+/// Position in double precision, before rounding.
 pub(crate) type Position = [f64; 3];
 
 /// Subtracts one offset from all key frames of a scene and rounds the differences.

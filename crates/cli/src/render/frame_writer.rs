@@ -130,7 +130,8 @@ impl<'a> FrameWriter<'a> {
                 video.take(place, borrowed);
             }
         };
-        // If this thread is rayon's only worker, spawned work would run only at the end of the run.
+        // This thread is a rayon worker only if no other thread could be started. Spawned work would then run only at
+        // the end of the run.
         let files = self.rendered.files;
         let writes_any = files.any() || files.has_video;
         if !writes_any || rayon::current_thread_index().is_some() {

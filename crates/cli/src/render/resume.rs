@@ -145,7 +145,8 @@ pub(super) fn all_frames(settings: &RenderSettings, key_times: usize) -> Result<
 /// Returns the manifest of a run over a motion with `key_times` key times.
 pub(super) fn manifest(settings: &RenderSettings, key_times: usize) -> Result<Manifest, Stop> {
     let files = scene::files(&settings.scene)?;
-    // The folder of a file has no effect, but the placement of inputs does.
+    // Plain files are identified by their digests, so their folder may change. The name also states how inputs are
+    // placed.
     let is_placed = settings.scene.contains(['+', '@']);
     let name = (files.is_empty() || is_placed).then(|| settings.scene.clone());
     let files = output::digests(&files).map_err(Stop::bad)?;
