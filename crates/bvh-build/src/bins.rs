@@ -48,7 +48,7 @@ pub(crate) struct Grid {
 }
 
 impl Grid {
-    /// Rounds a number in `0..2^22` that it is added to. The low bits of the sum are the rounded number.
+    /// Adding this to a number in `0..2^22` rounds the number to an integer, which the low bits of the sum hold.
     const ROUND: f32 = (1 << 23) as f32;
 
     /// Creates bins for `n` triangles over `centers`. On an axis without extent, all triangles are in bin 0.
@@ -268,6 +268,7 @@ impl<const N: usize> Cuts<N> {
         let mut side = Column::EMPTY;
         for left in (1..n).rev() {
             side.add(column(left));
+            // `left` is below `N`: `% N` removes the bounds check.
             costs[left % N] = cost_of(&side);
         }
         let (mut best, mut best_left) = (Vec4::INFINITY, Vec4::ONE);

@@ -25,7 +25,7 @@ pub struct SahBuilder {
     pub block_size: BlockSize,
 }
 
-/// Options in which [`SahBuilder::build`] differs from the build of the upper levels by `SubtreeRebuilder`.
+/// Options that `SubtreeRebuilder` sets differently from [`SahBuilder::build`] when it builds the upper levels.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RootOptions {
     /// Depth of the root: see [`SahBuilder::build_below`].

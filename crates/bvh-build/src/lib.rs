@@ -47,5 +47,6 @@ fn join_if<A: Send, B: Send>(
     }
 }
 
-/// Maximum depth of a leaf, where the root has depth 0. A traversal stack of this many entries never overflows.
+/// Maximum depth of a leaf, where the root has depth 0. A traversal that pushes one
+/// child and continues with the other needs a stack of this many entries. One that pushes both needs one more.
 pub const MAX_DEPTH: u32 = 64;

@@ -11,7 +11,7 @@ use glam::Vec4;
 /// Maximum number of triangles of a subtree built here.
 pub(crate) const MOST: usize = 32;
 
-/// A node is halved if this costs at most this factor times the least cost. Such a difference is due to rounding, so
+/// A node is halved if halving costs at most this factor times the least cost. Such a difference is due to rounding, so
 /// equal boxes make a balanced tree.
 const NEARLY: f32 = 1.0 + 1e-5;
 

@@ -29,7 +29,7 @@ pub struct SubtreeRebuilder {
     groups: SubtreeGroups,
     /// Tree whose leaves are the groups.
     above: BinaryTree,
-    /// Number of triangles to the left of each leaf of `above`, and finally of all triangles.
+    /// For each leaf of `above`, the number of triangles left of it. The last entry is the total.
     starts: Vec<u32>,
 }
 

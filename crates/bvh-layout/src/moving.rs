@@ -44,6 +44,7 @@ impl Moving {
 }
 
 fn with_triangles_that_move(tree: &Treelets, lowest: Range<u32>, parts: &StaticParts) -> Vec<u32> {
+    // `parts.triangles` has one flag per triangle: `true` if it is static.
     let moves = |word: &u32| !parts.triangles[(word & !Treelets::SHARED) as usize];
     lowest
         .into_par_iter()

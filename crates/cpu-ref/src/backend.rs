@@ -136,11 +136,13 @@ impl CpuBackend {
         report.inactive = scene.unhittable.inactive;
         report.degenerate = scene.unhittable.degenerate;
         report.sah_cost = scene.sah_cost;
+        // Rays that were resolved in exact arithmetic.
         report.settled += std::mem::take(scene.exact_rays.get_mut());
         Ok(())
     }
 
-    /// Drops submissions that are not retained and have [`FRAMES_IN_FLIGHT`] or more successors. Reuses their memory.
+    /// Drops submissions that are not retained and have [`FRAMES_IN_FLIGHT`] or more later submissions with traces. For
+    /// a released submission, all later ones count. Reuses their memory.
     fn drop_expired(&mut self) {
         let mut later = self.submissions.len();
         let mut later_traced = self.submissions.iter().filter(|s| s.is_traced).count();

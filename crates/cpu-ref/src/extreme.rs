@@ -136,8 +136,8 @@ impl<'a> ExtremeSearch<'a> {
     }
 }
 
-/// A box in the scene's units. It contains all points that were in a scaled box before scaling flushed small
-/// coordinates to zero.
+/// A box in the scene's units. It contains all points of a scaled box, and those whose small coordinates
+/// scaling flushed to zero.
 struct WideBox {
     min: [f64; 3],
     max: [f64; 3],

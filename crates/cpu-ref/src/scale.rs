@@ -106,15 +106,15 @@ impl PreparedRay {
         })
     }
 
-    /// Returns limits for intervals `low..=high` of floats. Let both ends be strictly between the limits. Then every
-    /// exact `t'` in the interval is strictly between the ray's `t_min` and `t_max` after it is converted to the ray's
-    /// own units and rounded once.
+    /// Returns limits for intervals `low..=high` of floats. If both ends are strictly between these limits, every exact
+    /// `t'` in the interval is valid: converted to the ray's own units and rounded once, it is strictly between the
+    /// ray's `t_min` and `t_max`.
     ///
     /// `low` is at least the next float after the limit, and rounding is monotone. So the ray's own limits suffice
     /// where `t` is a normal number. Subnormal numbers have fewer bits than scaled ones, and large numbers overflow.
     /// So the limits exclude magnitudes below `2^-125` and above `2^127` in the ray's own units.
     pub fn sure_limits(&self) -> Limits {
-        // 2^-125 and 2^127 in the ray's own units.
+        // 2^-125 and 2^127 in the ray's own units. Scaled distances below `LEAST`, 2^-100, are flushed to zero.
         let small = ldexp(1.0, -125 - self.unscale).max(power(-99));
         let large = ldexp(1.0, 127 - self.unscale);
         let outward = |limit: f32, small: f32| {

@@ -11,7 +11,7 @@ use cpu_ref::{Geometry, Unhittable};
 use geom::is_degenerate;
 use std::ops::Add;
 
-/// Vertices are prefetched for the block that follows by this number, because they are scattered in memory.
+/// Number of blocks by which vertices are prefetched ahead, because they are scattered in memory.
 const AHEAD: usize = 4;
 
 /// Results of fitting.

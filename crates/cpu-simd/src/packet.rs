@@ -100,6 +100,8 @@ impl<P: Halves> Bundle<P> {
     /// Runs [`BoxTest::meet`] on planes in registers: lower planes, then upper planes.
     #[inline(always)]
     fn meet_planes(&self, planes: &[P; 3], best: f32) -> MetBoxes<P::Half> {
+        // Each lane becomes a lower bound on the entry distance or on the negated exit distance. `turned` swaps the
+        // halves for negative directions, so that entries are in the low half.
         let [x, y, z] = each!(axis => {
             let from = planes[axis].sub(self.origin[axis]);
             let [least, most] = self.inverse[axis];

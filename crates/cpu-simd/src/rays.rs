@@ -177,8 +177,8 @@ impl<L: Lanes> Group<L> {
         let inverse = each!(i => L::splat(1.0).div(d[i].abs().max(L::splat(SMALLEST))));
         let negative = each!(i => d[i].less(L::splat(0.0)));
         let signed = each!(i => inverse[i].replace(negative[i], inverse[i].neg()));
-        // Infinite only if products of the box test are infinite too: the distance from so far an origin to any plane
-        // rounds to the origin's coordinate.
+        // `starts` is infinite only where products of the box test are infinite too. From an origin so far away, the
+        // distance to any plane rounds to the origin's coordinate.
         let starts = each!(i => {
             let from = origin[i].mul(signed[i]).neg();
             let wide = L::splat(INNER[0]).mul(farthest).add(L::splat(INNER[1]).mul(origin[i].abs()));

@@ -159,6 +159,7 @@ impl CostedTree<'_> {
         opened.open(lane, children);
         // The right child first: opening it does not move the left child.
         for (lane, costs, share) in [(lane + 1, b, lanes - share), (lane, a, share)] {
+            // Opens only into as many lanes as lower the cost. With one lane, the subtree stays a node.
             let enough = costs[..share]
                 .iter()
                 .position(|&cost| cost <= costs[share - 1]);

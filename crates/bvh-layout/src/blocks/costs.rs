@@ -88,8 +88,9 @@ impl<'a> CostedTree<'a> {
         self.costs_by(node, &self.large, 0)
     }
 
-    /// Returns the costs of a node. `large` begins with inner node `first`. The cost of a leaf is 0: it is the child
-    /// of a large node, so every wide tree has a block for it alone, and its area does not affect the choice.
+    /// Returns the costs of a node. `large` begins with inner node `first`. A leaf here is always the
+    /// child of a large node. Every wide tree has a block for this leaf alone, so its area does not affect the choice
+    /// and its cost is 0.
     fn costs_by(&self, node: NodeRank, large: &[Costs], first: usize) -> Costs {
         if node.leaf().is_some() {
             [0.0; LANES - 1]

@@ -121,6 +121,7 @@ fn tasks<'a>(
     for cut in cuts {
         for treelet in &cut.treelets {
             let leaves = cut.leaves(treelet);
+            // The lowest level takes all triangles.
             let own = leaves.len().min(outputs.triangles.len());
             tasks.push(Task {
                 number: tasks.len() as u32,
@@ -194,6 +195,7 @@ impl Task<'_> {
         }
         let own = inner.count;
         inner.count += 1;
+        // Nodes of higher levels always have more triangles than a block.
         if self.names.is_some() || node.leaves as usize > WideTree::LANES {
             let name = (self.names).map_or(node.inner, |names| names[node.inner as usize]);
             if let Some(place) = self.places.get(name as usize) {
