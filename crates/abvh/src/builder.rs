@@ -59,8 +59,9 @@ impl TracerBuilder {
     /// Sets the number of host threads that trace or, if a GPU traces, build trees.
     ///
     /// By default, the host traces with one thread per core. For a GPU, one thread per two cores builds trees, which
-    /// leaves cores for the program. If the host traces and builds at the same time, a quarter of four or more cores
-    /// builds and the others trace. Threads that are set here all trace, and a quarter as many more threads build.
+    /// leaves cores for the program. If a host with at least four cores traces and builds at the same time, a
+    /// quarter of the cores builds and the others trace. If the number is set here and the host traces, all of these
+    /// threads trace, and a quarter of this number of additional threads builds.
     #[must_use]
     pub fn threads(self, threads: usize) -> Self {
         let threads = Some(threads.max(1));

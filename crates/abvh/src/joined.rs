@@ -25,7 +25,7 @@ pub(crate) struct JoinedScene {
     pub(crate) numbering: Arc<Numbering>,
     /// Vertices of the next step, if vertices arrive while the scene is traced. Otherwise empty.
     next: PointBuffer,
-    /// Whether `next` holds the newest vertices, for each mesh.
+    /// For each mesh, whether its vertices need no copy to `next`: they are there, or only the device has them.
     is_fresh: Vec<bool>,
     #[cfg(any(feature = "vulkan", feature = "wgpu"))]
     pub(crate) on_device: DeviceVertices,

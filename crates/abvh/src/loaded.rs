@@ -92,7 +92,7 @@ impl Loaded {
         check_memory(&meshes)?;
         let mut joined = JoinedScene::of(meshes)?;
         let animation = Arc::clone(&joined.animation);
-        // Pushed key frames are numbered from 0 on, independently of the times of steps.
+        // Key frames of a streamed scene are numbered from 0 on, independently of the times of steps.
         options.time_range = if joined.is_streamed() {
             [0.0, f64::MAX]
         } else {

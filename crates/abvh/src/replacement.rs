@@ -125,6 +125,7 @@ impl Tracer {
     ///
     /// If another mesh was replaced since this replacement was started, the call prepares it again and waits for that.
     ///
+    /// # Errors
     /// [`Error::Conflict`] if the same mesh was replaced since this replacement was started.
     /// [`Error::ForeignReplacement`]. The errors of [`TracerBuilder::build`](crate::TracerBuilder::build). After an
     /// error, the old mesh remains.

@@ -46,7 +46,7 @@ impl TracerState {
     pub(crate) fn statistics(&self) -> Option<Statistics> {
         let scenes = std::iter::once(&self.current).chain(&self.former);
         let all = scenes.filter_map(|loaded| loaded.last);
-        // A scene begins with a copy of the statistics of the scene before, which may be newer than the copy.
+        // A scene begins with a copy of the former scene's statistics. The former scene may have newer statistics.
         all.max_by_key(|statistics| statistics.generation)
     }
 

@@ -139,10 +139,10 @@ impl Step<'_> {
     ///
     /// A step without queries updates the scene for the program's shaders ([`shader_module`](crate::shader_module)).
     ///
-    /// The program must submit encoded steps in their order. Until it submits a step, [`Tracer::hits`] of this step
-    /// fails, and the second step after it cannot be encoded. If the encoder or its commands are dropped instead, this
-    /// step has no results, nor do later steps that were begun before the drop. Vertices that only the device had are
-    /// then lost, and steps return [`Error::VerticesLost`] until they are passed again.
+    /// The program must submit encoded steps in their order. While a step is not submitted, [`Tracer::hits`] of
+    /// this step fails, and the second step after this step cannot be encoded. If the encoder or its commands are
+    /// dropped instead, this step has no results, nor do later steps that were begun before the drop. Vertices that
+    /// only the device had are then lost, and steps return [`Error::VerticesLost`] until they are passed again.
     ///
     /// wgpu validates commands only when the encoder is finished. It may refuse them, for example because the encoder
     /// belongs to another device or has an open pass. Then [`Tracer::hits`] of this step or the second step after it

@@ -39,7 +39,8 @@ pub enum BackendError {
         /// Required bytes; 0 if only the driver knows.
         bytes: u64,
     },
-    /// The program that owns the device misused it, for example dropped the commands that contain a submission.
+    /// The program that owns the device misused it, for example dropped the command buffer into
+    /// which the library had recorded a frame.
     #[error("{0}")]
     Misuse(String),
     /// The device's interface or its driver rejected a call. This indicates a bug in the library or in the driver.

@@ -17,8 +17,8 @@
 //! finished.
 //!
 //! Only `submit`, [`Backend::wait`] and the methods that return results block. A submission's report and traces expire
-//! once more than [`FRAMES_IN_FLIGHT`] later submissions contain a trace, unless [`Backend::retain_traces`] names the
-//! submission. A report can be read any number of times. Hits can be taken once.
+//! as soon as [`FRAMES_IN_FLIGHT`]` + 1` later submissions have contained a trace, unless [`Backend::retain_traces`]
+//! names the submission. A report can be read any number of times. Hits can be taken once.
 //!
 //! # Stage order
 //!
@@ -51,9 +51,9 @@
 //! # Trees built on the device
 //!
 //! If [`Capabilities::device_rebuild`] is `Ok`, [`Backend::rebuild`] can replace `adopt`. Like a stage, it records
-//! work: the build of a tree from the current positions. The generation must increase as it does for `adopt`. A
-//! following `preprocess` or `refit` does nothing, because the build includes both. After the positions change, the
-//! owner must rebuild or adopt another tree: preprocessing a tree that was built on the device panics.
+//! work: the build of a tree from the current positions. The generation must increase as it does for `adopt`. Until
+//! the positions change, `preprocess` and `refit` do nothing, because the build includes both. After the positions
+//! change, `preprocess` panics: the owner must first rebuild or adopt another tree.
 //!
 //! # Pictures
 //!

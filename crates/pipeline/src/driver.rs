@@ -220,8 +220,8 @@ impl Driver {
             && !matches!(e, BackendError::KeyFrame(_))
         {
             self.recording.is_refused = true;
-            // The refused frame still reads back the positions that it requested. With another number, the next frame
-            // does not request them again.
+            // Counts the refused frame, which still reads back the positions that it requested. So the next frame does
+            // not request them again.
             self.recording.number += 1;
         }
         recorded?;

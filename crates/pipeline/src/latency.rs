@@ -128,8 +128,8 @@ impl LatencyPredictor {
         }
     }
 
-    /// Returns whether a tree requested now would arrive before the tree with target time `new` should replace the one
-    /// with target time `last`.
+    /// Returns whether a tree requested now would arrive before the midpoint of two target times: `last`, that of the
+    /// current tree, and `new`, that of a finished tree. From the midpoint on, the finished tree is the nearer one.
     pub(crate) fn newer_tree_arrives_first(&self, last: f64, new: f64) -> bool {
         let ripe = f64::midpoint(last, new);
         (ripe - self.time) / self.step > self.expected()

@@ -26,7 +26,7 @@ use std::time::Instant;
 pub(crate) enum Vertices {
     /// Positions that a backend interpolated, read back.
     ReadBack(Snapshot),
-    /// Pose to blend from key frames on the host, to the same bits as in any backend.
+    /// Pose to blend on the host from key frames or from observed frames, to the same bits as in any backend.
     KeyFrames(Pose),
 }
 
@@ -110,7 +110,7 @@ impl TreeBuilder {
         std::mem::swap(&mut self.tree, &mut self.in_use);
     }
 
-    /// Builds a tree from scratch and converts it. If `input` has two poses, the tree is built over boxes that contain
+    /// Builds a tree from scratch and converts it. If `input` has halves, the tree is built over boxes that contain
     /// each triangle at both. Its cost is always measured at the vertices of `input`.
     pub(crate) fn build(
         &mut self,
@@ -156,9 +156,10 @@ impl TreeBuilder {
 
     /// Builds a tree from `input` and converts it.
     ///
-    /// A tree that is compared with the last one is built from its subtrees, which is faster. It is built from scratch
-    /// if trees degrade so slowly that build time does not matter. If trees degrade fast, the tree is built over boxes
-    /// that contain each triangle at both halves of its use. The tree then separates triangles that move apart.
+    /// A tree that is compared with the last tree is built from subtrees of the last tree, which is faster.
+    /// It is built from scratch if trees degrade so slowly that build time does not matter. If trees degrade fast,
+    /// the tree is built over boxes that contain each triangle at both halves of its use. The tree then
+    /// separates triangles that move apart.
     pub(crate) fn rebuild(
         &mut self,
         animation: &Animation,
@@ -226,7 +227,7 @@ impl TreeBuilder {
         leaves > 0 && leaves == animation.live_count()
     }
 
-    /// Builds a tree from the vertices of `input`. If `input` has two poses, builds the tree over boxes that contain
+    /// Builds a tree from the vertices of `input`. If `input` has halves, builds the tree over boxes that contain
     /// each triangle at both, and then computes the boxes at the vertices. A build from subtrees does not update the
     /// boxes, unless the format is [`TreeFormat::WideBlocks`]. Returns the costs at the vertices if the build computed
     /// them.

@@ -118,7 +118,7 @@ impl<'s> Selection<'s> {
         Ok(matches)
     }
 
-    /// Returns whether a backend that finds all GPUs of this backend was listed and has no GPU.
+    /// Returns whether this backend can have no GPU, because the backend that covers it was listed and found none.
     fn is_covered(&self, entry: &BackendEntry<'_>) -> bool {
         let position = |name| self.backends.iter().position(|r| r.name == name);
         let other = entry.covered_by.and_then(position);

@@ -12,9 +12,9 @@
 //! With `Exact`, triangles include their edges, and a ray in a triangle's plane misses it. `t`, `u` and `v` are the
 //! exact values, each rounded once to the nearest float.
 //!
-//! A hit depends only on the ray, the triangle and the intersector. A vertex that is very far away does not change hits
-//! of triangles without this vertex. Up to a distance of `2^40`, only rays that hit triangles with this vertex take
-//! notably longer.
+//! A hit depends only on the ray, the triangle and the intersector. Up to a distance of `2^40`, a vertex does not
+//! change hits of triangles without this vertex. Only rays that hit triangles with this vertex take notably longer.
+//! The next section describes larger distances.
 //!
 //! # Far away
 //!

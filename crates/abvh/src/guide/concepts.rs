@@ -18,7 +18,7 @@
 //! [`Tracer::hits`](crate::Tracer::hits) waits for a query and returns a handle to its results, without a copy.
 //! [`Tracer::is_done`](crate::Tracer::is_done) polls. A step's results can be read until two more steps are submitted.
 //! [`Hits`](crate::Hits) that were read before remain valid. A step that is dropped instead of submitted frees its
-//! results at once and does not count.
+//! results at once and is not one of the two.
 //!
 //! ```
 //! use abvh::{Device, Mesh, Query, Ray, Scene, Tracer};

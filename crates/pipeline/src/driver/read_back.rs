@@ -15,7 +15,8 @@ use std::time::Instant;
 const AT_REST: u64 = 32;
 
 impl Driver {
-    /// Returns whether a build uses the positions of two frames. In lockstep a tree may be due before the second frame.
+    /// Returns whether a build uses the positions of two frames. In lockstep it does not, because a tree may be due
+    /// before the second frame.
     fn observes_two_frames(&self) -> bool {
         let rule = self.adoption_rule();
         rule.by_cost && !self.knows_key_frames && rule.builds_ahead
