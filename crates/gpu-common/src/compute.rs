@@ -111,8 +111,8 @@ impl<D: GpuDevice> ComputeBackend<D> {
         self.engine.run(Some(stage), work, |name| tree.get(name))
     }
 
-    /// Records the stages of the candidate. They precede those of the current tree, whose `preprocess` then counts
-    /// inactive and degenerate triangles again.
+    /// Records the stages of the candidate. They precede those of the current tree, because the last `preprocess`
+    /// of a submission determines its counts of inactive and degenerate triangles.
     fn record_candidate(&mut self, params: Params) -> Result<()> {
         let (intersector, engine) = (self.intersector, &mut self.engine);
         let trees = self.tree.as_mut().expect("a scene was loaded");

@@ -28,8 +28,8 @@ pub struct ExternalRun<'a> {
 }
 
 impl VulkanDevice {
-    /// Sets external memory as the source of a run of positions, in all later key frames. The next submission copies
-    /// them first.
+    /// Sets external memory as the source of a run of positions, in all later key frames. They are copied
+    /// when the next key frame is uploaded, or by the next `signal`.
     ///
     /// # Errors
     /// [`backend::BackendError::Misuse`] if the memory belongs to another device or is too small, or the offset is not

@@ -110,7 +110,8 @@ pub(crate) fn submit(gpu: &Gpu, queue: &Queue, batches: &[QueueBatch<'_>]) -> Re
             .signal_semaphore_values(from_ref(&batch.done.1))
     });
     let mut values: Vec<_> = values.collect();
-    // All stages wait, including the one that writes timestamps. So no stage's time includes the wait.
+    // All pipeline stages wait, including the one that writes timestamps. So the times of the frame's stages do not
+    // include the wait.
     let most = waits.iter().map(|(semaphores, _)| semaphores.len()).max();
     let stages = vec![vk::PipelineStageFlags::ALL_COMMANDS; most.unwrap_or(0)];
     let infos = all().zip(&mut values).map(|((batch, (waits, _)), values)| {

@@ -76,7 +76,7 @@ pub(crate) struct RayDescription {
     weights: [f64; 2],
     /// Vertex or edge of the triangle.
     part: usize,
-    /// Whether a ray that starts on the boundary of a triangle starts at a vertex.
+    /// A random choice, used by kind of ray. A ray that starts on the boundary of a triangle starts at a vertex if set.
     is_vertex: bool,
     /// Points around the scene.
     points: [[f64; 3]; 2],

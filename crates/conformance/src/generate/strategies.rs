@@ -150,7 +150,7 @@ impl<T: ValueTree> ValueTree for EachTree<T> {
         let begin = self.begin;
         self.begin += run.len();
         self.kept.splice(begin..begin, run);
-        // The restored list is known to fail. So the next run is removed at once, where there is one.
+        // The restored list is known to fail. So it is not tested again: the next run, if any, is removed first.
         self.remove();
         true
     }

@@ -21,7 +21,7 @@ impl LeafSplit {
     pub(crate) const ALL: [Self; 3] = [Self::LeftChain, Self::RightChain, Self::Random];
 
     fn left(self, leaves: usize, depth: u32, rng: &mut fastrand::Rng) -> usize {
-        // The depth of trees is limited. A subtree whose remaining levels just hold its leaves must be full.
+        // Each child has at most `room` leaves, because the depth of trees is limited.
         let room = 1_usize << (MAX_DEPTH - depth - 1).min(40);
         let wanted = match self {
             Self::LeftChain => leaves - 1,

@@ -8,7 +8,8 @@ use backend::{Hits, Query, QueryKind, Rays};
 use geom::{Animation, Hit, Point, Ray, Triangle};
 use std::sync::Arc;
 
-/// Distances of the stray triangle from the origin. At none of these distances is a scene of unit size scaled.
+/// Distances of the stray triangle from the origin. With a triangle at any of these distances, a scene of unit size has
+/// scale exponent 0.
 const DISTANCES: [f32; 5] = [1e3, 1e5, 1e6, 1e8, 1e9];
 
 /// Traces a scene, a stray triangle, and both together. Tests that each ray's hit in both together is, bit for bit,

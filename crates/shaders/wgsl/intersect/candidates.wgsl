@@ -2,8 +2,8 @@
 // three words: its leaf, the next candidate, and whether a hit of that leaf is in shadow (resolve_hits_and_shadows.wgsl).
 //
 // `occluded` holds one word per ray, the list of undecided rays, the candidates, and the stacks of fallback.wgsl.
-// Kernels that need both lists have the list of undecided shadow rays after the stacks. Any-hit searches fill the list
-// at `undecided_shadows_at`, which is otherwise the list of undecided rays.
+// Any-hit searches fill the list at `undecided_shadows_at`. Kernels that need both lists have this list after the
+// stacks. In other kernels it is the list of undecided rays.
 
 import package::lib::buffers::{counts, occluded};
 import package::lib::counters::CANDIDATE_COUNT;
@@ -18,6 +18,7 @@ const UNDECIDED: u32 = 0xfffffffeu;
 // In place of the second weight of a hit: the ray is undecided. No weight has these bits.
 const UNDECIDED_HIT: u32 = 0xffffffffu;
 
+// The list of undecided rays has one word per ray, as has the part of `occluded` before it.
 fn candidate_at(candidate: u32) -> u32 { return 2u * params.search.undecided_rays_at + 3u * (candidate - FIRST_CANDIDATE); }
 
 // Returns the word that holds the shadow of a candidate's hit: 0, 1, or UNDECIDED.

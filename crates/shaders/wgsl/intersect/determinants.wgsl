@@ -56,6 +56,7 @@ struct SolvedTriangle { result: CandidateResult, d: Int192, n: Int192 }
 
 // Derives the denominator D, the numerator N and the decision from the four determinants.
 fn solve_determinants(given: CandidateResult, values: Determinants) -> SolvedTriangle {
+    // `d` is set below, unless the triangle is missed.
     var solved = SolvedTriangle(given, values.u, values.n);
     let signs = vec3<i32>(sign_192(values.u), sign_192(values.v), sign_192(values.w));
     let negative = any(signs < vec3<i32>(0));

@@ -39,8 +39,8 @@ fn signs_are_exact(e: Edges) -> bool {
     return least >= 7.888609052210118e-31 && sum < 0x7f000000u;
 }
 
-// Returns an upper bound on the padding of the triangle's own box along the main axis. This is the padding of the root
-// box, unless `params.spread` is 1.
+// Returns an upper bound on the padding of the triangle's own box along the main axis. The padding of the root box
+// is such a bound. Some kernels compute a tighter one if `params.spread` is 1.
 fn own_padding(ray: PreparedRay, e: Edges) -> f32 {
     @if(!(trace_packets || trace_packets_by_subgroups || resolve))
     if params.spread == 1u { return loose_own_pad(ray, e); }

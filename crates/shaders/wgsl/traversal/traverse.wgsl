@@ -6,8 +6,9 @@ import package::intersect::intersector::{BestHit, initial_best, intersect_leaf_a
 import package::lib::buffers::nodes;
 
 // Returns where a ray enters and leaves a node's box before `bound`. The box is met if x <= y. Requires that t_min is not
-// negative. Compares bits as integers: non-negative floats compare as their bits do, and negative values are behind the ray in
-// either order. Devices find the greatest of three integers in one instruction (an H200: rays 4 % faster).
+// negative. Compares bits as integers: non-negative floats compare as their bits do, and negative ones
+// stay below t_min in any order. Devices find the greatest of three integers in one instruction
+// (an H200: rays 4 % faster).
 
 @if(!(trace_rays || any_rays || MODULE))
 fn slab_interval(ray: PreparedRay, low: vec4<u32>, high: vec4<u32>, bound: f32) -> vec2<i32> {

@@ -107,7 +107,7 @@ fn max_box_depth(b: OwnBox) -> f32 {
     return most.x + most.y + most.z;
 }
 
-// Returns the same for a box.
+// Returns whether a box is certainly beyond one side of the picture.
 fn is_box_outside(low: vec3<f32>, high: vec3<f32>, max_distance: f32) -> bool {
     return is_box_outside_along(low, high, params.column, params.width, max_distance)
         || is_box_outside_along(low, high, params.row, params.height, max_distance);
