@@ -184,7 +184,7 @@ fn needles(camera: &Camera) -> Arc<Animation> {
         ];
         let (sine, cosine) = (std::f32::consts::TAU * spread(0.569_84)).sin_cos();
         let length = 2.0 + 14.0 * spread(0.414_214);
-        let along = |by: f32| at([middle[0] + by * cosine, middle[1] + by * sine], 1.000_02);
+        let along = |by: f32| at([middle[0] + by * cosine, middle[1] + by * sine], 1.000_2);
         let end = along(length * (0.5 + 0.5 * spread(0.302_776)));
         // Within a few units in the last place of the end.
         let ulps = [i % 5, i / 5 % 5, i / 25 % 5].map(|k| i32::from(k) - 2);
