@@ -6,6 +6,7 @@ use crate::intersect::{AnyHitTest, AnyHits};
 use crate::leaf::{OfBlock, OfLane, TriangleRay, Triangles, edges, solve};
 use crate::packet::{self, PacketHits, PacketSearch, RayPacket};
 use crate::rays::{MOST_RAYS, OneRay};
+use crate::search::ClosestSearch;
 use crate::simd::{Isa, Lanes, PlaneVector, set_lanes};
 use crate::single::PlacedHit;
 use crate::tree::{Bvh8, LANES, NOWHERE, place};
@@ -30,57 +31,58 @@ impl AnyHitTest for ExactFilter {
     }
 }
 
-/// Returns the place of the triangle that one ray hits first. `cpu-ref` computes the values of the hit.
-#[inline(always)]
-pub(crate) fn closest_of_ray<I: Isa>(
-    tree: &Bvh8,
-    ray: &OneRay<'_, impl Lanes>,
-    stack: &mut TraversalStack,
-) -> PlacedHit {
-    let mut closest = ExactClosestOfRay {
-        tree,
-        ray,
-        bound: ray.t_max(),
-        low: NEVER,
-        other: NEVER,
-        place: NOWHERE,
-    };
-    let node_ray = NodeRay::<I::Eight>::new(ray, tree.spread);
-    walk::<I>(tree, &node_ray, stack, &mut closest);
-    PlacedHit {
-        hit: Hit::MISS,
-        place: closest.place,
-        is_open: closest.other < NEVER && closest.other <= closest.bound,
-    }
-}
+impl ClosestSearch for ExactFilter {
+    const IS_FILTER: bool = true;
 
-/// Returns the places of the triangles that the rays of a packet hit first. Returns `None` if tracing the rays singly
-/// is likely to be faster.
-#[inline(always)]
-pub(crate) fn closest_of_packet<I: Isa>(
-    tree: &Bvh8,
-    packet: &RayPacket<I::Packet, I::Planes>,
-    stack: &mut TraversalStack,
-) -> Option<PacketHits<I::Packet>> {
-    let never = I::Packet::splat(NEVER);
-    let mut closest = ExactClosestOfPacket {
-        bound: packet.t_max,
-        low: never,
-        other: never,
-        places: [NOWHERE; MOST_RAYS],
-        placed: 0,
-    };
-    let completed = packet::search::<I>(tree, packet, stack, &mut closest);
-    let zero = I::Packet::splat(0.0);
-    let other = closest.other;
-    let open = I::Packet::both(other.less(never), other.at_most(closest.bound));
-    completed.then_some(PacketHits {
-        t: closest.bound,
-        u: zero,
-        v: zero,
-        places: closest.places,
-        open: I::Packet::bits(open),
-    })
+    #[inline(always)]
+    fn closest_of_ray<I: Isa>(
+        tree: &Bvh8,
+        ray: &OneRay<'_, impl Lanes>,
+        stack: &mut TraversalStack,
+    ) -> PlacedHit {
+        let mut closest = ExactClosestOfRay {
+            tree,
+            ray,
+            bound: ray.t_max(),
+            low: NEVER,
+            other: NEVER,
+            place: NOWHERE,
+        };
+        let node_ray = NodeRay::<I::Eight>::new(ray, tree.spread);
+        walk::<I>(tree, &node_ray, stack, &mut closest);
+        PlacedHit {
+            hit: Hit::MISS,
+            place: closest.place,
+            is_open: closest.other < NEVER && closest.other <= closest.bound,
+        }
+    }
+
+    #[inline(always)]
+    fn closest_of_packet<I: Isa>(
+        tree: &Bvh8,
+        packet: &RayPacket<I::Packet, I::Planes>,
+        stack: &mut TraversalStack,
+    ) -> Option<PacketHits<I::Packet>> {
+        let never = I::Packet::splat(NEVER);
+        let mut closest = ExactClosestOfPacket {
+            bound: packet.t_max,
+            low: never,
+            other: never,
+            places: [NOWHERE; MOST_RAYS],
+            placed: 0,
+        };
+        let completed = packet::search::<I>(tree, packet, stack, &mut closest);
+        let zero = I::Packet::splat(0.0);
+        let other = closest.other;
+        let open = I::Packet::both(other.less(never), other.at_most(closest.bound));
+        completed.then_some(PacketHits {
+            t: closest.bound,
+            u: zero,
+            v: zero,
+            places: closest.places,
+            open: I::Packet::bits(open),
+        })
+    }
 }
 
 /// A distance beyond the lower end of every interval.

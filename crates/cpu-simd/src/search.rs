@@ -1,6 +1,5 @@
-//! The closest-hit searches of each intersector.
+//! The closest-hit searches of intersectors. That of `exact` is in `exact.rs`.
 
-use crate::exact::{self, ExactFilter};
 use crate::intersect::{AnyHitTest, LaneTest};
 use crate::packet::{self, PacketHits, RayPacket};
 use crate::rays::OneRay;
@@ -48,27 +47,5 @@ impl<T: LaneTest> ClosestSearch for T {
         stack: &mut TraversalStack,
     ) -> Option<PacketHits<I::Packet>> {
         packet::closest::<I, T>(tree, packet, stack)
-    }
-}
-
-impl ClosestSearch for ExactFilter {
-    const IS_FILTER: bool = true;
-
-    #[inline(always)]
-    fn closest_of_ray<I: Isa>(
-        tree: &Bvh8,
-        ray: &OneRay<'_, impl Lanes>,
-        stack: &mut TraversalStack,
-    ) -> PlacedHit {
-        exact::closest_of_ray::<I>(tree, ray, stack)
-    }
-
-    #[inline(always)]
-    fn closest_of_packet<I: Isa>(
-        tree: &Bvh8,
-        packet: &RayPacket<I::Packet, I::Planes>,
-        stack: &mut TraversalStack,
-    ) -> Option<PacketHits<I::Packet>> {
-        exact::closest_of_packet::<I>(tree, packet, stack)
     }
 }
