@@ -1,5 +1,6 @@
 //! Rays that take devices extra work: from far away, at ties, and at hits that a first search leaves open.
 
+use crate::device_trial;
 use crate::exact::check;
 use backend::{Backend, Hits, Intersector, QueryKind, Rays};
 use conformance::oracle::Oracle;
@@ -11,7 +12,7 @@ use libtest_mimic::Trial;
 use std::f32::consts::TAU;
 use std::sync::Arc;
 
-type Opened = backend::Result<Box<dyn Backend>>;
+pub(crate) type Opened = backend::Result<Box<dyn Backend>>;
 
 /// Creates one test per device, ignored if the device is absent.
 pub(crate) fn trials() -> Vec<Trial> {
@@ -22,14 +23,12 @@ pub(crate) fn trials() -> Vec<Trial> {
         ("wgpu", wgpu.map(|b| Box::new(b) as _)),
     ];
     let trial = |(name, backend): (&str, Opened)| {
-        let why = backend.as_ref().err().map(ToString::to_string);
-        let test = Trial::test(format!("hard_rays_on_{name}"), move || {
+        let absent = backend.as_ref().err().map(ToString::to_string);
+        device_trial("hard_rays", name, absent, move || {
             let backend = against_the_oracle(backend?);
             against_the_host(watertight(backend));
             Ok(())
-        });
-        let test = test.with_ignored_flag(why.is_some());
-        test.with_kind(why.unwrap_or_default())
+        })
     };
     both.map(trial).into()
 }
@@ -39,7 +38,7 @@ fn open(demo: &str) -> Arc<Animation> {
     scene.unwrap().animation
 }
 
-fn still(points: Vec<Point>, triangles: Vec<[u32; 3]>) -> Arc<Animation> {
+pub(crate) fn still(points: Vec<Point>, triangles: Vec<[u32; 3]>) -> Arc<Animation> {
     Arc::new(Animation::new(vec![points], triangles).unwrap())
 }
 

@@ -5,8 +5,8 @@ mod hard;
 mod rounding;
 
 use integration::scenes::{DEMOS, REAL};
-use integration::trial;
-use libtest_mimic::Trial;
+use integration::{is_required, trial};
+use libtest_mimic::{Failed, Trial};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
@@ -21,4 +21,18 @@ fn main() -> ExitCode {
     trials.extend(rounding::trials());
     trials.push(trial("odd_scenes", exact::odd_scenes));
     libtest_mimic::run(&arguments, trials).exit_code()
+}
+
+/// Creates a test of a property on a device. If the device is absent, the test is ignored with the reason `absent`, or
+/// fails if the device is required.
+fn device_trial(
+    property: &str,
+    device: &str,
+    absent: Option<String>,
+    body: impl FnOnce() -> Result<(), Failed> + Send + 'static,
+) -> Trial {
+    let is_ignored = absent.is_some() && !is_required(device);
+    Trial::test(format!("{property}_on_{device}"), body)
+        .with_ignored_flag(is_ignored)
+        .with_kind(absent.unwrap_or_default())
 }

@@ -1,7 +1,9 @@
 //! Rays and triangles at which an error bound decides whether a hit is found: "What a hit is", `docs/design/hits.md`.
 
+use crate::device_trial;
 use crate::exact::check;
-use backend::{Backend, Hits, Intersector, QueryKind, Rays};
+use crate::hard::{Opened, still};
+use backend::{Backend, Intersector, QueryKind, Rays};
 use conformance::oracle::Oracle;
 use conformance::stage::triangles;
 use geom::{Animation, Camera, Point, Ray};
@@ -9,7 +11,6 @@ use integration::stage::Stage;
 use libtest_mimic::Trial;
 use std::sync::Arc;
 
-type Opened = backend::Result<Box<dyn Backend>>;
 type Open = fn() -> Opened;
 type Check = fn(Box<dyn Backend>);
 
@@ -38,34 +39,29 @@ pub(crate) fn trials() -> Vec<Trial> {
     ];
     let mut trials = Vec::new();
     for (name, open) in open {
-        let why = open().err().map(|e| e.to_string());
+        let absent = open().err().map(|e| e.to_string());
         for (property, test) in tests {
-            let run = move || {
+            trials.push(device_trial(property, name, absent.clone(), move || {
                 test(open()?);
                 Ok(())
-            };
-            let trial = Trial::test(format!("{property}_on_{name}"), run);
-            trials.push(
-                trial
-                    .with_ignored_flag(why.is_some())
-                    .with_kind(why.clone().unwrap_or_default()),
-            );
+            }));
         }
     }
     trials
 }
 
-fn still(corners: &[[Point; 3]]) -> Arc<Animation> {
+/// A scene of separate triangles.
+fn soup(corners: &[[Point; 3]]) -> Arc<Animation> {
     let count = corners.len() as u32;
     let triangles = (0..count).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]);
-    Arc::new(Animation::new(vec![corners.concat()], triangles.collect()).unwrap())
+    still(corners.concat(), triangles.collect())
 }
 
 /// Keeps the scene's scale at 1, away from all rays.
 const FAR: [Point; 3] = [[1.0, 5.0, 5.0], [1.0, 6.0, 5.0], [1.0, 5.0, 6.0]];
 
 fn against_the_oracle(backend: Box<dyn Backend>, corners: &[[Point; 3]], rays: &[Ray]) {
-    let animation = still(corners);
+    let animation = soup(corners);
     let oracle = Oracle::new(triangles(&animation, 0.0));
     let mut stage = Stage::over(backend, &animation, Intersector::Exact);
     let expected = check(&mut stage, &oracle, 0.0, rays);
@@ -135,7 +131,7 @@ fn ties_at_zero(mut backend: Box<dyn Backend>) {
         [first, second, FAR],
         [second, first, FAR],
     ] {
-        let mut stage = Stage::over(backend, &still(&corners), Intersector::MollerTrumbore);
+        let mut stage = Stage::over(backend, &soup(&corners), Intersector::MollerTrumbore);
         stage.plant(0.0);
         let hit = stage.closest(0.0, &[ray]).closest[0];
         assert_eq!((hit.triangle, hit.t), (0, 0.0), "{corners:?}");
@@ -192,19 +188,16 @@ fn needles(camera: &Camera) -> Arc<Animation> {
             [0, 1, 2].map(|k: usize| f32::from_bits(end[k].to_bits().wrapping_add_signed(ulps[k])));
         corners.push([along(-length), end, beside]);
     }
-    still(&corners)
+    soup(&corners)
 }
 
 fn needles_in_a_picture(backend: Box<dyn Backend>) {
     let camera = askew();
     let animation = needles(&camera);
-    let trace = |stage: &mut Stage, rays: Rays<'_>| -> Hits {
-        stage.plant(0.0);
-        stage.trace(0.0, rays, QueryKind::Closest)
-    };
     let rays: Vec<Ray> = camera.rays().collect();
     let mut reference = Stage::new(&animation, Intersector::Watertight, 2);
-    let expected = trace(&mut reference, Rays::List(&rays)).closest;
+    reference.plant(0.0);
+    let expected = reference.closest(0.0, &rays).closest;
     let needles = expected.iter().filter(|h| h.is_hit() && h.triangle > 1);
     let count = needles.count();
     assert!(count > 100, "only {count} needles are hit");
