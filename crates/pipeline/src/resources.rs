@@ -45,7 +45,7 @@ impl ExpectedMemory {
     ) -> Self {
         let keys = keys_bytes(animation);
         let trees = trees_bytes(animation.triangle_count(), rays);
-        // With adoption by cost, a candidate tree exists beside the current one.
+        // With adoption by cost, a candidate tree exists in addition to the current one.
         let candidate = if options.update.adopts_by_cost() {
             animation.live_count() as u64 * CANDIDATE_BYTES
         } else {
