@@ -1,7 +1,7 @@
 //! The request for a frame, and its statistics.
 
 use crate::tree_builder::BuildMoments;
-use backend::{DeviceBytes, FrameReport, Generation, StageTimes, rounded};
+use backend::{DeviceBytes, FrameReport, Generation, rounded};
 use geom::Pose;
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
@@ -40,9 +40,6 @@ pub struct FrameRecord {
     pub device_bytes: Option<DeviceBytes>,
     /// Times of the driver's steps.
     pub moments: FrameMoments,
-    /// Separate submission that read back vertices, if any: for the frame's own tree, or to measure the range of
-    /// coordinates.
-    pub fetched: Option<TimedSubmission>,
     /// Submission that traced the frame.
     pub traced: TimedSubmission,
 }
@@ -67,11 +64,9 @@ impl FrameRecord {
                 seen: begun,
                 read: begun,
             },
-            fetched: None,
             traced: TimedSubmission {
                 handed_in: begun,
                 seen: begun,
-                times: StageTimes::default(),
             },
         }
     }
@@ -79,7 +74,7 @@ impl FrameRecord {
     /// Completes the statistics after the driver has waited for the frame and read its results. If a separate
     /// submission read back vertices, `self.report` holds its report. Its times and bytes count for the frame.
     pub(crate) fn finish(&mut self, mut report: FrameReport, [waited, seen, read]: [Instant; 3]) {
-        (self.traced.seen, self.traced.times) = (seen, report.times);
+        self.traced.seen = seen;
         let (times, fetched) = (&mut report.times, &self.report.times);
         times.interpolate_ms = times.interpolate_ms.or(fetched.interpolate_ms);
         times.device_ms += fetched.device_ms;
@@ -144,15 +139,13 @@ pub struct FrameMoments {
     pub read: Instant,
 }
 
-/// One submission, timed by the host and by the device.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Times of one submission, on the host's clock.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TimedSubmission {
     /// The host started to submit it. The device started later.
     pub handed_in: Instant,
     /// The host saw that it was finished. The device had finished earlier.
     pub seen: Instant,
-    /// Start of the first stage and duration of each stage, on the device's clock.
-    pub times: StageTimes,
 }
 
 /// Statistics of a tree that a frame adopted.

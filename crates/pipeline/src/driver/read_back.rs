@@ -5,11 +5,9 @@ use super::Driver;
 use super::next_tree::NextTreeState;
 use super::trees::bytes;
 use crate::error::PipelineError;
-use crate::frame::TimedSubmission;
 use crate::tree_builder::{BuildInput, Observed, Vertices, pose_between};
 use backend::{Query, Snapshot};
 use geom::Pose;
-use std::time::Instant;
 
 /// Number of frames without motion after which a scene is considered at rest.
 const AT_REST: u64 = 32;
@@ -49,16 +47,8 @@ impl Driver {
     pub(super) fn read_now(&mut self, pose: Pose) -> Result<Snapshot, PipelineError> {
         self.backend.interpolate(pose)?;
         self.backend.request_positions()?;
-        let handed_in = Instant::now();
         let ticket = self.backend.submit()?;
-        let report = self.backend.wait(ticket)?;
-        let record = &mut self.recording.record;
-        record.fetched = Some(TimedSubmission {
-            handed_in,
-            seen: Instant::now(),
-            times: report.times,
-        });
-        record.report = report;
+        self.recording.record.report = self.backend.wait(ticket)?;
         loop {
             match self.backend.take_positions()? {
                 Some((t, positions)) if t == ticket => return Ok(positions),
