@@ -162,7 +162,7 @@ impl Animation {
 
     /// Appends the next key frame of a [streamed](Self::streamed) animation and returns its time.
     ///
-    /// Only the last [`Self::KEPT`] key frames are kept, so each must be played before many others are pushed.
+    /// Only the last [`Self::KEPT`] key frames are kept. Each must be played before it is dropped.
     ///
     /// # Errors
     /// The number of vertices differs, or the animation is not streamed.
@@ -210,7 +210,7 @@ impl Animation {
         self.triangles.len()
     }
 
-    /// Returns the number of triangles that are active in at least one key frame. A tree contains exactly these.
+    /// Returns the number of [live](Self::is_live) triangles. A tree contains exactly these.
     pub fn live_count(&self) -> usize {
         self.triangles.len() - self.survey.never_active as usize
     }
@@ -248,8 +248,10 @@ impl Animation {
 
     /// Returns the box that a tree uses for `triangle` while the triangle is inactive.
     ///
-    /// This is its box in the first key frame in which the triangle is active, or [`Aabb::EMPTY`] if there is none.
-    /// Rays never hit an inactive triangle, but the tree needs a leaf for the time when the triangle becomes active.
+    /// This is its box in the first key frame in which the triangle is active, or [`Aabb::EMPTY`] if there is none. In
+    /// a [streamed](Self::streamed) animation, only the initial key frame counts, and a single point replaces an empty
+    /// box. Rays never hit an inactive triangle, but the tree needs a leaf for the time when the triangle becomes
+    /// active.
     pub fn fallback_box(&self, triangle: u32) -> Aabb {
         let others = &self.survey.fallback_boxes;
         if let Ok(i) = others.binary_search_by_key(&triangle, |s| s.0) {
@@ -259,7 +261,8 @@ impl Animation {
         active_box(&corners(self.first(), own)).unwrap_or(Aabb::EMPTY)
     }
 
-    /// Returns whether a tree must contain `triangle`, because it is active in some key frame.
+    /// Returns whether a tree must contain `triangle`: it is active in some key frame, or the animation is
+    /// [streamed](Self::streamed), so that any triangle may become active.
     pub fn is_live(&self, triangle: u32) -> bool {
         self.survey.never_active == 0 || !self.fallback_box(triangle).is_empty()
     }
@@ -282,12 +285,13 @@ impl Animation {
     ///
     /// `k` is 0 if the largest finite `|coordinate|` of all key frames is within `[2^-10, 2^30]`, and else that
     /// coordinate's exponent, clamped to `-126..=126`. `k` is also 0 if some key frame has coordinates far beyond its
-    /// typical size.
+    /// typical size. In a [streamed](Self::streamed) animation, only the initial key frame counts.
     pub fn scale_exponent(&self) -> i32 {
         self.survey.scale_exponent
     }
 
-    /// Returns the range of coordinates at `pose`.
+    /// Returns the range of coordinates at `pose`. For a [pushed](Self::push) key frame, ignores the next one: no pose
+    /// between them is traced.
     pub fn range(&self, pose: Pose) -> Range {
         match &self.keys {
             KeyFrames::Streamed(keys) if pose.key > 0 => {
@@ -316,17 +320,20 @@ impl Animation {
         }
     }
 
-    /// Returns the largest `|coordinate|` of all key frames; infinite if some coordinate is not finite.
+    /// Returns the largest `|coordinate|` of all key frames; infinite if some coordinate is not finite. Ignores
+    /// [pushed](Self::push) key frames.
     pub fn magnitude(&self) -> f32 {
         self.survey.magnitude
     }
 
-    /// Returns, for each key frame, the smallest box that contains its finite vertices.
+    /// Returns, for each key frame, the smallest box that contains its finite vertices. Ignores [pushed](Self::push)
+    /// key frames.
     pub fn key_bounds(&self) -> &[Aabb] {
         &self.survey.bounds
     }
 
-    /// Returns the smallest box that contains every finite vertex of every key frame.
+    /// Returns the smallest box that contains every finite vertex of every key frame. Ignores [pushed](Self::push) key
+    /// frames.
     pub fn bounds(&self) -> Aabb {
         let all = self.key_bounds().iter();
         all.fold(Aabb::EMPTY, |a, &b| a.union(b))

@@ -4,7 +4,8 @@ use crate::{Point, Ray};
 
 /// Pinhole camera: ray (x, y) has direction `corner + (x + 0.5) * across + (y + 0.5) * down`.
 ///
-/// Row 0 is the top of the image. Directions are not normalised, so that no square root or division influences a hit.
+/// Row 0 is the top of the image. Directions are not normalised, because devices may round square roots and divisions
+/// differently.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
     /// Origin of every ray.

@@ -76,7 +76,7 @@ pub type KeyFrame = Arc<PointBuffer>;
 #[error("{0}")]
 pub struct KeyFrameError(pub String);
 
-/// Reads a key frame that is not in memory, counted from 0.
+/// Function that reads a key frame, given by its index from 0 on.
 ///
 /// Returns one position per vertex, with the same bits on every call. Several threads may call it at the same time. It
 /// fails if the key frame cannot be read, or changed since it was first read.

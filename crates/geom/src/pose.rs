@@ -7,7 +7,8 @@ use crate::Point;
 pub struct Pose {
     /// Index of the earlier key frame.
     pub key: u32,
-    /// Weight of the later key frame, in `0.0..1.0`, or above 1 to extrapolate. At 0 the later frame is not read.
+    /// Weight of the later key frame. Weights above 1 extrapolate. At 0 the later frame is not read. [`Pose::at`]
+    /// returns weights in `0.0..1.0`.
     pub alpha: f32,
 }
 

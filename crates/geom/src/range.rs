@@ -10,7 +10,7 @@ const OUTLYING: f32 = 65_536.0;
 /// Boxes are padded by `17 * 2^-24` of the scene's size. At this limit, the padding is `17 * 2^-14` of the typical
 /// size.
 const SPREAD: f32 = 1024.0;
-/// Limit on the extent of the scene when the offset of shadow rays is computed, as a multiple of the typical size.
+/// [`Range::clearance`] as a multiple of the typical size.
 const CLEARANCE: f32 = 256.0;
 /// A triangle is tiny if all its scaled coordinates are below this, `2^-32`.
 const TINY: f32 = 1.0 / 4_294_967_296.0;
@@ -25,7 +25,7 @@ pub struct Range {
     /// True if the sizes of vertices differ greatly. Backends then compute the padding of each inner box from that box
     /// instead of the root box. This changes no hit.
     pub spread: bool,
-    /// Limit on the extent of the scene when the offset of shadow rays is computed, in scene units.
+    /// Upper limit, in scene units, on the scene extent that determines the offset of shadow rays.
     pub clearance: f32,
 }
 

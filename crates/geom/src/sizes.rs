@@ -62,7 +62,7 @@ impl SizeExtremes {
         least: [f32::INFINITY; 2],
     };
 
-    /// Scans vertices in groups. Most groups contain no new extreme, so that one branch skips the whole group.
+    /// Scans vertices in groups. Most groups contain no new extreme, and one branch skips them.
     fn of(points: &[Point]) -> Self {
         const GROUP: usize = 16;
         points.chunks(GROUP).fold(Self::NONE, |found, group| {

@@ -16,7 +16,8 @@ struct Recent {
     last: usize,
     /// The most recent key frames, oldest first, without key frame 0.
     kept: VecDeque<StreamedKey>,
-    /// Buffers for reuse: dropped key frames, which readers may still hold, and spare frames.
+    /// Buffers for reuse: dropped key frames, which readers may still hold, and frames added by
+    /// [`StreamedKeys::add_spare`].
     dropped: Vec<KeyFrame>,
 }
 

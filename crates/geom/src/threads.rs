@@ -67,7 +67,9 @@ pub fn in_parallel<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     }
 }
 
-/// Runs parallel `work` like [`in_parallel`], but the calling thread takes part in the tasks that it spawns.
+/// Runs `work` and the tasks that it spawns, and returns the result of `work`. The tasks run in the pool of
+/// [`in_parallel`]. `work` itself runs on the calling thread, or on a new thread if the caller is a worker of the
+/// program.
 fn in_parallel_scope<'s, T: Send>(work: impl FnOnce(&Scope<'s>) -> T + Send) -> T {
     match foreign_pool() {
         Some(pool) => off_worker(|| pool.in_place_scope(work)),
@@ -83,8 +85,8 @@ pub fn parallelism() -> usize {
     }
 }
 
-/// Returns the shared pool, or `None` if the work should run in the current pool: the calling thread is already in a
-/// pool of the library, or the shared pool could not be started.
+/// Returns the shared pool, or `None` if the work should run in the current pool. This is the case on workers of the
+/// library's pools, after [`use_global_pool`], and if the shared pool could not be started.
 fn foreign_pool() -> Option<&'static ThreadPool> {
     static SHARED: OnceLock<Option<ThreadPool>> = OnceLock::new();
     if IS_OWN_WORKER.get() || GLOBAL_IS_OWN.load(Ordering::Relaxed) {
