@@ -1,6 +1,6 @@
-//! The axes that describe a run: backends, update policies and intersectors.
+//! The options that describe a run: backend, update policy and intersector.
 //!
-//! Each axis is defined only here. Command lines, names in files, plot marks, kernel variants and tests use it.
+//! Each option is defined only here. Command lines, names in files, plot marks, kernel variants and tests use it.
 
 use std::fmt;
 use std::str::FromStr;
@@ -10,7 +10,8 @@ crate::named! {
     pub enum BackendName {
         /// The host's cores, with vector instructions and wide trees.
         Cpu = "cpu",
-        /// The scalar reference on the host's cores: the paper's binary tree, one triangle per leaf.
+        /// The scalar reference on the host's cores. Its binary tree is that of Kim, Kim, Lee, Han 2014, with one
+        /// triangle per leaf.
         CpuRef = "cpu-ref",
         /// Compute shaders through wgpu.
         Wgpu = "wgpu",
@@ -144,7 +145,7 @@ crate::named! {
     pub enum Intersector {
         /// Möller, Trumbore 1997, in single precision.
         MollerTrumbore = "moller-trumbore",
-        /// Woop 2004: one affine transform per triangle, computed each frame. The paper uses this one.
+        /// Woop 2004: one affine transform per triangle, computed each frame. Used by Kim, Kim, Lee, Han 2014.
         Woop = "woop",
         /// Woop, Benthin, Wald 2013, with exact signs and symbolic tie-breaking: no gaps and no double hits.
         Watertight = "watertight",

@@ -15,7 +15,7 @@ crate::named! {
     }
 }
 
-/// Floating-point behaviour of operations without a rounding decoration. It affects only the textbook intersectors,
+/// Floating-point behaviour of operations without a rounding decoration. It affects only `moller-trumbore` and `woop`,
 /// whose hits differ between backends ([`Intersector::is_equal_across_backends`]).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Arithmetic {

@@ -99,7 +99,7 @@ pub struct StageTimes {
     pub begun_ms: Option<f64>,
 }
 
-/// Times and counts of one submission. The program writes them to its statistics file under these names.
+/// Times and counts of one submission. The command-line program writes them to its statistics file under these names.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FrameReport {
     /// Time of each stage.

@@ -16,9 +16,9 @@
 //! [`FRAMES_IN_FLIGHT`] submissions are unfinished at any time; a further `submit` blocks until the oldest has
 //! finished.
 //!
-//! Only `submit`, [`Backend::wait`] and the methods that return results block. A submission's report and traces expire
-//! as soon as [`FRAMES_IN_FLIGHT`]` + 1` later submissions have contained a trace, unless [`Backend::retain_traces`]
-//! names the submission. A report can be read any number of times. Hits can be taken once.
+//! Only `submit`, [`Backend::wait`] and the methods that return results block. A submission's report and traces remain
+//! available until [`FRAMES_IN_FLIGHT`]` + 1` later submissions have contained a trace. [`Backend::retain_traces`]
+//! extends this. A report can be read any number of times. Hits can be taken once.
 //!
 //! # Stage order
 //!
