@@ -38,9 +38,9 @@ pub struct DriverOptions {
     /// First and last time to render, in key frames. Predicted times stay within this range.
     pub time_range: [f64; 2],
     /// Build each tree for the middle of the time in which it will be used. Applies to [`Policy::Async`], and to
-    /// [`Policy::Lockstep`] with a latency above 0. Trees are built from key frames, or from extrapolated positions if
-    /// only the backend has the positions. Otherwise trees are built from the positions of the frame that requests
-    /// them, read back from the backend.
+    /// [`Policy::Lockstep`] with a latency above 0. Trees are then built from key frames. If only the backend has the
+    /// positions, `Async` extrapolates them. In all other cases, trees are built from the positions of the frame that
+    /// requests them, read back from the backend.
     pub predict: bool,
 }
 
@@ -148,7 +148,7 @@ impl Driver {
 
     /// Removes submitted frames that the device will never run.
     ///
-    /// The next frame uploads positions again. A build that waits for positions is cancelled. A finished tree is
+    /// The next frame interpolates positions again. A build that waits for positions is cancelled. A finished tree is
     /// evaluated again, because the device dropped its boxes.
     pub fn abandon(&mut self, dropped: &[Ticket]) {
         self.pending

@@ -87,7 +87,7 @@ impl FrameRecord {
     }
 }
 
-/// Facts about the tree of a frame. The program writes them to its statistics file.
+/// Facts about the tree of a frame. The command-line program writes them to its statistics file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FrameTreeStats {
     /// Generation of the tree that the frame was traced with.

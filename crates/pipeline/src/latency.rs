@@ -22,8 +22,11 @@ const SUBTREES: f64 = 0.5;
 /// Observes frames and builds, and predicts when the next tree will be used.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LatencyPredictor {
+    /// First and last time of the run, in key frames.
     range: [f64; 2],
+    /// Time of the last frame; NaN before the first.
     time: f64,
+    /// Difference between the times of the last two frames.
     step: f64,
     /// Latency in frames from request to adoption, if the policy fixes it.
     agreed: Option<f64>,

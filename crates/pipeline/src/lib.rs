@@ -8,7 +8,8 @@
 //! With [`Policy::Refit`](backend::Policy::Refit) and [`Policy::Async`](backend::Policy::Async), the driver waits for a
 //! build only in the first frame. With [`Policy::Rebuild`](backend::Policy::Rebuild), each frame with motion waits for
 //! its own tree. With [`Policy::Lockstep`](backend::Policy::Lockstep), the adopting frame waits if the tree is not
-//! finished. Each [`FrameRecord`] contains the times of the driver's steps.
+//! finished. With [`Policy::DeviceRebuild`](backend::Policy::DeviceRebuild), the host builds no tree. Each
+//! [`FrameRecord`] contains the times of the driver's steps.
 
 mod builder_thread;
 mod driver;

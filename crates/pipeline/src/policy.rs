@@ -38,7 +38,7 @@ pub struct RunFacts {
 const FAR_APART: f64 = 2.0;
 /// Cost ratio up to which the first tree is considered as good as a fresh one.
 const LASTS: f64 = 1.05;
-/// Estimates up to this factor times the lowest count as equal. The first of them wins.
+/// Estimates of at most this factor times the lowest one are considered equal. The first such estimate wins.
 const TIE: f64 = 1.05;
 /// Device memory of a run, in bytes, from which on the estimates leave out [`Policy::DeviceRebuild`], because the
 /// memory is worth more than the time saved. Common GPUs have this much free while they also drive a desktop.

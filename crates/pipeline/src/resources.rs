@@ -104,9 +104,10 @@ pub struct Threads {
 }
 
 impl Threads {
-    /// Divides `cores` between rendering and building, where the numbers are not given. With `async`, both run at once:
-    /// if the host renders, builds get a quarter of four or more cores; if a GPU renders, builds get all cores except
-    /// the one that feeds it. With other policies, both run alternately, so each gets all cores.
+    /// Divides `cores` between rendering and building, where the numbers are not given. With `async`, both run at once.
+    /// If the host renders, a quarter of the cores builds, or one additional thread if there are fewer than four cores.
+    /// If `render` is given, a quarter of this number of additional threads builds. If a GPU renders, one thread less
+    /// than `render` builds. With other policies, both run alternately, so each gets all cores.
     #[must_use]
     pub fn share(
         cores: usize,

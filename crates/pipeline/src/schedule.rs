@@ -50,8 +50,8 @@ mod tests {
     const FREE: Policy = Policy::Async;
     const LOCKSTEP: Policy = Policy::Lockstep(3);
 
-    /// Returns the plan of a frame whose newest tree is outdated, as letters: swap, wait, request. A build was requested in
-    /// frame 5.
+    /// Returns the plan of a frame whose newest tree is outdated, as letters: swap, wait, request. A build was
+    /// requested in frame 5.
     fn letters(policy: Policy, frame: u64, is_decided: Option<bool>) -> String {
         let build = is_decided.map(|is_decided| InFlight {
             requested_at: 5,

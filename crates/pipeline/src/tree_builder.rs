@@ -111,7 +111,7 @@ impl TreeBuilder {
     }
 
     /// Builds a tree from scratch and converts it. If `input` has halves, the tree is built over boxes that contain
-    /// each triangle at both. Its cost is always measured at the vertices of `input`.
+    /// each triangle at both poses. Its cost is always measured at the vertices of `input`.
     pub(crate) fn build(
         &mut self,
         animation: &Animation,
@@ -156,10 +156,10 @@ impl TreeBuilder {
 
     /// Builds a tree from `input` and converts it.
     ///
-    /// A tree that is compared with the last tree is built from subtrees of the last tree, which is faster.
-    /// It is built from scratch if trees degrade so slowly that build time does not matter. If trees degrade fast,
-    /// the tree is built over boxes that contain each triangle at both halves of its use. The tree then
-    /// separates triangles that move apart.
+    /// A tree that is compared with the last tree is built from subtrees of the last tree, which is faster. It is built
+    /// from scratch if trees degrade so slowly that build time does not matter. If trees degrade fast, the tree is
+    /// built over boxes that contain each triangle at both poses of [`BuildInput::halves`]. The tree then separates
+    /// triangles that move apart.
     pub(crate) fn rebuild(
         &mut self,
         animation: &Animation,
@@ -227,8 +227,8 @@ impl TreeBuilder {
         leaves > 0 && leaves == animation.live_count()
     }
 
-    /// Builds a tree from the vertices of `input`. If `input` has halves, builds the tree over boxes that contain
-    /// each triangle at both, and then computes the boxes at the vertices. A build from subtrees does not update the
+    /// Builds a tree from the vertices of `input`. If `input` has halves, builds the tree over boxes that contain each
+    /// triangle at both poses, and then computes the boxes at the vertices. A build from subtrees does not update the
     /// boxes, unless the format is [`TreeFormat::WideBlocks`]. Returns the costs at the vertices if the build computed
     /// them.
     fn build_tree(

@@ -91,9 +91,9 @@ pub(super) enum Verdict {
         /// Its cost divided by the current tree's, if known.
         cost_ratio: Option<f64>,
     },
-    /// It costs more, but time still approaches its target.
+    /// It costs as much or more, but time still approaches its target.
     Wait,
-    /// It costs more.
+    /// It costs as much or more.
     Reject,
 }
 

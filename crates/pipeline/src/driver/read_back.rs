@@ -1,5 +1,6 @@
-//! Reads positions back from the backend for builds. The frame that requests a tree reads its positions back. If only
-//! the backend has the positions, the next frame that moves does so, too. The motion is then extrapolated from both.
+//! Reads positions back from the backend, for trees that are not built from key frames. The frame that requests a tree
+//! reads its positions back. If trees are built for predicted positions and adopted by cost, the next frame that moves
+//! does so, too. The motion is then extrapolated from both.
 
 use super::Driver;
 use super::next_tree::NextTreeState;

@@ -103,7 +103,7 @@ fn is_steady(seen: &[TimedTrace]) -> bool {
     before.len().min(last.len()) >= FEWEST && (a - b).abs() <= AGREE * a.max(b)
 }
 
-/// Returns the median of the frames' times; of an even number, the later of the middle two.
+/// Returns the median of the frames' times; of an even number, the larger of the middle two.
 fn median(of: &[TimedTrace]) -> f64 {
     let mut times: Vec<f64> = of.iter().map(|trace| trace.device_ms).collect();
     times.sort_unstable_by(f64::total_cmp);
@@ -120,8 +120,8 @@ fn window(all: &[TimedTrace]) -> (&[TimedTrace], &[TimedTrace]) {
 }
 
 impl Driver {
-    /// Renders the first frame and then warms the device up, if it needs that. `asked` sets the duration in seconds.
-    /// Returns the result of the warm-up, if any, and the remaining frames.
+    /// If the device needs a warm-up, renders the first frame and then warms the device up. `asked` sets the duration
+    /// in seconds. Returns the result of the warm-up, if any, and the remaining frames.
     ///
     /// # Errors
     /// Those of the backend and of `on_frame`.
@@ -154,8 +154,8 @@ impl Driver {
     /// report. Keeps as many traces in flight as the backend allows, so that the device never waits for the host.
     ///
     /// Later frames are not affected: no tree ages, time does not advance and no tree is requested. A build in flight
-    /// continues, but right after the first frame there is no build. With `async`, the builder first makes and drops a
-    /// tree, so that later builds find their memory allocated: see `TreeBuilder::warm_up`.
+    /// continues, but right after the first frame there is no build. With `async`, the builder first builds and drops
+    /// trees, so that later builds find their memory allocated: see `TreeBuilder::warm_up`.
     ///
     /// # Errors
     /// Those of the backend.

@@ -1,4 +1,5 @@
-//! After the first frames, the frame loop allocates no heap memory with any policy.
+//! After the first frames, the frame loop allocates no heap memory with `refit` and `async`, and hardly any in
+//! lockstep.
 //!
 //! Builders allocate memory on their own threads. Only allocations of the rendering thread are counted.
 

@@ -68,6 +68,7 @@ pub(in crate::driver) struct Fake {
     animation: Option<Arc<Animation>>,
     pose: Option<Pose>,
     generation: Generation,
+    /// True if the boxes are up to date: those of leaves, and those of inner nodes.
     fresh: (bool, bool),
     ticket: u64,
     /// In the order of the requests.
