@@ -1,6 +1,6 @@
 //! The backends of this build: lists their adapters, opens them, and selects the best one.
 //!
-//! The program uses this module through the feature `unstable`. It may change with each version.
+//! The command-line program uses this module through the feature `unstable`. It may change with each version.
 
 #![cfg_attr(
     not(feature = "unstable"),

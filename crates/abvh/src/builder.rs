@@ -56,7 +56,8 @@ impl TracerBuilder {
         }
     }
 
-    /// Sets the number of host threads that trace or, if a GPU traces, build trees.
+    /// Sets the number of host threads that trace or, if a GPU traces, build trees. With [`Update::Async`] and a GPU,
+    /// one thread less builds, but at least one.
     ///
     /// By default, the host traces with one thread per core. For a GPU, one thread per two cores builds trees, which
     /// leaves cores for the program. If a host with at least four cores traces and builds at the same time, a
@@ -83,7 +84,7 @@ impl TracerBuilder {
     }
 
     /// Sets whether trees are built for predicted positions, which is the default. Otherwise they are built for the
-    /// positions of the step that requests them, for comparisons.
+    /// positions of the step that requests them. This is mainly useful to measure the gain of prediction.
     #[must_use]
     pub fn predict(self, predict: bool) -> Self {
         Self { predict, ..self }
@@ -120,7 +121,7 @@ impl TracerBuilder {
     pub(crate) fn builders(&self, kind: DeviceKind, update: Update) -> Result<BuilderThreads> {
         let requested = self.threads.or(self.builder_threads);
         let threads = match (requested, self.share(kind, update)?.build) {
-            // With more builder threads, steps wait for cores longer than better trees save.
+            // With more builder threads, steps lose more time waiting for cores than they gain by newer trees.
             (None, all) if kind == DeviceKind::Gpu => all.div_ceil(2),
             (_, shared) => shared,
         };

@@ -14,7 +14,7 @@ pub enum Device {
     Auto,
     /// The host's cores.
     Cpu,
-    /// The scalar reference on the host's cores, with the hits of `Cpu`: short code that is slow.
+    /// The scalar reference on the host's cores. Its hits are those of `Cpu`. Its code is short, but slow.
     CpuRef,
     /// Compute shaders through Vulkan. `None` selects the first GPU. A string of digits selects an adapter by index,
     /// any other string the only adapter whose name contains it.

@@ -26,7 +26,7 @@ pub struct Problem {
 }
 
 /// Checks if a GPU can be used on this machine. If not, returns the problems and how to fix them. On Linux, this covers
-/// the drivers of NVIDIA and Mesa. Opens no device.
+/// the drivers of NVIDIA and Mesa. Lists adapters and opens the device files of GPUs, but creates no device.
 #[must_use]
 pub fn doctor() -> Diagnosis {
     diagnose(&adapters(), &nodes(), has_nvidia_library())

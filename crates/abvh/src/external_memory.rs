@@ -47,8 +47,8 @@ use std::sync::Arc;
 
 /// An exported buffer in device-local memory, created by [`Tracer::external_buffer`](crate::Tracer::external_buffer).
 ///
-/// It has a dedicated allocation (`cudaExternalMemoryDedicated`) and starts at its offset 0. Its usages are
-/// `STORAGE_BUFFER`, `TRANSFER_SRC` and `TRANSFER_DST`. Clones refer to the same buffer.
+/// It has a dedicated allocation (`cudaExternalMemoryDedicated`) and starts at offset 0 of the allocation. Its usages
+/// are `STORAGE_BUFFER`, `TRANSFER_SRC` and `TRANSFER_DST`. Clones refer to the same buffer.
 #[derive(Clone)]
 pub struct ExternalBuffer(pub(crate) Arc<ExternalMemory>);
 

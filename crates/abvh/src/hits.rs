@@ -128,7 +128,8 @@ impl Hits {
         count
     }
 
-    /// Returns one byte per ray: 1 if the ray hit any triangle, else 0. Empty for a query of closest hits.
+    /// Returns one byte per ray: 1 if the ray hit any triangle, else 0. Empty for a query of closest hits. For a
+    /// [picture](crate::Step::render), 1 means that the pixel's hit is in shadow.
     #[must_use]
     pub fn any(&self) -> &[u8] {
         &self.0.hits.blocked

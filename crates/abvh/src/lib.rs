@@ -1,4 +1,4 @@
-//! Traces rays through triangle meshes that move and deform, on the host or on a GPU without ray-tracing hardware.
+//! Traces rays through triangle meshes that move and deform, on the host or on a GPU. Needs no ray-tracing hardware.
 //!
 //! ```
 //! use abvh::{Mesh, Query, Ray, Scene, Source, Tracer};

@@ -38,6 +38,7 @@ impl QueryForm {
 /// Function that creates a backend, on any thread.
 type OpenBackend = Box<dyn FnOnce() -> backend::Result<Box<dyn Backend>> + Send>;
 
+/// A scene on a device, with the results of its queries.
 pub(crate) struct Loaded {
     pub(crate) driver: Driver,
     pub(crate) joined: JoinedScene,
@@ -159,7 +160,7 @@ impl Loaded {
     /// each.
     pub(crate) fn warm_up(&mut self, time: f64, forms: &[QueryForm]) -> Result<()> {
         let ray = [Ray::new([0.0; 3], [0.0, 0.0, 1.0])];
-        // The first tree is built for the first query.
+        // Without forms, traces one ray, because only a query builds the first tree.
         let list = [QueryForm {
             camera: None,
             kind: QueryKind::Closest,

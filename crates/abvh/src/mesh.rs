@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// Triangles and their motion.
 #[derive(Clone, Debug)]
 pub struct Mesh {
-    /// Empty if the motion has the triangles.
+    /// Empty if the motion is an animation, which holds the triangles.
     pub(crate) triangles: Vec<[u32; 3]>,
     pub(crate) motion: Arc<MeshMotion>,
     pub(crate) colours: Arc<[Colour]>,
@@ -34,7 +34,8 @@ impl Mesh {
         Self::new(triangles, vertices.len(), motion)
     }
 
-    /// Creates a mesh that never moves from vertices in double precision, such as those of a survey or a globe.
+    /// Creates a fixed mesh like [`Mesh::fixed`], but from double-precision vertices, such as those of a survey or a
+    /// globe.
     ///
     /// `offset` is subtracted from every vertex in double precision before rounding, so it should be near the mesh. Use
     /// the same offset for all meshes of a scene, and subtract it from the origins of rays:
@@ -193,7 +194,7 @@ impl Mesh {
     /// much memory are read while they are played.
     ///
     /// # Errors
-    /// [`Error::KeyFrame`], with the file and the position in it.
+    /// [`Error::KeyFrame`], with the file and the position in it. [`Error::Unsupported`] if no threads can be started.
     #[cfg(feature = "files")]
     pub fn open(name: &str) -> Result<Self> {
         let open = || scene::open(name, &scene::SceneOptions::default());

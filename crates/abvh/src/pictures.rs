@@ -14,7 +14,8 @@ impl Step<'_> {
     /// Renders the view of a camera, lit by the sky and by one point light with shadows. Meshes have their
     /// [colours](crate::Mesh::with_colours). [`Tracer::pixels`] returns the picture, [`Tracer::hits`] its closest hits.
     ///
-    /// All devices produce the same bytes. Without a GPU, the host shades the picture before the call returns. The
+    /// All devices produce the same bytes with [`Watertight`](crate::Intersector::Watertight) and
+    /// [`Exact`](crate::Intersector::Exact). Without a GPU, the host shades the picture before the call returns. The
     /// offset of shadow rays depends on the extent of the vertices. So vertices that only the device has are read back
     /// first, and the call waits for them.
     ///

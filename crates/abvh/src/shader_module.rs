@@ -14,7 +14,7 @@
 //! | `ABVH_EXTREME` | value of `triangle`, or result of `abvh_any`, for an extreme ray, which shaders cannot trace |
 //!
 //! Results are those of queries with [`Intersector::Watertight`](crate::Intersector::Watertight), bit for bit. The
-//! [accuracy guide](crate::guide::accuracy) defines extreme rays. Queries trace them, too.
+//! [accuracy guide](crate::guide::accuracy) defines extreme rays. Queries can trace them.
 
 use crate::loaded::no_wgpu;
 use crate::{Error, Result, Tracer};

@@ -114,8 +114,8 @@ fn normalized_exponent(v: Vec3) -> Vec3 {
 }
 
 /// Normalizes `v` to length 1, with an error of a few units in the last place. Returns zero where
-/// [`normalized_exponent`] does. Uses Newton's method with the common initial guess of an inverse square root. Devices
-/// repeat these operations bit for bit, but need not round square roots correctly.
+/// [`normalized_exponent`] does. Uses Newton's method with the common initial guess of an inverse square root, because
+/// devices need not round square roots correctly. They reproduce the operations used here bit for bit.
 fn unit(v: Vec3) -> Vec3 {
     let w = normalized_exponent(v);
     let square = w.dot(w);

@@ -4,9 +4,10 @@
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Statistics {
-    /// Number of trees so far, including the current tree.
+    /// Number of the current tree, counted from 1. Trees that were requested but not adopted count, too.
     pub generation: u64,
-    /// Number of queries since the query that requested the current tree.
+    /// Number of submissions since the one that requested the current tree. Queries that are traced together share a
+    /// submission.
     pub age: u64,
     /// Cost of the refitted tree by the surface area heuristic, relative to its cost when it was built. `None` if the
     /// backend does not measure costs.

@@ -18,16 +18,17 @@ pub enum Source<'a> {
     /// A buffer on the program's wgpu device ([`crate::own_device`]), with three consecutive floats per vertex.
     ///
     /// It needs the usage `COPY_SRC`, and is read faster if it also has the usage `STORAGE`. It is read in queue order
-    /// when the step's first query is traced. The buffer must belong to the same wgpu instance, since wgpu confuses
-    /// buffers of different instances. To build a tree for the predicted positions, the library reads back the vertices
-    /// of two steps.
+    /// when the step's first query is traced. The buffer must belong to the same wgpu instance: see
+    /// [`OwnDevice`](crate::own_device::OwnDevice). To build a tree for the predicted positions, the library reads back
+    /// the vertices of two steps.
     #[cfg(feature = "wgpu")]
     Wgpu(wgpu::BufferSlice<'a>),
     /// A buffer that is shared with another API of the GPU ([`crate::external_memory`]), with three consecutive floats
     /// per vertex.
     ///
-    /// It is read when the next query is traced, or before the signal of [`Step::synchronize`]. To build a tree for the
-    /// predicted positions, the library reads back the vertices of two steps.
+    /// It is read when the next query is traced. In a step without queries, it is read before the signal of
+    /// [`Step::synchronize`]. To build a tree for the predicted positions, the library reads back the vertices of two
+    /// steps.
     #[cfg(feature = "vulkan")]
     External {
         /// A buffer of the same tracer.

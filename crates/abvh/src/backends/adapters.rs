@@ -34,7 +34,8 @@ pub(super) fn match_adapter<'a>(
     }
 }
 
-/// Finds the adapter of `backend`, or of a rival, that `requested` names by its index, its name or a part of the name.
+/// Finds the adapter in `list` that `requested` names by its index, its name or a part of the name. `backend` is the
+/// name for error messages.
 ///
 /// # Errors
 /// Several adapters match, or none. The message lists them.

@@ -6,33 +6,37 @@
 //! | `Exact` | exact arithmetic, for every ray | equal bits |
 //! | `MollerTrumbore`, `Woop` | textbook methods in single precision: rays may pass between triangles near edges | equal within rounding |
 //!
-//! `Watertight` is the method of Woop, Benthin and Wald (2013). It computes `t`, `u` and `v` in single precision, and
-//! `t` is within the triangle's bounding box. Results lose digits if the angle between ray and triangle is small.
+//! `Watertight` is the method of Woop, Benthin and Wald (2013). It computes `t`, `u` and `v` in single precision. `t`
+//! is clamped to the interval in which the ray is inside the triangle's bounding box. Results lose digits if the angle
+//! between ray and triangle is small.
 //!
 //! With `Exact`, triangles include their edges, and a ray in a triangle's plane misses it. `t`, `u` and `v` are the
 //! exact values, each rounded once to the nearest float.
 //!
-//! A hit depends only on the ray, the triangle and the intersector. Up to a distance of `2^40`, a vertex does not
-//! change hits of triangles without this vertex. Only rays that hit triangles with this vertex take notably longer.
+//! A hit depends only on the ray, the triangle and the intersector. A single distant vertex, up to `2^40` from the
+//! origin, changes no hits of triangles that do not use it. It slows down only rays that hit the triangles that use it.
 //! The next section describes larger distances.
 //!
 //! # Far away
 //!
-//! The result of `Watertight` is exact for a ray that differs slightly from the given ray: by rounding errors in single
-//! precision, at the distance of the triangle. At a distance of `1e12`, the spacing of floats is 65,536. So a ray may
-//! hit a triangle that it misses by a few such steps. A direction component below `2^-37` of the largest component
-//! counts as 0. `Exact` has no such error.
+//! `Watertight` decides exactly whether a slightly different ray hits. That ray differs from the given ray by rounding
+//! errors in single precision, at the distance of the triangle. At a distance of `1e12`, the spacing of floats is
+//! 65,536. So a ray may hit a triangle that it misses by a few such steps. A direction component below `2^-37` of the
+//! largest component counts as 0. `Exact` has no such error.
 //!
-//! A ray is *extreme* if it starts `2^40` (`1.1e12`) or more from the origin along some axis, or if some vertex is that
-//! far away. A ray that starts within `2^-24` of the origin is also extreme if there are vertices within `2^-32` of the
-//! origin, other than at the origin itself. The error of single precision is unbounded for such rays. Both intersectors
-//! trace them in exact arithmetic, which is slow: a ray from very far away is tested against all triangles. So results
-//! of `Watertight` may change where rays become extreme: a ray from just below `1.1e12` may hit a triangle that a ray
-//! from just above correctly misses.
+//! A ray is *extreme* if it starts `2^40` (`1.1e12`) or more from the origin along some axis, or if some vertex is
+//! farther away than this. A ray that starts within `2^-24` of the origin is also extreme if two vertices are within
+//! `2^-32` of the origin, other than at the origin itself. If the scene is scaled (see below), these limits apply to
+//! the scaled coordinates.
+//!
+//! The error of single precision is unbounded for extreme rays. Both intersectors trace them in exact arithmetic, which
+//! is slow: a ray from very far away is tested against all triangles. So results of `Watertight` may change where rays
+//! become extreme: a ray from just below `1.1e12` may hit a triangle that a ray from just above correctly misses.
 //!
 //! If the largest coordinate of all key frames or initial positions is outside `2^-10..=2^30`, all coordinates are
-//! scaled by a power of two. Scaled coordinates below `2^-64` then count as 0. So coordinates of one scene should not
-//! differ by 18 orders of magnitude. The last bits of `t`, `u` and `v` may depend on the scale factor of the scene.
+//! scaled by a power of two. A scene is not scaled if a coordinate exceeds `2^16` times the typical size of the
+//! vertices. `Watertight` treats scaled coordinates below `2^-64` as 0. So coordinates of one scene should not differ
+//! by 18 orders of magnitude. The last bits of its `t`, `u` and `v` may depend on the scale factor of the scene.
 //!
 //! No hit depends on the tree: neither on its age nor on [`Update`](crate::Update). So a run can be repeated with the
 //! same hits, also with another number of threads.

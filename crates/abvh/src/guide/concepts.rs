@@ -46,9 +46,9 @@
 //!
 //! [`Step::render`](crate::Step::render) traces a camera with shadows of a point light and shades the hits, on the GPU
 //! or, without a GPU, on the host. [`Tracer::pixels`](crate::Tracer::pixels) copies the picture, four bytes per pixel.
-//! Every device produces the same bytes. Meshes are grey unless they [have colours](crate::Mesh::with_colours).
-//! [`Tracer::render_frames`](crate::Tracer::render_frames) renders a sequence of pictures and passes each to a closure:
-//! see [`frames`](crate::frames).
+//! With the default intersector, every device produces the same bytes. Meshes are grey unless they
+//! [have colours](crate::Mesh::with_colours). [`Tracer::render_frames`](crate::Tracer::render_frames) renders a
+//! sequence of pictures and passes each to a closure: see [`frames`](crate::frames).
 //!
 //! # Units
 //!

@@ -1,7 +1,7 @@
 //! Meshes that a simulation moves.
 //!
-//! [`Step::vertices`](crate::Step::vertices) takes all vertices of a mesh in their original order, and copies them
-//! before it returns. The triangles do not change. [`Step::poses`](crate::Step::poses) takes a
+//! [`Step::vertices`](crate::Step::vertices) takes all vertices of a mesh in their original order. It copies vertices
+//! in host memory before it returns. The triangles do not change. [`Step::poses`](crate::Step::poses) takes a
 //! [`Matrix`](crate::Matrix) for each part. A matrix maps the part's initial positions to the current ones, so matrices
 //! of successive steps are independent.
 //!

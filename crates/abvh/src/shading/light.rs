@@ -1,7 +1,7 @@
 //! Light of the sky, of the ground and of one lamp, and conversion between linear light and sRGB.
 //!
-//! The kernel `wgsl/visibility/shade.wgsl` computes the same bits on devices. For this, all operations are in single
-//! precision and round once, without divisions and square roots.
+//! The kernel `wgsl/visibility/shade.wgsl` computes the same bits on devices. For this, all operations per pixel are in
+//! single precision and round once, without divisions and square roots. The host computes the tables.
 
 use backend::Palette;
 use glam::{Vec3, vec3};
