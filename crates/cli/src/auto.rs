@@ -7,7 +7,8 @@ use geom::Animation;
 use output::Taken;
 use pipeline::{DriverOptions, ExpectedMemory, RefitDecay, RunFacts};
 
-/// Returns the choice of `auto` for one option with its reason, or `None` without a reason: the user chose.
+/// Describes the value that was chosen for an option that is `auto`. Returns `None` if `why` is `None`, which means
+/// that the user chose the value.
 pub(crate) fn choice(option: &str, value: &str, why: Option<String>) -> Option<Taken> {
     Some(Taken {
         what: option.to_owned(),

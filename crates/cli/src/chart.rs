@@ -1,13 +1,13 @@
 //! `abvh chart`: the speed of every backend, intersector and policy, against its rate of wrong answers.
 //!
-//! Times are those of `bench`: the device's time and, with `rebuild`, the wait for the frame's own tree. They cover all
-//! frames but the first, which warms up. Answers are compared with those of the exact oracle, which shares no code with
+//! The time of a frame is its device time plus, with `rebuild`, the wait for its tree. The first frame does not count,
+//! because it waits for the first tree. Answers are compared with those of the exact oracle, which shares no code with
 //! any backend. The start of a shadow ray depends on the reported hit, so the oracle cannot answer it in advance.
 //! Shadow rays are compared with `exact` on the host over fresh trees.
 //!
-//! An update policy must not change any hit. To check this, each contender first traces a few rays. Contenders of one
-//! backend and intersector whose hits are equal, bit for bit, share one comparison ([`accuracy`]). A contender whose
-//! hits differ is compared separately.
+//! An update policy must not change any hit. To check this, each contender traces a few rays after its frames are
+//! timed. Contenders of one backend and intersector whose hits are equal, bit for bit, share one comparison
+//! ([`accuracy`]). A contender whose hits differ is compared separately.
 //!
 //! All contenders are timed before any comparison, so that the oracle's memory is not measured. Host memory is the
 //! resident memory of the process, including memory that earlier runs left allocated.

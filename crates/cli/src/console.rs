@@ -1,4 +1,5 @@
-//! Writes to the terminal: results to standard output, remarks to standard error. Only clap prints its help itself.
+//! Writes to the terminal: results to standard output, remarks to standard error. All text passes through this
+//! module, except the help that clap prints.
 
 use crate::stop::Stop;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};

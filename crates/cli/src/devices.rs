@@ -144,7 +144,7 @@ impl Opening {
         Self { opened, thread }
     }
 
-    /// Returns a backend that is open already.
+    /// Returns an `Opening` that contains a backend that is open already.
     pub(crate) fn of(backend: Box<dyn Backend>) -> Self {
         let (sender, opened) = channel();
         // The receiver is alive.

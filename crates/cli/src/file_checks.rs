@@ -12,7 +12,7 @@ type NamedFile<'a> = (&'a str, PathBuf);
 pub(crate) struct CommandFiles<'a> {
     pub(crate) read: Vec<NamedFile<'a>>,
     pub(crate) written: Vec<NamedFile<'a>>,
-    /// Folders for the files of frames.
+    /// Output folders that receive files for every frame.
     pub(crate) folders: Vec<NamedFile<'a>>,
 }
 

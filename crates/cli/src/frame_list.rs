@@ -8,7 +8,7 @@ use std::str::FromStr;
 
 /// Default number of frames of a demo: two seconds of film.
 const DEMO_FRAMES: usize = 48;
-/// Maximum default number of frames of other scenes.
+/// Maximum default number of frames of a scene that is not a demo.
 const MOST_FRAMES: usize = 96;
 
 const MAX_FRAMES: usize = 1_000_000;
@@ -56,7 +56,7 @@ impl FromStr for TimeRange {
 impl FromStr for FrameChoice {
     type Err = String;
 
-    /// Parses `N`, `A..B` or a list of key times.
+    /// Parses `N`, `A..B` or a list of key times. A key time is the index of a key frame.
     fn from_str(text: &str) -> Result<Self, String> {
         let frames = if text.contains(['.', ',', '-']) {
             Self::Keys(key_times(text)?)
@@ -164,7 +164,7 @@ fn slurm_shard(variable: &dyn Fn(&str) -> Option<String>) -> Result<Shard, Strin
     }
 }
 
-/// Returns the frames of a motion with `keys` key frames that a run renders. Frames at key times are numbered by key
+/// Returns the frames that a run renders of a motion with `keys` key frames. Frames at key times are numbered by key
 /// time, others from 0.
 pub(crate) fn list(
     frames: Option<&FrameChoice>,
@@ -252,7 +252,8 @@ impl EvenFrames {
         Self { count, range }
     }
 
-    /// Returns the times of all frames, both ends included. The time of a frame at a key frame has no rounding error.
+    /// Returns the times of all frames, both ends included. If the range begins and ends at key frames, the times of
+    /// frames at key frames have no rounding errors.
     fn times(&self) -> Vec<f64> {
         let TimeRange { from, to } = self.range;
         let steps = (self.count.max(2) - 1) as f64;

@@ -67,7 +67,8 @@ impl RunCommand for DoctorSettings {
     }
 }
 
-/// Returns the backend that `auto` chooses. Opens backends to find it, because `auto` skips a GPU that fails its test.
+/// Returns the backend that `auto` chooses. Opens backends to find it, because `auto` skips a GPU that fails its
+/// self-test.
 fn choice_of_auto() -> Result<Option<Taken>, Stop> {
     let request = DeviceRequest {
         threads: 1,

@@ -6,12 +6,12 @@
 //! | module | responsibility |
 //! |---|---|
 //! | `command`, `command_line`, `parsers` | the trait of commands, the list of commands, and parsers of option values |
-//! | `scene_source`, `camera`, `frame_list`, `devices`, `tracer_settings` | groups of options, and their resolution |
+//! | `scene_source`, `camera`, `frame_list`, `devices`, `tracer_settings` | groups of options, and what they select |
 //! | `auto`, `setup` | the choice of the update policy by `auto`; opening the device and loading the scene |
 //! | `tested_backends` | options and backends of `conform`, `stability` and `stress` |
-//! | `measure` | measurements of frames on a backend or on a rival |
+//! | `measure` | measurements of frames on a backend or on a rival: a third-party ray tracer |
 //! | `file_checks` | refuses outputs that overwrite inputs or each other |
-//! | `console`, `table`, `machine` | output to the terminal; text of results; facts about the machine |
+//! | `console`, `table`, `machine` | output to the terminal; tables of results; facts about the machine |
 //! | `stop`, `signals`, `threads` | errors with exit codes; SIGINT and SIGTERM; threads outside the backend |
 //!
 //! Imports between these modules have no cycles.

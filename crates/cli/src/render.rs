@@ -155,7 +155,8 @@ impl RenderSettings {
         Ok(())
     }
 
-    /// Starts the progress display and prints all remarks. `todo` frames remain; `done` frames are complete already.
+    /// Starts the progress display. Prints the choices of `auto` and the notes on the scene. `todo` frames remain, and
+    /// `done` frames are complete already.
     fn begin_progress(
         &self,
         scene: &Scene,

@@ -1,4 +1,4 @@
-//! Opens the device of a run, makes the choices of `auto`, and loads the scene.
+//! Opens the device of a run, replaces options that are `auto` by chosen values, and loads the scene.
 //!
 //! `render` and `trace` use the library's tracer. Other commands use the frame driver on which the tracer is built.
 
@@ -21,6 +21,7 @@ use std::sync::Arc;
 pub(crate) struct Setup {
     pub(crate) backend: &'static str,
     pub(crate) adapter: String,
+    /// Name and version of the device's driver, if there is one.
     pub(crate) driver: Option<String>,
     pub(crate) threads: usize,
     pub(crate) builder_threads: usize,

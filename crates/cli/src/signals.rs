@@ -9,8 +9,8 @@ static ARRIVED: AtomicI32 = AtomicI32::new(ENDS);
 const WAITS: i32 = 0;
 const ENDS: i32 = -1;
 
-/// Handles signals: they remove incomplete files and end the program with their exit code. If no thread can be started,
-/// the default handlers remain, and a later run removes incomplete files.
+/// Handles SIGINT and SIGTERM: removes incomplete files and exits with the signal's exit code. If no thread can be
+/// started, their default handlers remain, and a later run removes incomplete files. Also ignores SIGXFSZ.
 pub(crate) fn handle() {
     #[cfg(unix)]
     let _ = listen();

@@ -159,7 +159,7 @@ impl Serialize for StabilityRow {
             "rate": wrong.rate(),
             "bound": wrong.bound,
             // Only for closed meshes. Leaks are rays from inside that hit nothing. Double hits are rays that cross the
-            // surface too often or too seldom.
+            // surface an odd number of times from outside, or an even number of times from inside.
             "leaks": of(Measure::Leaks),
             "double_hits": of(Measure::DoubleHits),
             // Whether every count is within its bound.

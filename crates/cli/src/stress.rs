@@ -29,7 +29,7 @@ use std::time::{Duration, Instant};
 /// Number of steps before the first timed one: they compile kernels and build the first tree.
 const WARM_UP_STEPS: usize = 50;
 
-/// Number of poses whose hits are compared with the host's.
+/// Maximum number of poses whose hits are compared with the host's.
 const CHECKED_POSES: usize = 8;
 
 #[derive(Args, Debug)]

@@ -39,6 +39,7 @@ fn wide(rows: &[Cells<'_>], words: usize) -> String {
     table.trim_fmt() + "\n"
 }
 
+/// Formats the median, the 95th percentile and the maximum of each stage's time as a table. Omits stages without times.
 pub(crate) fn stages(frames: &[FrameStats]) -> String {
     let summary = overview(frames);
     let row = |&(name, _): &(&str, _)| {

@@ -4,8 +4,8 @@ use rayon::ThreadBuilder;
 use std::io;
 use std::sync::mpsc::{Sender, channel};
 
-/// Starts rayon's global pool for all work outside the backend, such as reading and shading. The pool has `threads`
-/// threads, or one per core. If the system cannot start that many, prints a remark and uses fewer.
+/// Starts rayon's global pool for all work outside the backend and the builder, such as reading and shading. The pool
+/// has `threads` threads, or one per core. If the system cannot start that many, prints a remark and uses fewer.
 ///
 /// The global pool can be built only once. So the threads are started first, and the pool uses those that started.
 pub(crate) fn start(threads: Option<usize>) {

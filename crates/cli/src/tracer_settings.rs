@@ -59,7 +59,8 @@ impl TracerSettings {
         }
     }
 
-    /// Returns the policy that the options determine alone. If `auto` has the choice, this is a provisional `async`.
+    /// Returns the policy that the options determine without an open backend. If the policy is left to `auto`, returns
+    /// `async`, which [`crate::auto`] may replace.
     pub(crate) fn policy(&self) -> ChosenPolicy {
         let at_pace = self.lockstep.map_or(Policy::Async, Policy::Lockstep);
         let (policy, why) = match self.update {
@@ -72,7 +73,7 @@ impl TracerSettings {
         ChosenPolicy { policy, why }
     }
 
-    /// Returns whether `auto` has the choice. [`crate::auto`] makes it once the backend is open.
+    /// Returns whether the policy is left to `auto`. [`crate::auto`] chooses it once the backend is open.
     pub(crate) fn is_open(&self) -> bool {
         self.update.is_none() && self.lockstep.is_none()
     }
@@ -83,7 +84,8 @@ impl TracerSettings {
         Threads::share(host::cores(), device, policy, requested)
     }
 
-    /// Returns the request that opens the backend. A backend on the host gets the share of the cores that renders.
+    /// Returns the request that opens the backend. A backend on the host gets the rendering threads, not those of the
+    /// builder.
     pub(crate) fn device_request(&self) -> DeviceRequest {
         let host = self.share(DeviceKind::Cpu, self.policy().policy);
         DeviceRequest {

@@ -82,7 +82,8 @@ impl RaySampler<'_> {
         loaded.trace_lists(self.kind(false), lists)
     }
 
-    /// Returns the rays of a stage, of the selected `sorts`: plain, aimed. The rays do not depend on other stages.
+    /// Returns the rays of a stage. `sorts` selects the kinds of rays: plain, aimed. The rays do not depend on other
+    /// stages.
     fn batches(&self, stage: &Range<usize>, sorts: [bool; 2]) -> Vec<RayBatch> {
         let moments = moments(self.animation, MOMENTS);
         let count = self.rays.div_ceil(moments.len());
@@ -107,7 +108,7 @@ impl RaySampler<'_> {
         batches
     }
 
-    /// Computes exact answers for the rays of a stage. Omits sorts of rays that no method traces any more.
+    /// Computes exact answers for the rays of a stage. Omits kinds of rays that no method traces any more.
     pub(super) fn answer(
         &self,
         stage: &Range<usize>,
@@ -165,7 +166,7 @@ impl RaySampler<'_> {
         stage: &AnsweredStage,
         tally: &mut Tally,
     ) -> Result<(), Stop> {
-        // Trace no rays at time 0, so that the first tree is built at the beginning of the motion.
+        // Trace an empty list of rays at time 0, so that the first tree is built at the beginning of the motion.
         loaded.trace_lists(QueryKind::Closest, [(0.0, &[][..])])?;
         for answered in &stage.0 {
             if tally.goes_on[usize::from(answered.batch.is_aimed)] {

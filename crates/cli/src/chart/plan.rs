@@ -35,7 +35,8 @@ impl HitMethod {
     }
 }
 
-/// Returns all contenders that backends and rivals support, without duplicates.
+/// Returns all combinations of the requested backends, intersectors and policies, then the rivals with the policies
+/// that they support. The list has no duplicates. It may contain policies that a backend does not support.
 pub(super) fn contenders(settings: &ChartSettings) -> Result<Contenders, Stop> {
     let measure = &settings.measure;
     let mut contenders = Contenders::default();

@@ -1,4 +1,4 @@
-//! Compares the hits of every backend with the oracle's exact hits.
+//! Compares the hits of every backend with the oracle's exact hits. The backends trace with the intersector `exact`.
 
 use super::{ConformReport, ConformSettings};
 use crate::console::ProgressLine;

@@ -1,4 +1,5 @@
-//! Writes the files of frames and the video on rayon's threads, while later frames are traced.
+//! Writes the files of frames on rayon's threads, while later frames are traced. Also converts frames for the video,
+//! which has a writing thread of its own.
 
 use super::files::FrameFiles;
 use crate::camera::LitCamera;
@@ -23,7 +24,7 @@ const COLOUR_BYTES: usize = 4 + 3 + 3;
 /// Bytes per pixel of a video: three planes.
 const PLANE_BYTES: usize = 3;
 
-/// The scene and the view of all frames, and the outputs that are written.
+/// Parameters that all frames share: the scene, the view, and the outputs that are written.
 pub(super) struct Rendered<'a> {
     pub(super) scene: &'a Scene,
     pub(super) shot: &'a LitCamera,

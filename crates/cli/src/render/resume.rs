@@ -131,7 +131,7 @@ impl EarlierRun {
     }
 }
 
-/// Returns all frames of a run over a motion with `key_times` key times.
+/// Returns all frames of a run over a motion with `key_times` key frames.
 pub(super) fn all_frames(settings: &RenderSettings, key_times: usize) -> Result<Vec<Frame>, Stop> {
     let frames = settings.frames.as_ref();
     frame_list::list(
@@ -142,11 +142,11 @@ pub(super) fn all_frames(settings: &RenderSettings, key_times: usize) -> Result<
     )
 }
 
-/// Returns the manifest of a run over a motion with `key_times` key times.
+/// Returns the manifest of a run over a motion with `key_times` key frames.
 pub(super) fn manifest(settings: &RenderSettings, key_times: usize) -> Result<Manifest, Stop> {
     let files = scene::files(&settings.scene)?;
-    // Plain files are identified by their digests, so their folder may change. The name also states how inputs are
-    // placed.
+    // The name is recorded for demos, which have no files, and for joined or placed inputs, because it contains their
+    // placements. Other scenes are identified by the digests of their files, so their folder may change.
     let is_placed = settings.scene.contains(['+', '@']);
     let name = (files.is_empty() || is_placed).then(|| settings.scene.clone());
     let files = output::digests(&files).map_err(Stop::bad)?;
@@ -168,7 +168,7 @@ fn other_options(settings: &RenderSettings, key_times: usize) -> BTreeMap<String
     let mut all = vec![
         ("fps", json!(source.fps)),
         ("clip", json!(source.clip)),
-        // The default view shows the bounding boxes of paged key frames instead of their vertices.
+        // The default view is fitted to the bounding boxes of paged key frames, but to the vertices of others.
         ("key-memory", json!(source.key_memory)),
         ("frames", frames_value(settings, key_times)),
         ("intersector", json!(tracer.intersector.name())),
@@ -185,8 +185,9 @@ fn other_options(settings: &RenderSettings, key_times: usize) -> BTreeMap<String
     all.into_iter().map(owned).collect()
 }
 
-/// Returns the value of `frames` in the manifest. Runs over different key times are compatible, because the time of
-/// such a frame does not depend on other frames. The times of evenly spread frames depend on their number and range.
+/// Returns the value of `frames` in the manifest. Runs with different lists of key times are compatible, because the
+/// time of a listed frame does not depend on the list. The times of evenly spread frames depend on their number and
+/// range.
 fn frames_value(settings: &RenderSettings, key_times: usize) -> Value {
     let frames = settings.frames.as_ref();
     if let Some(FrameChoice::Keys(_)) = frames {
