@@ -1,7 +1,7 @@
 //! Manifest and journals of a run into a folder.
 //!
 //! The manifest `abvh-run.json` determines whether a later run may continue the run. The journal `abvh-run.jsonl` has
-//! one line per finished frame, with the digests of its files.
+//! one line at the start of each run, and one line per finished frame with the digests of its files.
 //!
 //! A line is written after the files that it lists have their final names. If a frame has several lines, the last one
 //! counts. Each shard has its own journal, so several shards can fill one folder. A writer locks its journal.
@@ -27,7 +27,7 @@ pub struct Manifest {
     pub version: String,
     /// Rendered scene.
     pub scene: SceneId,
-    /// Number of key frame times in the animation.
+    /// Number of key frames of the animation.
     pub key_times: usize,
     /// Values of the options, by name.
     pub options: BTreeMap<String, Value>,
@@ -38,7 +38,7 @@ pub struct Manifest {
 pub struct SceneId {
     /// Name of the scene, if its files do not identify it completely.
     pub name: Option<String>,
-    /// Digests of the files with their names, in the order in which they are read.
+    /// Digests of the files with their names, sorted by path.
     pub files: Vec<NamedDigest>,
 }
 
@@ -130,7 +130,8 @@ pub fn digests(files: &[PathBuf]) -> Result<Vec<NamedDigest>, OutputError> {
 #[derive(Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum JournalLine {
-    /// Numbers of the frames that the run will render, and its statistics except those of frames.
+    /// Numbers of the frames of all shards, and the run's statistics except those of frames. Frames that are complete
+    /// already are listed too.
     Run { list: Vec<u64>, stats: Value },
     Frame {
         files: Vec<NamedDigest>,
@@ -280,7 +281,7 @@ impl Journal {
         Ok(Self { path, file })
     }
 
-    /// Appends a line with the numbers of the frames that the run will render, and its statistics.
+    /// Appends a line with the numbers of the frames of all shards, and the run's statistics.
     pub fn begin(&mut self, list: Vec<u64>, stats: Value) -> Result<(), OutputError> {
         let path = &self.path;
         // The last line may be truncated. It is ended here, so that the new line is separate.

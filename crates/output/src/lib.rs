@@ -1,8 +1,9 @@
 //! Output files: arrays, pictures, videos, statistics, and charts of measurements.
 //!
-//! Each file is written under a temporary name in its directory and renamed when it is complete, so readers never see a
-//! partial file. After an error, a file with the final name is unchanged. The content depends only on the data, not on
-//! the clock or the thread count. So equal results produce equal bytes.
+//! A file is written under a temporary name in its directory and renamed when it is complete, so readers never see a
+//! partial file. After an error, a file with the final name is unchanged. Exceptions are journals, which are appended
+//! to, and devices and pipes. The content depends only on the data, not on the clock or the thread count. So equal
+//! results produce equal bytes.
 
 mod atomic;
 mod hits;

@@ -89,7 +89,8 @@ impl RayFile {
     /// If the file cannot be read or the rays do not fit into memory.
     pub fn read(self, offset: [f64; 3]) -> Result<Vec<Ray>, OutputError> {
         let unreadable = |cause| OutputError::reading(&self.path, cause);
-        // The list of numbers grows by doubling. The file's size bounds its length.
+        // The list of numbers grows by doubling. `open` has checked that the file contains all numbers, so the product
+        // cannot overflow.
         let values = (self.rays * self.columns).next_power_of_two() * self.format.bytes();
         let bytes = values.saturating_add(self.rays.saturating_mul(size_of::<Ray>()));
         let checked = host::check(bytes as u64);

@@ -198,7 +198,8 @@ impl Sink {
     }
 }
 
-/// Returns whether the path contains a non-empty regular file. The encoder may have replaced the given file.
+/// Returns whether a non-empty regular file exists at the temporary path. The encoder may have replaced the file that
+/// was created there.
 fn holds_any(file: &UnfinishedFile) -> bool {
     let about = fs::symlink_metadata(file.path());
     about.is_ok_and(|about| about.is_file() && about.len() > 0)

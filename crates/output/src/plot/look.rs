@@ -11,7 +11,7 @@ use std::f64::consts::{PI, TAU};
 pub(crate) const INK: RGBColor = RGBColor(0x1a, 0x1a, 0x1a);
 pub(crate) const GREY: RGBColor = RGBColor(0x70, 0x70, 0x70);
 
-/// Radius in pixels of the circle with the area of a mark.
+/// Radius in pixels of a circular mark. Polygons have the same area.
 pub(crate) const RADIUS: f64 = 6.0;
 
 /// Appearance of a mark.
@@ -19,7 +19,7 @@ pub(crate) const RADIUS: f64 = 6.0;
 pub(crate) struct Look {
     pub(crate) colour: RGBColor,
     pub(crate) shape: MarkShape,
-    /// Opacity of the colour in the interior, from 0 (white) to 1.
+    /// Weight of the colour in the interior, from 0 (white) to 1.
     pub(crate) fill: f64,
 }
 

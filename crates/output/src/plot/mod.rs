@@ -3,11 +3,11 @@
 //! A [`Chart`] shows milliseconds per frame against wrong answers per million rays. Both axes are logarithmic, with a
 //! separate position for points without wrong answers. A further panel shows the rates of wrong answers for hard rays.
 //!
-//! All numbers are measured by the caller and are finite. Values that may be unknown are `Option`s.
+//! The caller measures all numbers. Values that may be unknown are `Option`s.
 //!
 //! This module draws with `plotters`. It measures nothing and accesses no files. Equal data give equal bytes, and no
-//! data causes a panic. Missing, non-finite or absurd values are omitted. The picture states how many points are not
-//! drawn for this reason.
+//! data causes a panic. Points without a positive median time or without tested rays are not drawn. The picture states
+//! their number. Infinite values are drawn at the end of the axis.
 
 #![expect(missing_docs, reason = "names are those of points.json")]
 

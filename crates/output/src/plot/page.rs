@@ -11,8 +11,9 @@ use plotters::style::{FontStyle, WHITE};
 use std::fmt::Write as _;
 
 const TITLE: &str = "abvh: speed against accuracy";
-/// Heights in pixels of a scatter plot and of a side panel.
+/// Height of a scatter plot in pixels.
 const PLANE: u32 = 540;
+/// Height of the panel of hard rays in pixels.
 const SIDE: u32 = 320;
 
 const STYLE: &str = "body { font: 15px sans-serif; margin: 1em auto; max-width: 1000px; color: #1a1a1a; background: #fff }\n\

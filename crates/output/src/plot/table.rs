@@ -106,7 +106,7 @@ fn cells(chart: &Chart, point: &ChartPoint, is_on_front: bool) -> Vec<(String, S
     cells
 }
 
-/// Formats a number with the fewest digits that identify it. `None` becomes an empty cell.
+/// Formats a value. A number gets the fewest digits that identify it. `None` becomes an empty cell.
 fn plain(x: Option<impl ToString>) -> String {
     x.map_or_else(String::new, |x| x.to_string())
 }
