@@ -1,4 +1,5 @@
-//! Contents of a mesh file of any format: vertices, faces and colours. Compares its faces with the first key frame's.
+//! Contents of a mesh file of any format: vertices, faces and colours. Later key frames are checked for the faces of
+//! the first.
 
 use crate::rounding::Position;
 use crate::stream::check_counts;

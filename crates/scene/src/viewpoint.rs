@@ -27,7 +27,7 @@ pub struct Viewpoint {
 
 impl Viewpoint {
     /// Chooses a view from the front, the right and slightly above that shows every finite vertex of every key frame.
-    /// For paged animations, it shows the bounding boxes of the key frames instead.
+    /// For paged animations, the view is fitted to the bounding boxes of the key frames instead.
     ///
     /// The light is above and to the left, outside the bounds. Flat, single-point and empty animations also get a view.
     #[must_use]

@@ -41,7 +41,7 @@ impl Rest {
 }
 
 impl Rig {
-    /// Builds the hierarchy. Fails if a node has two parents or is its own ancestor.
+    /// Builds the hierarchy. Fails if a node has two parents or if parents form a cycle.
     pub(super) fn new(file: &GltfFile) -> Result<Self> {
         let nodes = &file.document.nodes;
         let mut parents = vec![None; nodes.len()];

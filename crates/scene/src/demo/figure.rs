@@ -106,13 +106,13 @@ pub(super) fn figure(
     single.chain(paired).collect()
 }
 
-/// Returns the frame of a limb's joint. The y axis points up along the limb, x forward, z to the right.
+/// Returns the coordinate frame of a limb's joint. The y axis points up along the limb, x forward, z to the right.
 fn place(limb: Limb, side: f64, stride: Stride) -> DAffine3 {
     let root = DAffine3::from_translation(stride.ground);
     let bob = 0.03 * libm::cos(2.0 * TAU * stride.phase) - 0.035;
     let lean = -0.06;
     let spine = root * joint(DVec3::new(0.0, HIP + bob, 0.0), lean);
-    // The thigh's swing angle. The thigh moves forward while the sine rises.
+    // Phase of the leg in radians. The thigh moves forward while the sine rises.
     let swing = TAU * (stride.phase + if side < 0.0 { 0.5 } else { 0.0 });
     let (sin, cos) = (libm::sin(swing), libm::cos(swing));
     let knee = 0.16 + 0.85 * cos.max(0.0) * cos.max(0.0);
@@ -135,7 +135,8 @@ fn place(limb: Limb, side: f64, stride: Stride) -> DAffine3 {
     }
 }
 
-/// Returns a frame at `at` that is rotated forward by `angle`.
+/// Returns a coordinate frame at `at`, rotated by `angle` about z. A positive angle moves a hanging limb forward and
+/// leans an upright one back.
 fn joint(at: DVec3, angle: f64) -> DAffine3 {
     DAffine3::from_mat3_translation(rotation(DVec3::Z, angle), at)
 }

@@ -12,8 +12,9 @@ use std::f64::consts::TAU;
 const HALF: [f64; 2] = [6.4, 3.2];
 /// Height of the columns, and height of the wall behind them.
 const HEIGHT: [f64; 2] = [4.0, 5.0];
-/// Number of columns per row, and the z coordinates of the two rows.
+/// Number of columns per row.
 const COLUMNS: u32 = 6;
+/// z coordinates of the two rows of columns.
 const ROWS: [f64; 2] = [-2.0, 2.0];
 /// Side length of a floor tile.
 const TILE: f64 = 0.8;

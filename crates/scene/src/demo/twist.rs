@@ -1,4 +1,4 @@
-//! `demo:twist`: a striped cloth between two bars is twisted by four turns.
+//! `demo:twist`: a striped cloth between two bars is twisted by almost four turns.
 
 use super::noise;
 use super::shapes::{capsule, sheet, sheet_size};
@@ -7,7 +7,7 @@ use crate::Rgb;
 use glam::{DAffine3, DVec3};
 use std::f64::consts::TAU;
 
-/// Turns of one bar relative to the other.
+/// Turns of one bar relative to the other at a progress of 1. The animation ends at 0.94.
 const TURNS: f64 = 4.0;
 /// Half the length and half the width of the cloth.
 const HALF: [f64; 2] = [1.6, 0.85];
@@ -52,7 +52,7 @@ fn weave(p: DVec3) -> Rgb {
     blend(shade(STRIPES[band], thread), [60, 50, 60], grime)
 }
 
-/// Returns the progress of the twist, which starts at 0.
+/// Returns the progress of the twist, from 0 at the start to 0.94 at the end.
 fn wrung(time: f64) -> f64 {
     (smoothstep(-0.15, 1.1, time) - smoothstep(-0.15, 1.1, 0.0)).max(0.0)
 }
