@@ -6,7 +6,7 @@
 //! | module | responsibility |
 //! |---|---|
 //! | `command`, `command_line`, `parsers` | the trait of commands, the list of commands, and parsers of option values |
-//! | `scene_source`, `camera`, `frame_list`, `devices`, `tracer_settings` | groups of options, and what they select |
+//! | `scene_source`, `camera`, `frame_list`, `devices`, `tracer_settings` | groups of options, and the selected values |
 //! | `auto`, `setup` | the choice of the update policy by `auto`; opening the device and loading the scene |
 //! | `tested_backends` | options and backends of `conform`, `stability` and `stress` |
 //! | `measure` | measurements of frames on a backend or on a rival: a third-party ray tracer |
