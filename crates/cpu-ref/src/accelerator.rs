@@ -8,7 +8,7 @@ use backend::{BackendError, Intersector, Result, TreeFormat};
 use bvh_layout::Topology;
 use geom::{Aabb, Animation};
 
-/// A tree that a backend adopts, fits to the moment's triangles, and traces.
+/// A tree that a backend adopts, refits to the triangles of a moment, and traces.
 pub trait Accelerator: Send + Sync {
     /// Returns the tree, to search for hits of single rays.
     fn tree(&self) -> &dyn TreeTraversal;
@@ -33,7 +33,7 @@ pub trait Accelerator: Send + Sync {
     /// Traces all rays of a query. `tracer.tree` is [`Self::tree`].
     fn trace(&self, tracer: &QueryTracer<'_>, out: TraceOutput<'_>) -> HitCounts;
 
-    /// Returns the boxes in the node order of the tree that was adopted.
+    /// Returns the boxes in scaled units, in the node order of the tree that was adopted.
     ///
     /// # Errors
     /// If memory does not suffice.
@@ -43,7 +43,7 @@ pub trait Accelerator: Send + Sync {
 /// Grows the capacity of `memory` to at least `count` entries.
 ///
 /// # Errors
-/// [`BackendError::OutOfMemory`], which names `what` the entries are.
+/// [`BackendError::OutOfMemory`]. `what` names the entries in its message.
 pub fn reserve<T>(memory: &mut Vec<T>, count: usize, what: &str) -> Result<()> {
     let more = count.saturating_sub(memory.len());
     let bytes = (count as u64).saturating_mul(size_of::<T>() as u64);

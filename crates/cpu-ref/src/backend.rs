@@ -1,6 +1,6 @@
 //! [`Backend`] on the host. `submit` executes the recorded commands in the backend's own thread pool and returns when
-//! they have finished, so `wait` never blocks. A trace of a list executes all recorded commands immediately, so that
-//! the list need not be copied.
+//! they have finished, so `wait` never blocks. `trace` with a list of rays executes all recorded commands immediately,
+//! so that the list need not be copied.
 
 use crate::accelerator::{Accelerator, reserve};
 use crate::bvh2::Bvh2;

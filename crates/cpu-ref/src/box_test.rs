@@ -1,4 +1,5 @@
-//! The padded box test, which decides every hit (`docs/design/hits.md`, "Box test").
+//! The padded box test (`docs/design/hits.md`, "Box test"). Except with `exact`, a ray can hit a triangle only if it
+//! meets the triangle's own box by this test.
 
 use crate::scale::PreparedRay;
 use geom::{Aabb, Point};

@@ -1,4 +1,4 @@
-//! The paper's tree: binary, breadth first, one triangle per leaf.
+//! The tree of Kim and others (2014): binary, breadth first, one triangle per leaf.
 
 use crate::accelerator::{Accelerator, reserve};
 use crate::box_test::{BoxRay, BoxSpan};
@@ -42,7 +42,7 @@ pub struct Bvh2 {
     levels: Vec<Range<usize>>,
 }
 
-/// Nodes or leaves that one task processes.
+/// Number of nodes per task, and minimum number of leaves per task.
 const RUN: usize = 1024;
 
 impl Bvh2 {

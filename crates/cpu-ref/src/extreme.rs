@@ -136,8 +136,8 @@ impl<'a> ExtremeSearch<'a> {
     }
 }
 
-/// A box in the scene's units. It contains all points of a scaled box, and those whose small coordinates
-/// scaling flushed to zero.
+/// A scaled box, converted to the scene's units. It also contains the original positions of points with coordinates
+/// that scaling flushed to zero.
 struct WideBox {
     min: [f64; 3],
     max: [f64; 3],
@@ -184,9 +184,8 @@ impl WideBox {
 
 /// Returns the shadow ray from a hit of `ray` to a light, with `t` in `(0, 2)`, in the scene's units.
 ///
-/// The hit point is computed along the ray or within the triangle, whichever has the smaller error. It is then moved to
-/// the light's side of the triangle by at least that error. The direction is half the vector to the light, which cannot
-/// overflow.
+/// The [hit point](hit_point) is moved to the light's side of the triangle by at least its error. The direction is half
+/// the vector to the light, which cannot overflow.
 fn shadow_ray(ray: &Ray, hit: &Hit, corners: &Triangle, light: Point) -> Ray {
     let (point, error) = hit_point(ray, hit, corners);
     let side = match side_of(corners, light) {
@@ -208,6 +207,9 @@ fn shadow_ray(ray: &Ray, hit: &Hit, corners: &Triangle, light: Point) -> Ray {
 }
 
 /// Returns the point where a ray hits, and a bound on the error of each coordinate.
+///
+/// Computes the point along the ray. If the ray's numbers are at least four times the triangle's, computes the point
+/// from the corners, because the error is then smaller.
 fn hit_point(ray: &Ray, hit: &Hit, corners: &Triangle) -> (Point, f32) {
     const UNIT: f32 = 1.0 / 16_777_216.0;
     let offset: Point = std::array::from_fn(|i| saturated(hit.t * ray.direction[i]));

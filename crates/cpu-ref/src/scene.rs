@@ -45,6 +45,8 @@ struct CandidateTree {
 }
 
 impl SceneState {
+    /// Creates the state of a scene. `accelerator` is empty. All vertices have the positions of the first key frame.
+    ///
     /// # Errors
     /// If memory does not suffice.
     pub(crate) fn new(
@@ -87,7 +89,7 @@ impl SceneState {
             .filter(|c| c.generation == generation)
         {
             std::mem::swap(&mut self.accelerator, &mut candidate.accelerator);
-            // `candidate` now holds the replaced tree, which has another generation.
+            // `candidate` now holds the replaced tree. Generation 0 marks a tree that must be loaded before use.
             candidate.generation = Generation(0);
             return Ok(());
         }

@@ -128,8 +128,8 @@ pub(crate) fn solve(edges: &Three, depths: &Three) -> TriangleHit {
     }
 }
 
-/// Returns whether all three edge functions have the same sign, for vertices at sheared `x` and `y`. Computes the signs
-/// of edge functions that are zero or NaN exactly.
+/// Returns whether all three edge functions have the same sign, for vertices at sheared `x` and `y`. If an edge
+/// function is zero or NaN, computes its exact sign.
 #[cold]
 #[inline(never)]
 pub fn has_equal_signs(edges: &[f32; 3], x: &[f32; 3], y: &[f32; 3]) -> bool {

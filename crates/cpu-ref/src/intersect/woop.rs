@@ -1,4 +1,5 @@
-//! Woop's test, which the paper uses: an affine transform maps each triangle to the unit triangle. It leaks near edges.
+//! Woop's test, which Kim and others (2014) use. An affine transform maps each triangle to the unit triangle. The test
+//! leaks near edges.
 //!
 //! Woop, *A Ray Tracing Hardware Architecture for Dynamic Scenes* (2004).
 //! The third row of the transform is the unit normal. As part of the inverse of the basis `e1, e2, e1 x e2`, it would
