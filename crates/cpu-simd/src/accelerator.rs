@@ -139,8 +139,8 @@ impl Accelerator for WideAccelerator {
     }
 }
 
-/// Allocates a new vector if the capacity of `old` is below `count`. Its capacity exceeds `count` by a quarter, because
-/// the next tree may be larger.
+/// Allocates a new vector if the capacity of `old` is below `count`. The new capacity exceeds `count` by a quarter,
+/// because the next tree may be larger.
 fn larger<T>(old: &Vec<T>, count: usize, what: &str) -> Result<Option<Vec<T>>> {
     if old.capacity() >= count {
         return Ok(None);

@@ -14,7 +14,7 @@ pub(crate) struct EightBoxes<L> {
 /// The union of eight boxes, and the areas of unions of neighbouring boxes.
 pub(crate) struct FoldedBoxes<L> {
     pub(crate) whole: Aabb,
-    /// Half the surface area of each range: of the union of its boxes. Unused lanes are 0.
+    /// For each of the [`Ranges`], half the surface area of the union of its boxes. Unused lanes are 0.
     pub(crate) half_areas: L,
 }
 

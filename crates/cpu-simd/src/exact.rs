@@ -159,7 +159,7 @@ fn filter<L: Lanes>(
 /// Returns the same limits as [`cpu_ref::scale::PreparedRay::sure_limits`].
 #[inline(always)]
 fn sure_limits<L: Lanes>(ray: &TriangleRay<L>) -> [L; 2] {
-    // 2^-125, raised to at least 2^-99, and 2^127, in the ray's own units.
+    // 2^-125 and 2^127 in the ray's own units. `small` is at least 2^-99 in scaled units.
     let small = L::splat(f32::MIN_POSITIVE * 2.0).div(ray.back);
     let small = small.max(L::splat(2.0 * LEAST));
     let large = L::splat(f32::from_bits(254 << 23)).div(ray.back);

@@ -11,15 +11,15 @@ use cpu_ref::{Geometry, Unhittable};
 use geom::is_degenerate;
 use std::ops::Add;
 
-/// Number of blocks by which vertices are prefetched ahead, because they are scattered in memory.
+/// The vertices of the block that is this many blocks ahead are prefetched, because vertices are scattered in memory.
 const AHEAD: usize = 4;
 
 /// Results of fitting.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Fitted {
     pub(crate) unhittable: Unhittable,
-    /// Sum of half areas: of triangles, of the binary nodes within blocks, and of the binary nodes collapsed into
-    /// nodes below a fitted lane.
+    /// Sum of half areas over the children in fitted lanes. A block adds the boxes of its triangles and of its binary
+    /// nodes. A wide node adds the boxes of the binary nodes collapsed into it.
     pub(crate) areas: f64,
 }
 
@@ -138,8 +138,8 @@ impl VectorWork for FitLevel<'_, '_> {
 }
 
 impl FitInputs<'_> {
-    /// Sets a block's corners. Returns the block's box, and one sum per lane of the half areas of its triangles'
-    /// boxes and its binary nodes.
+    /// Sets a block's corners. Returns the block's box, and in each lane the sum of two half areas: of the box of a
+    /// triangle and of the box of a binary node.
     #[inline(always)]
     fn fit_block<I: Isa>(
         &self,

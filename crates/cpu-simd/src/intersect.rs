@@ -4,7 +4,7 @@ use crate::leaf::{TriangleHits, TriangleRay, Triangles};
 use crate::simd::{Lanes, each};
 use cpu_ref::intersect::{MollerTrumbore, Watertight, Woop};
 
-/// A test that computes the values of hits itself, not only a filter.
+/// A test that computes `t`, `u` and `v` of each hit. The filter of `exact` does not.
 pub(crate) trait LaneTest: Sync {
     /// Returns the hits whose `t`, clamped to the triangle's own box, is at most `best`. Must be `#[inline(always)]`.
     fn intersect<L: Lanes>(

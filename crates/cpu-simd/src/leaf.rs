@@ -253,7 +253,8 @@ pub(crate) fn edges<L: Lanes>(x: &[L; 3], y: &[L; 3]) -> [L; 3] {
     })
 }
 
-/// Returns the lanes where no two edge functions have opposite signs. Lanes with a NaN are not included.
+/// Returns the lanes where no two edge functions have opposite signs. Excludes lanes where all edge functions are NaN,
+/// which are those of triangles that cannot be hit. No other lane may have a NaN.
 #[inline(always)]
 fn without_conflict<L: Lanes>([u, v, w]: &[L; 3]) -> L::Mask {
     let zero = L::splat(0.0);
@@ -261,7 +262,7 @@ fn without_conflict<L: Lanes>([u, v, w]: &[L; 3]) -> L::Mask {
     L::either(zero.at_most(least), most.at_most(zero))
 }
 
-/// Computes the signs of edge functions that are zero exactly, and returns the `lanes` that still hit. The nonzero edge
+/// Computes the exact signs of edge functions that are zero, and returns the `lanes` that still hit. The nonzero edge
 /// functions of each lane must have equal signs.
 #[inline(always)]
 fn resolve_zeros<L: Lanes>(lanes: u32, edges: &[L; 3], x: &[L; 3], y: &[L; 3]) -> u32 {

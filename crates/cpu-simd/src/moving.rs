@@ -7,7 +7,7 @@ use geom::StaticParts;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Nodes that one task handles.
+/// Minimum number of nodes per task.
 const RUN: usize = 128;
 
 /// The moving nodes of a tree, and the result of fitting the static nodes once.

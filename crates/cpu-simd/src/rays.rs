@@ -14,7 +14,7 @@ pub(crate) const MOST_RAYS: usize = 16;
 /// roundings of `plane * r - o' * r` (`docs/design/hits.md`, "Inner boxes").
 const INNER: [f32; 2] = [24.0 / 16_777_216.0, 4.0 / 16_777_216.0];
 
-/// Limits on the power of two below a direction's largest component, `2^-60` and `2^60`. `cpu-ref` traces other rays.
+/// Least and greatest `2^e`, where `e` is the exponent of a direction's largest component. `cpu-ref` traces other rays.
 const USUAL: [f32; 2] = [1.0 / TWO_TO_60, TWO_TO_60];
 const TWO_TO_60: f32 = (1_u64 << 60) as f32;
 
@@ -177,8 +177,8 @@ impl<L: Lanes> Group<L> {
         let inverse = each!(i => L::splat(1.0).div(d[i].abs().max(L::splat(SMALLEST))));
         let negative = each!(i => d[i].less(L::splat(0.0)));
         let signed = each!(i => inverse[i].replace(negative[i], inverse[i].neg()));
-        // `starts` is infinite only where products of the box test are infinite too. From an origin so far away, the
-        // distance to any plane rounds to the origin's coordinate.
+        // `starts` overflows only if the origin is so far away that the distance to any plane rounds to the origin's
+        // coordinate. The products of the box test are then infinite too.
         let starts = each!(i => {
             let from = origin[i].mul(signed[i]).neg();
             let wide = L::splat(INNER[0]).mul(farthest).add(L::splat(INNER[1]).mul(origin[i].abs()));
@@ -257,7 +257,7 @@ impl<L: Lanes> OneRay<'_, L> {
     }
 }
 
-/// Computes `D` of the root box for each lane.
+/// Computes the distance `D` of the root box for each lane. See [`PAD`].
 #[inline(always)]
 fn farthest<L: Lanes>(origin: &[L; 3], root: &Aabb) -> L {
     let mut farthest = L::splat(NEAREST);

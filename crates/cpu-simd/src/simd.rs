@@ -1,8 +1,8 @@
 //! Vector operations: one interface, and its implementations for the instruction sets of this machine.
 //!
 //! Code that is generic over [`Isa`] is compiled once for each instruction set. [`Level::run`] calls the version for
-//! one set. Every operation except [`Lanes::about`] is a single IEEE operation per lane, so all sets give the same
-//! bits. Generic functions must be `#[inline(always)]`, or they are compiled without the set's instructions.
+//! one set. All sets give the same bits, with three exceptions: [`Lanes::about`], [`Eight::maxi`] and [`Eight::mini`].
+//! Generic functions must be `#[inline(always)]`, or they are compiled without the set's instructions.
 
 mod plain;
 #[cfg(target_arch = "x86_64")]
@@ -78,7 +78,8 @@ pub(crate) trait Lanes: PlaneVector {
     /// `self * by + plus`, rounded once or twice depending on the machine. No hit may depend on the result.
     fn about(self, by: Self, plus: Self) -> Self;
     fn abs(self) -> Self;
-    /// `2^e`, where `e` is the exponent of a positive number. Zero for zero, infinity for infinity and NaN.
+    /// `2^e`, where `e` is the exponent of a positive normal number. Zero for zero and subnormal numbers, infinity for
+    /// infinity and NaN.
     fn power(self) -> Self;
     fn neg(self) -> Self;
     /// `self < other`.
@@ -105,15 +106,15 @@ pub(crate) trait Lanes: PlaneVector {
 pub(crate) trait Eight: Lanes<Array = [f32; 8]> {
     /// Returns the coordinates of `points`, axis by axis.
     fn coordinates(points: [&Point; 8]) -> [Self; 3];
-    /// Returns the operand whose bits are greater as a signed integer (Embree's `maxi`). Takes a quarter of the time of
-    /// [`PlaneVector::max`]. Of two negative numbers, returns the lesser. So the result is at most that of
-    /// [`PlaneVector::max`].
+    /// Returns a lower bound of [`PlaneVector::max`], which differs only if both operands are negative. With AVX2 and
+    /// AVX-512, this is the operand whose bits are greater as a signed integer (Embree's `maxi`), in a quarter of the
+    /// time.
     #[inline(always)]
     fn maxi(self, other: Self) -> Self {
         self.max(other)
     }
-    /// Returns the operand whose bits are less as a signed integer. The result is at least that of
-    /// [`PlaneVector::min`].
+    /// Returns an upper bound of [`PlaneVector::min`], which differs only if both operands are negative. With AVX2 and
+    /// AVX-512, this is the operand whose bits are less as a signed integer.
     #[inline(always)]
     fn mini(self, other: Self) -> Self {
         self.min(other)

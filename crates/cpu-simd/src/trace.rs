@@ -36,7 +36,8 @@ pub(crate) fn trace(tracer: &QueryTracer<'_>, tree: &Bvh8, out: TraceOutput<'_>)
     }
 }
 
-/// Returns the lanes whose rays are extreme, as [`geom::Range::is_extreme`] does. The moment must not be extreme.
+/// Returns the lanes whose rays are extreme, as [`geom::Range::is_extreme`] does. [`geom::Range::extreme`] must be
+/// false.
 #[inline(always)]
 fn extreme_lanes<L: Lanes>(rays: &InputRays<L>, geometry: &Geometry<'_>) -> u32 {
     let origin = rays.scaled_origin(geometry.scale);
@@ -402,7 +403,7 @@ impl<I: Isa, T: ClosestSearch> Outlined<I> for AnswerLanes<'_, '_, I::Packet, T>
     }
 }
 
-/// History of whether packets were faster than single rays.
+/// History of whether packets were completed or abandoned.
 #[derive(Default)]
 struct PacketHistory {
     /// Number of packets in a row that were abandoned.
@@ -416,7 +417,7 @@ const PAUSE: u32 = 7;
 
 impl PacketHistory {
     /// Creates a packet of a group's rays. Returns `None` during a pause, if the rays cannot form a packet, or if the
-    /// tree is `spread`, since packets pad all boxes by `D` of the root box.
+    /// tree is `spread`, since packets pad every box as much as the root box.
     #[inline(always)]
     fn packet<I: Isa>(&mut self, group: &Group<I::Packet>, tree: &Bvh8) -> Option<PacketOf<I>> {
         let tries = self.pause == 0 && !tree.spread;
@@ -424,7 +425,7 @@ impl PacketHistory {
         if tries { RayPacket::of(group) } else { None }
     }
 
-    /// Records whether a packet was faster than single rays.
+    /// Records whether a packet was completed.
     #[inline(always)]
     fn record(&mut self, succeeded: bool) {
         self.failed = if succeeded { 0 } else { self.failed + 1 };

@@ -119,7 +119,8 @@ fn strangers() -> impl Strategy<Value = Vec<Ray>> {
     prop::collection::vec(ray, 1..400)
 }
 
-/// Triangles in a ball of radius `size`. Some move, appear late, shrink to a point or are never active.
+/// Triangles around the origin, within about `size` along each axis. Some move, appear late, shrink to a point or are
+/// never active.
 fn ball(size: f32) -> Arc<Animation> {
     let (mut state, mut keys) = (9_u32, vec![Vec::new(); 2]);
     let mut number = || {

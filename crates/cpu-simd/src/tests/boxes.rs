@@ -1,4 +1,4 @@
-//! Tests of the boxes of inner nodes against the box test that decides hits.
+//! Tests of the boxes of inner nodes against the box test of `cpu-ref`.
 
 use crate::rays::{Group, InputRays, OneRay};
 use crate::simd::{Isa, Lanes, Level, Plain, VectorWork};

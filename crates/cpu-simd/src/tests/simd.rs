@@ -4,7 +4,7 @@ use crate::simd::{Eight, Halves, Isa, Lanes, Level, Plain, PlaneVector, VectorWo
 use bvh_layout::Link;
 use geom::Point;
 
-/// Results of every operation on a list of special numbers, as bits.
+/// Results of operations on a list of special numbers, as bits. Omits those that may differ between instruction sets.
 struct Everything;
 
 const NUMBERS: [f32; 16] = [
