@@ -19,7 +19,7 @@ pub struct SahBuilder {
     ///
     /// In large nodes, the child whose box extends less far from the point comes first. In nodes of at most 32
     /// triangles, the child on the point's side of the split comes first. Nodes of at most four triangles are not
-    /// ordered. The tree is otherwise the same.
+    /// ordered, nor are large nodes without a usable plane. The tree is otherwise the same.
     pub toward: Option<Point>,
     /// Number of triangles per block in the heuristic. Leaves have one triangle for every block size.
     pub block_size: BlockSize,

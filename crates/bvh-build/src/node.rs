@@ -12,8 +12,8 @@ use std::cmp::Reverse;
 
 /// Number of triangles above which a node bins and moves them in parallel.
 const PARALLEL_NODE: usize = 2 * CHUNK;
-/// Minimum number of subtrees for each thread, where one thread is not counted. Several subtrees per thread balance
-/// the load although their sizes differ.
+/// Minimum number of subtrees per thread. Several subtrees per thread balance the load although their sizes differ. One
+/// thread is not counted, so that a single thread divides no node in advance.
 const SUBTREES_A_THREAD: usize = 8;
 /// Number of triangles above which a node builds its children in parallel and checks for cancellation.
 const PARALLEL_CHILDREN: usize = 2048;

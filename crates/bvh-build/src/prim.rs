@@ -73,7 +73,7 @@ impl Prim {
         self.bounds.lo.w.to_bits()
     }
 
-    /// Returns twice the centre. Only the order of centres along each axis is used.
+    /// Returns twice the centre. Every use allows for the factor.
     #[inline]
     pub(crate) fn center(&self) -> Vec4 {
         self.bounds.lo - self.bounds.up
@@ -132,8 +132,8 @@ pub(crate) struct Ruler {
 }
 
 impl Ruler {
-    /// Smaller extents count as 0, since their reciprocal would overflow. Boxes are scaled so that their largest
-    /// coordinate is far above this limit.
+    /// Least extent to divide by, since reciprocals of much smaller extents overflow. Boxes are scaled so that their
+    /// largest coordinate is far above this limit.
     pub(crate) const LEAST: f32 = 1.0 / (1_u128 << 100) as f32;
     const PAD: f32 = 1.0 / (1 << 20) as f32;
 

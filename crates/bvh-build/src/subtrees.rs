@@ -52,8 +52,8 @@ pub struct MovedTree<'a, B: ?Sized> {
 }
 
 impl SubtreeRebuilder {
-    /// Builds `tree` over the boxes of `last`, and keeps compact subtrees of its tree. Returns the costs of both
-    /// trees.
+    /// Builds `tree` over the boxes of `last`. Reuses the compact subtrees of the tree in `last`. Returns the costs of
+    /// both trees.
     ///
     /// `builder` builds the levels above these subtrees. The result depends on `last` and on [`SahBuilder::toward`]
     /// only.

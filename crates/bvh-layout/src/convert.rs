@@ -59,7 +59,8 @@ impl Converter {
     /// byte of scratch memory per triangle.
     ///
     /// # Panics
-    /// If `triangle_count` exceeds [`Animation::MAX_TRIANGLES`], or if a triangle of the tree is not below it.
+    /// If `triangle_count` exceeds [`Animation::MAX_TRIANGLES`], if a triangle of the tree is not below it, or if the
+    /// tree is deeper than [`MAX_DEPTH`].
     #[must_use]
     pub fn convert(&mut self, tree: &BinaryTree, triangle_count: usize, reuse: Spare) -> Topology {
         let mut words = reuse.words;
@@ -93,7 +94,7 @@ impl Converter {
     }
 
     /// Converts `tree` to a record and, in parallel, to [`Topology::treelets`]. Parameters and panics are those of
-    /// [`Converter::convert`]. Uses 5 bytes of scratch memory per triangle, and 10 more for trees with a wide form.
+    /// [`Converter::convert`]. Uses 5 bytes of scratch memory per triangle, and 4 more for trees with a wide form.
     #[must_use]
     pub fn convert_with_treelets(
         &mut self,

@@ -37,7 +37,7 @@ const RUN: usize = 2048;
 ///
 /// `8 + L + 2 * ceil((2n - 1) / 32) + n` words. `n` triangles take about `4.5 n + 4 L + 36` bytes: 4.5 bytes per
 /// triangle in the limit, and at most 8 from 100 triangles on. Two nodes of 32 bytes per triangle (a box and two
-/// indices each) take 64. The paper's record takes 8 of the 64 bytes and saves 87.5 %. This record saves 93 %.
+/// indices each) take 64. The record of Kim and others (2014) takes 8 bytes and saves 87.5 %. This record saves 93 %.
 ///
 /// # Optional parts
 ///
@@ -59,7 +59,7 @@ impl Topology {
     /// Number of words before the level table.
     pub const HEADER_WORDS: usize = 8;
 
-    /// Validates the words of a record from another source. The error names the first invalid word or property.
+    /// Validates the words of a record from another source. The error names an invalid word or property.
     pub fn from_words(words: Vec<u32>) -> Result<Self, RecordError> {
         validate(&words)?;
         Ok(Self::of_words(words))

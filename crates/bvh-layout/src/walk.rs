@@ -26,7 +26,7 @@ pub(crate) struct InnerNode {
 /// per depth is pending.
 const STACK: usize = 128;
 
-/// Stack of pending inner nodes, the next one on top. No branch depends on the tree's shape.
+/// Stack of pending inner nodes, the next one on top. In [`Walk::run`], no branch depends on the tree's shape.
 #[derive(Debug)]
 pub(crate) struct Walk {
     stack: [PendingNode; STACK],

@@ -113,7 +113,7 @@ proptest! {
     }
 }
 
-/// Configures few cases, since any large soup reveals a threading error. The full tier runs more.
+/// Configures few cases, since any large soup reveals a threading error. With `ABVH_FULL=1`, configures more.
 fn soups_by_threads() -> ProptestConfig {
     let full = std::env::var("ABVH_FULL").is_ok_and(|v| v == "1");
     ProptestConfig::with_cases(if full { 12 } else { 3 })

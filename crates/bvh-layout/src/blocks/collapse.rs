@@ -1,4 +1,4 @@
-//! Collapses a binary record to a wide tree, in parallel, level by level.
+//! Collapses a binary tree to a wide tree, in parallel, level by level.
 
 use super::costs::CostedTree;
 use super::{Block, BlockTree, CollapseOptions, LANES, Link, RUN, Ranges, WideNode};

@@ -17,7 +17,7 @@ struct SubtreeSummary {
 /// parent.
 pub(super) type Costs = [f32; LANES - 1];
 
-/// A binary record, and the costs of its subtrees after collapsing.
+/// A binary tree, and the costs of its subtrees after collapsing.
 pub(super) struct CostedTree<'a> {
     ranks: NodeRanks<'a>,
     /// One entry per inner node.

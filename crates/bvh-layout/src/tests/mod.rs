@@ -83,7 +83,7 @@ pub(crate) fn shapes() -> Vec<BinaryTree> {
     all
 }
 
-/// Checks a record against its tree by a breadth-first walk over both, with a queue as in the paper.
+/// Checks a record against its tree by a breadth-first walk over both, with a queue.
 pub(crate) fn check_against(record: &Topology, tree: &BinaryTree) {
     assert_eq!(record.leaf_count(), tree.leaf_count());
     assert_eq!(record.triangle_count(), scene(tree));

@@ -152,7 +152,7 @@ impl Treelets {
 
     /// Creates the treelets of a record.
     ///
-    /// Takes one thread about 40 ns per triangle. With the binary tree,
+    /// Takes one thread about 40 ns per triangle. If the binary tree is available,
     /// [`crate::Converter::convert_with_treelets`] is faster.
     #[must_use]
     pub fn of(topology: &Topology) -> Self {
