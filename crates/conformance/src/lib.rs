@@ -68,7 +68,7 @@ pub struct Minimal {
     pub keys: usize,
     /// Number of rays.
     pub rays: usize,
-    /// The case as text, with all numbers.
+    /// The case as text, with the numbers of its first triangles and rays.
     pub text: String,
 }
 

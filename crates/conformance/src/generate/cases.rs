@@ -48,7 +48,7 @@ pub struct Case {
 /// Triangles and rays that are printed of a case.
 const PRINTED: usize = 8;
 
-/// Prints the size of a case, and its numbers if it has few triangles and rays.
+/// Prints the size of a case, and the numbers of its first triangles and rays.
 impl fmt::Display for Case {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (a, about, times) = (&self.animation, &self.about, &self.times);
@@ -355,8 +355,8 @@ impl ScenePlacement {
         })
     }
 
-    /// Returns a camera that sees the scene. If there are many triangles, GPUs rasterize the larger picture and trace
-    /// single rays for the smaller one, which has fewer than 256 pixels.
+    /// Returns a camera that sees the scene. The picture has 408 or 255 pixels. GPUs never rasterize pictures of fewer
+    /// than 256 pixels. They rasterize the larger picture if there are many triangles.
     pub(crate) fn camera(&self, unit: Point) -> Camera {
         let eye = self.put([2.5 + unit[0], 1.5 + unit[1], 3.0 + unit[2]]);
         let pose = CameraPose::new(eye, self.put([0.0; 3])).with_fov(50.0);

@@ -1,7 +1,7 @@
 //! Exact hits, computed slowly in integer arithmetic.
 //!
-//! This is the reference for every backend, so it shares no code with any: from `geom` it uses only plain types. Its
-//! definition is the contract of `exact`:
+//! This is the reference for every backend, so it shares no code with any backend. From `geom`, it uses only types and
+//! their simplest methods. Its definition is the contract of `exact`:
 //!
 //! - Triangles include their edges. A ray through an edge or a vertex hits every triangle that shares it.
 //! - A ray in a triangle's plane misses it.

@@ -111,7 +111,7 @@ fn robust_in_turn(c: &Check<'_>) -> Vec<Intersector> {
     in_turn(c, &robust(c))
 }
 
-/// Returns one intersector, which rotates with the case number. A few cases test all intersectors.
+/// Returns one intersector, which rotates with the case number. A few consecutive cases together test all of `all`.
 fn in_turn(c: &Check<'_>, all: &[Intersector]) -> Vec<Intersector> {
     vec![all[c.case.number as usize % all.len()]]
 }

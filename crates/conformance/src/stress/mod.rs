@@ -4,9 +4,9 @@
 //! counts answers that differ from the [exact answer](crate::oracle). On closed bodies it also counts leaks and double
 //! hits.
 //!
-//! Robust intersectors must have zero counts. The rates of other intersectors must match the measured ones
-//! ([`baseline`]), within chance. A rate above its bounds is a fault. A rate below them is a fault too, because then an
-//! intersector is not the one it is named after.
+//! `exact` must have zero counts, and `watertight` no leaks or double hits. All other rates must match the measured
+//! ones ([`baseline`]), within chance. A rate above its bounds is a fault. A rate below them is a fault too, because
+//! then an intersector is not the one it is named after.
 //!
 //! An [`audit::Audit`] traces millions of rays in scenes of all kinds. With `exact`, no answer may be wrong.
 
@@ -50,14 +50,14 @@ backend::named! {
         Tiny = "tiny",
         /// Subnormal coordinates.
         Subnormal = "subnormal",
-        /// Closed bodies of size 1, moved by 10 along each axis.
+        /// Closed bodies, moved by 10 along each axis.
         Far10 = "far-10",
-        /// Closed bodies of size 1, moved by a thousand along each axis.
+        /// Closed bodies, moved by a thousand along each axis.
         Far1e3 = "far-1e3",
-        /// Closed bodies of size 1, moved by a hundred thousand along each axis.
+        /// Closed bodies, moved by a hundred thousand along each axis.
         Far1e5 = "far-1e5",
-        /// Closed bodies of size 1, moved by ten million along each axis. Coordinates are integers there, and bodies
-        /// are visibly deformed.
+        /// Closed bodies, moved by ten million along each axis. Coordinates are integers there, and bodies are visibly
+        /// deformed.
         Far1e7 = "far-1e7",
         /// Equal triangles, rotated, reversed, and coplanar ones that overlap.
         Stacks = "stacks",
@@ -79,7 +79,7 @@ backend::named! {
         SignedZeros = "signed-zeros",
         /// Vertices that are not finite, in some or all key frames.
         NonFinite = "non-finite",
-        /// Closed bodies of size 1 and one triangle at a distance of `1e3` to `3e38`, or of size `1e-38` to `1e-3`.
+        /// Closed bodies and one triangle at a distance of `1e3` to `3e38`, or of size `1e-38` to `1e-3`.
         Outlier = "outlier",
         /// A sheet with one vertex that moves by `1e3` to `3e38` in the last key frame.
         Exploding = "exploding",

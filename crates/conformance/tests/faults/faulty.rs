@@ -41,7 +41,7 @@ struct Seen {
     pose_before: Option<Pose>,
     /// Tree made last.
     made: Option<Topology>,
-    /// First tree that was brought.
+    /// First tree that was uploaded in advance.
     brought: Option<Topology>,
     /// Hits of several queries traced together, and their total number.
     together: (Vec<Hits>, u64),

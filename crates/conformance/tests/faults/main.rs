@@ -34,7 +34,7 @@ tickets_are_ordered_and_results_kept: answers of the newest frame, tickets repea
 reloading_resets_all_state: every third scene is empty, positions outlive their scene
 ";
 
-/// Number of cases per property, as in the full tier.
+/// Number of cases per property, as in tests of backends with `ABVH_FULL=1`.
 const CASES: u32 = 36;
 
 /// Tests a property on cases of seed 1, without shrinking them.
