@@ -15,8 +15,8 @@ crate::named! {
     }
 }
 
-/// Floating-point behaviour of operations without a rounding decoration. It affects only `moller-trumbore` and `woop`,
-/// whose hits differ between backends ([`Intersector::is_equal_across_backends`]).
+/// Floating-point behaviour of operations without a rounding decoration. It affects only intersectors whose hits differ
+/// between backends (see [`Intersector::is_equal_across_backends`]).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Arithmetic {
     /// Whether division is correctly rounded.
