@@ -55,7 +55,8 @@ pub struct DeviceInfo {
     pub splits: bool,
     /// Whether a kernel copies positions from lent buffers to key frames. See [`LentBuffers::copies`].
     pub copies_points: bool,
-    /// Bytes of device memory that are still available, or `None` if the driver does not report them.
+    /// Bytes of device memory that are still available, or `None` if unknown. `gpu-vulkan` returns the size of a heap
+    /// if the driver does not report the use of memory.
     pub free_bytes: Option<u64>,
     /// All calls that the device's interface has rejected so far, and all messages of its validation layer in this
     /// process.
@@ -80,7 +81,7 @@ pub struct MemoryReport {
     pub allocated: Option<u64>,
     /// Bytes of buffers that wait to be reused or dropped.
     pub waiting: u64,
-    /// Bytes of parameters, counts and timestamps.
+    /// Bytes of parameters, counts and timestamps. Used only if `allocated` is `None`.
     pub submissions: u64,
     /// Number of buffers created so far, for any purpose.
     pub buffers_made: u64,
@@ -259,11 +260,13 @@ pub trait GpuDevice: Send + Sized + 'static {
     /// Submits a recording and removes its commands. At most [`backend::FRAMES_IN_FLIGHT`] submissions are unfinished.
     fn submit(&mut self, recording: &mut RecordingOf<Self>, ticket: Ticket) -> Result<()>;
 
-    /// Returns whether work has finished, or will never run. Never blocks.
+    /// Returns whether work has finished, or will never run. For the use of a buffer, returns whether the buffer can be
+    /// written. Never blocks.
     fn has_finished(&self, work: PendingWork) -> Result<bool>;
 
-    /// Blocks until the last use of a buffer, or with `None` all work, has finished. A use in a command buffer that the
-    /// program has not submitted is not waited for.
+    /// Blocks until a buffer can be written after its last use, or with `None` until all work has finished. Does not
+    /// block for a use if the device runs writes in order with submissions. Does not wait for a use in a command buffer
+    /// that the program has not submitted.
     fn wait(&self, until: Option<LastUse>) -> Result<()>;
 
     /// Blocks until a submission has finished and returns its output. Called once per submission, in order.

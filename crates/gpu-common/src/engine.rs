@@ -120,8 +120,8 @@ impl<D: GpuDevice> Engine<D> {
         Ok(())
     }
 
-    /// Records the interpolation of positions at `pose`. `params` contains the blend weight. The dispatch `measure`
-    /// measures the coordinate range of the key frames and runs concurrently.
+    /// Records the interpolation of positions at `pose`. `params` contains the blend weight. The dispatch `measure`, if
+    /// any, measures the coordinate range of the pose's first key frame and runs concurrently.
     pub fn interpolate(&mut self, pose: Pose, params: Params, measure: Option<Work>) -> Result<()> {
         let gpu = &mut self.gpu;
         let (position, overwritten) = self.snapshots.position_to_write(gpu, self.position)?;

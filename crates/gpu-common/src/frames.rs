@@ -47,7 +47,7 @@ struct SubmissionRecord<D: GpuDevice> {
     at: Instant,
     /// Stages without work.
     idle: StageSet,
-    /// Parts of the scene that `preprocess` and `refit` processed.
+    /// Recorded stages that update `tree_counts`.
     extents: Extents,
     readback_bytes: u64,
     /// `None` until the submission has finished.

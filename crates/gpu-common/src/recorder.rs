@@ -11,8 +11,8 @@ use shaders::{BufferName, Counts, Extents};
 use std::mem::offset_of;
 use std::sync::Arc;
 
-/// Bytes of [`Counts`] that `preprocess` writes. It may run several times per submission. The bytes are cleared before
-/// each further run, so that the last run determines them.
+/// Bytes of the members of [`Counts`] that `preprocess` increments. It may run several times per submission. The bytes
+/// are cleared before each further run, so that the last run determines them.
 const LEAF_COUNTS: u64 = offset_of!(Counts, hits) as u64;
 
 /// Records the stages of one submission at a time.
@@ -25,7 +25,7 @@ pub struct Recorder<D: GpuDevice> {
     pub(crate) idle: StageSet,
     /// Whether `interpolate` was recorded last and its stage is still open, so that `preprocess` may run concurrently.
     open: bool,
-    /// Parts of the scene that `preprocess` and `refit` processed.
+    /// Recorded stages that update [`shaders::TreeCounts`].
     pub extents: Extents,
     max_groups: u32,
     splits: bool,

@@ -85,7 +85,8 @@ impl<D: GpuDevice> AnimationBuffers<D> {
         match name {
             BufferName::Earlier => self.keys.get(key),
             BufferName::Later => self.keys.get(key.saturating_add(1)),
-            // Kernels that accept both kinds of rays need a buffer to bind, but do not read it for camera rays.
+            // Kernels that accept both kinds of rays bind `Rays` for camera rays too, but do not read it. Any buffer
+            // serves.
             BufferName::Positions | BufferName::Rays => Some(&self.positions[position]),
             other => self.others.get(other).or_else(|| self.palette.get(other)),
         }

@@ -23,8 +23,8 @@ impl Snapshots {
         assert!(requested.is_none(), "positions are already requested");
     }
 
-    /// Returns the index of the position buffer that the next interpolation writes. If both are being copied, also
-    /// returns the submission whose copy must finish first.
+    /// Returns the index of the position buffer that the next interpolation writes. If this buffer is being copied,
+    /// also returns the submission whose copy must finish first.
     pub(crate) fn position_to_write<D: GpuDevice>(
         &self,
         gpu: &D,

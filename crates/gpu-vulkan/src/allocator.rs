@@ -66,8 +66,8 @@ impl Memory {
         self.held.load(Ordering::Relaxed)
     }
 
-    /// Returns the bytes still available to this process in the largest device-local heap. This is the heap's size if
-    /// the driver does not report the use of memory.
+    /// Returns the most bytes that are still available to this process in one device-local heap. Uses the size of each
+    /// heap if the driver does not report the use of memory.
     pub(crate) fn free_bytes(&self, host: &Host) -> Option<u64> {
         let has_budget = host.offers(self.physical, memory_budget::NAME);
         let mut budget = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
@@ -99,7 +99,7 @@ impl Memory {
         self.made.load(Ordering::Relaxed)
     }
 
-    /// Counts a buffer that was created in other memory.
+    /// Counts a buffer that was created in imported host pages.
     pub(crate) fn count_buffer(&self) {
         self.made.fetch_add(1, Ordering::Relaxed);
     }

@@ -16,8 +16,8 @@ use std::sync::Arc;
 /// The recordings of a Vulkan device.
 pub(crate) type VulkanRecording = Recording<Pipeline, BufferRange, NativeCommand>;
 
-/// A function that records Vulkan commands directly. The caller must keep their resources alive until the submission
-/// has finished, because the function is dropped when it was called.
+/// A function that records Vulkan commands directly. The caller must keep the resources of these commands alive until
+/// the submission has finished, because the function is dropped after the call.
 pub type NativeCommand = Box<dyn FnOnce(&mut RecordingEncoder) -> Result<()> + Send>;
 
 /// Resources of one submission at a time: command buffers, parameters, timestamps and counts.

@@ -11,8 +11,7 @@
 //! - The copy of vertices starts as soon as they are interpolated, while their frame continues.
 //! - The upload of a tree starts when the tree is built. The tree is adopted once it has arrived.
 //!
-//! The host blocks only in `wait`, in the methods that return results, and in `submit` if too many frames are
-//! unfinished.
+//! [`GpuDevice`](gpu_common::GpuDevice) lists the methods that may block the host.
 
 #![expect(unsafe_code, reason = "calls of Vulkan, each with a safety comment")]
 

@@ -95,7 +95,8 @@ pub struct DeviceFeatures {
     /// Acceleration structures and ray tracing pipelines, if they were requested.
     pub(crate) traces_rays: bool,
     /// Pipelines without robustness checks of buffers. NVIDIA's driver checks each address even if robust access is not
-    /// requested. The checks are a sixth of the instructions per tree node and 4 % of the trace time (580, H200).
+    /// requested. The checks are a sixth of the instructions per tree node and 4 % of the trace time (driver 580,
+    /// H200).
     pub(crate) has_pipeline_robustness: bool,
     /// Invocations per subgroup, if the device supports the subgroup operations of the kernels.
     pub(crate) subgroups: Option<u32>,

@@ -36,8 +36,8 @@ impl Timestamps {
         })
     }
 
-    /// Discards the timestamps of the previous submission, which must have finished, and records the first. Prepares
-    /// for a number of stages.
+    /// Discards the timestamps of the previous submission, which must have finished. Prepares for `stages` stages, and
+    /// records the first timestamp.
     pub(crate) fn begin(&mut self, commands: vk::CommandBuffer, stages: usize) -> Result<()> {
         let marks = stages as u32 + 1;
         if marks > self.capacity {

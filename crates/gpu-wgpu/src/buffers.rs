@@ -21,7 +21,7 @@ pub(crate) fn write<T: Pod>(gpu: &OpenGpu, to: &Buffer, at: u64, data: &[T]) -> 
     })
 }
 
-/// Fills buffers in pieces and blocks until the copies have finished. At most a few pieces are under way at a time.
+/// Fills buffers in pieces and blocks until the copies have finished. At most 64 MiB are in flight at a time.
 pub(crate) fn upload(gpu: &OpenGpu, all: &[(&[u8], &Buffer)]) -> Result<()> {
     const BYTES: usize = 32 << 20;
     let flush = || {

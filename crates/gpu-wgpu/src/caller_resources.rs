@@ -14,8 +14,9 @@ use std::ops::Range;
 use wgpu::{Buffer, BufferSlice, CommandEncoder};
 
 impl WgpuDevice {
-    /// Sets a buffer of the program as the source of positions, starting at vertex `first`, in all later key frames.
-    /// The next key frame's submission copies them first. Does not check that the buffer allows copies.
+    /// Makes a buffer of the program the source of the positions from vertex `first` on, in all later key frames. The
+    /// submission that uploads the next key frame copies them before its other work. Does not check that the buffer
+    /// allows copies.
     pub fn set_buffer_points(&mut self, first: usize, from: BufferSlice<'_>) {
         self.scene.points.points.set(PointsSource {
             buffer: from.buffer().clone(),
@@ -24,7 +25,8 @@ impl WgpuDevice {
         });
     }
 
-    /// Returns a buffer that contains a run, if its source is a buffer of the program. Submits pending copies first.
+    /// Returns a buffer that contains the positions of a run, or `None` if the host is the source of the run. Submits
+    /// pending copies first.
     ///
     /// # Errors
     /// A source buffer does not allow copies.

@@ -120,7 +120,8 @@ impl OpenGpu {
         self.buffers_made.load(Ordering::Relaxed)
     }
 
-    /// Runs `work` and returns the first error that wgpu found in it. `work` must not panic.
+    /// Runs `work` and returns an error if wgpu reports one. Of several errors, prefers out of memory, then a
+    /// validation error. `work` must not panic.
     pub(crate) fn guard<T>(&self, what: &str, bytes: u64, work: impl FnOnce() -> T) -> Result<T> {
         self.faults.check()?;
         let scope = |filter| self.device.push_error_scope(filter);

@@ -1,14 +1,13 @@
-//! The wgpu backend: the kernels of `gpu-vulkan` on every interface that wgpu supports (Vulkan, Metal, DirectX 12).
+//! The wgpu backend: the kernels of crate `shaders` on Vulkan, Metal and DirectX 12.
 //!
 //! It is `gpu-common`'s [`ComputeBackend`](gpu_common::ComputeBackend) over a [`WgpuDevice`].
 //!
-//! All work goes through wgpu's one queue, with one submission per frame. Work on it runs in order, so no semaphores
-//! are needed: a submission sees all trees written before it, and copies the vertices that it computed. Data that the
-//! host reads (counts, timestamps, vertices) is mapped asynchronously.
+//! All work goes through wgpu's one queue, with one submission per frame. The queue runs work in order, so submissions
+//! and uploads need no semaphores. Data that the host reads (counts, timestamps, vertices) is mapped asynchronously.
 //!
-//! If the device accepts SPIR-V, wgpu passes it the SPIR-V of `gpu-vulkan` unchanged. Otherwise wgpu translates WGSL,
-//! which is written so that translators cannot simplify its arithmetic. Both forms produce the same bits; a test of the
-//! device's arithmetic verifies this when it is opened.
+//! If the device accepts SPIR-V, wgpu passes it the same SPIR-V as `gpu-vulkan`, unchanged. Otherwise wgpu translates
+//! WGSL, which is written so that translators cannot simplify its arithmetic. Both forms produce the same bits. When a
+//! device is opened, a test verifies its arithmetic.
 //!
 //! [`from_device`] creates a backend on a wgpu device that the program owns.
 

@@ -97,7 +97,7 @@ impl MappedPool {
             return write(gpu, to, 0, rows);
         }
         let bytes: &[u8] = bytemuck::cast_slice(rows);
-        // The program's device may not allow larger buffers than it was requested with.
+        // The program may have requested its device with a smaller limit.
         let limit = usize::try_from(gpu.limits.max_buffer_size).unwrap_or(PIECE);
         let most = PIECE.min(limit) / RUN * RUN;
         let mut at = 0;

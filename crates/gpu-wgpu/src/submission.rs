@@ -29,7 +29,8 @@ pub(crate) struct SubmissionEncoder {
     timestamps: Option<PassTimestamps>,
     /// The report that the host maps: timestamps, counts and the stamp.
     back: Buffer,
-    /// Contains the ticket of a submission in a program's encoder, which copies it to the report.
+    /// Contains the ticket of a submission that is recorded into the program's encoder. Its commands copy the ticket to
+    /// the report.
     stamp: Buffer,
     /// The ticket in `stamp`, or 0.
     stamped: u64,
@@ -65,10 +66,11 @@ impl SubmissionEncoder {
         })
     }
 
-    /// Encodes a recording and the copy of the report, with the ticket as a stamp if there is one.
+    /// Encodes a recording and the copy of the report. With a `stamp`, the report also contains this ticket.
     ///
     /// wgpu validates the program's encoder only when the program finishes it. If the encoder belongs to another device
-    /// or has an open pass, its commands never run, but wgpu still maps the report. Then the report has another stamp.
+    /// or has an open pass, its commands never run, but wgpu still maps the report. The stamp then reveals the error,
+    /// because the report does not contain the ticket.
     pub(crate) fn encode(
         &mut self,
         encoder: &mut CommandEncoder,
