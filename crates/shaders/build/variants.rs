@@ -14,7 +14,8 @@ const INTERSECTORS: [&str; 4] = ["moller_trumbore", "woop", "watertight", "exact
 /// Condition: IEEE operations are kept separate by arithmetic that a compiler cannot see through, instead of by
 /// decorations of the SPIR-V.
 const OPAQUE: &str = "OPAQUE";
-/// Condition: the remainder of a quotient is computed by a fused multiply-add instead of by products of halves.
+/// Condition: the remainder of a quotient is computed by a fused multiply-add, instead of by splitting the factors
+/// (Dekker 1971).
 const FUSED: &str = "FUSED";
 /// Condition: the kernel uses subgroups.
 const SUBGROUPS: &str = "SUBGROUPS";
@@ -56,7 +57,7 @@ pub(crate) struct EntryPoint {
 pub(crate) struct Variant {
     /// Empty if the variant serves all intersectors.
     pub(crate) intersectors: Vec<&'static str>,
-    /// The text with products of halves.
+    /// The text without fused multiply-adds.
     pub(crate) text: Text,
     /// The text with fused multiply-adds, if it differs.
     pub(crate) fused: Option<Text>,

@@ -2,8 +2,8 @@
 //!
 //! When a backend opens a device, it runs the kernel `arithmetic` on [`operands`] and refuses the device if [`verify`]
 //! fails. Equal results on all devices need single rounding, no fusing, no regrouping, and the integer arithmetic of
-//! `wgsl/lib/ieee.wgsl` and `exact.wgsl`. The same kernel also measures how the device divides and sums products
-//! without these restrictions, and whether its driver ends long loops early.
+//! `wgsl/lib/ieee.wgsl` and `wgsl/lib/exact.wgsl`. The same kernel also measures how the device divides and sums
+//! products without these restrictions, and whether its driver ends long loops early.
 
 use crate::Packets;
 use backend::Arithmetic;

@@ -58,7 +58,7 @@ pub struct Kernel {
     pub intersectors: &'static [&'static str],
     /// Code for all devices.
     pub code: Code,
-    /// Code for devices whose fused multiply-add rounds once. Only for kernels that divide for each of many rays.
+    /// Code for devices whose fused multiply-add rounds once. `None` for kernels that seldom divide.
     pub fused: Option<Code>,
     /// Workgroup size, in invocations.
     pub workgroup: [u32; 3],
@@ -106,7 +106,7 @@ backend::named! {
         /// A buffer of the program whose positions are copied to a key frame, and that key frame.
         Lent = "lent positions",
         KeyFrame = "a key frame",
-        /// Range of a key frame's coordinates where the host has not measured it: wgsl/geometry/range.wgsl.
+        /// Range of a key frame's coordinates, measured by a kernel if the host has not: see wgsl/geometry/range.wgsl.
         Range = "a key frame's range",
         Positions = "positions",
         /// Rows of positions that contain moving vertices: see [`crate::moving_rows`].

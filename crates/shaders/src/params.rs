@@ -1,4 +1,4 @@
-//! The host's definitions of `wgsl/lib/params.wgsl` and of the buffer `counts`. A test compares the former by reflection.
+//! The host's definitions of `wgsl/lib/params.wgsl` and of the buffer `counts`. Tests compare them with the WGSL.
 
 use crate::Shape;
 use backend::sah_cost;
@@ -116,7 +116,8 @@ kernel_params! {
 }
 
 impl Params {
-    /// Returns parameters for a scene scaled by `2^-scale_exponent` (in -126..=126) and a tree of this shape.
+    /// Returns parameters for a scene scaled by `2^-scale_exponent` and a tree of this shape. The exponent is in
+    /// -126..=126.
     pub fn of(scale_exponent: i32, tree: &Shape) -> Self {
         Self {
             scale_exponent,
@@ -210,9 +211,9 @@ pub struct Counts {
     pub inactive: u32,
     /// Leaves whose triangle is active but of zero area, by the same kernels.
     pub degenerate: u32,
-    /// Rays that hit, by `trace_*` and `any_*`.
+    /// Rays that hit. The kernel that stores a ray's result counts it.
     pub hits: u32,
-    /// Hits in shadow, by `shadow_*`.
+    /// Hits in shadow. The kernel that stores the shadow counts it.
     pub blocked: u32,
     /// Sum of the half areas of all nodes except the root, in scaled units, by the last refit or build.
     pub areas: f32,
@@ -220,9 +221,9 @@ pub struct Counts {
     pub root_area: f32,
     /// Counterpart of `areas` for the candidate tree that is evaluated next to the current one. Both have the same root box.
     pub candidate_areas: f32,
-    /// Rays that `trace_*` and `any_*` left undecided, for `exact`.
+    /// Rays that the first pass of `exact` left undecided, and all extreme rays and their shadow rays.
     pub undecided: u32,
-    /// Shadow rays that `shadow_*` left undecided, for `exact`.
+    /// Shadow rays that the first pass of `exact` left undecided.
     pub undecided_shadows: u32,
     /// Candidates of undecided rays: triangles that `resolve_exact_*` tests.
     pub candidates: u32,

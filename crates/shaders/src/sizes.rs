@@ -37,7 +37,8 @@ pub fn occluded_words(intersector: Intersector, rays: u64) -> u64 {
     }
 }
 
-/// Returns where the list of undecided shadow rays begins in `occluded`, if the list of undecided rays is in use too.
+/// Returns the word of `occluded` where the list of undecided shadow rays begins in kernels that use both lists. Other
+/// kernels use the place of the list of undecided rays.
 pub(crate) fn undecided_shadows_at(rays: u64) -> u64 {
     2 * rays + 3 * candidate_capacity(rays) + STACK_SIZE * u64::from(fallback_workers(rays))
 }

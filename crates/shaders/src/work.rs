@@ -1,4 +1,5 @@
-//! Each stage as a list of dispatches. A dispatch reads results of earlier ones, so a barrier is needed between any two.
+//! Each stage as a list of dispatches. A dispatch reads results of earlier ones, so a barrier is needed between any
+//! two, unless [`Work::alongside`] is set.
 
 mod extremes;
 mod pictures;
@@ -55,8 +56,8 @@ pub enum RaySource<'a> {
     Camera(&'a Camera),
 }
 
-/// Maximum number of invocations that share the list of undecided rays. This number occupies any device. There are 16
-/// per ray. Most invocations end at once, because few rays are undecided.
+/// Maximum number of invocations that share the list of undecided rays: 16 per ray. This number occupies any device.
+/// Most invocations end at once, because few rays are undecided.
 const RESOLVERS: u32 = 1 << 15;
 /// Maximum number of workgroups that share the list of hits whose shadow rays are traced, one per ray.
 const SHADOW_GROUPS: u32 = 1 << 10;
@@ -129,7 +130,8 @@ fn in_rows(all: u32, limit: u32) -> [u32; 2] {
     [all.div_ceil(rows), rows]
 }
 
-/// Returns the dispatch that tests a device's arithmetic on `operands` [`crate::arithmetic::operands`].
+/// Returns the dispatch that tests a device's arithmetic on the first `operands` elements of
+/// [`crate::arithmetic::operands`].
 pub fn arithmetic(operands: usize) -> Work {
     Work::linear(common("arithmetic"), Params::default(), operands as u32)
 }

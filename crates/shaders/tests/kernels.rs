@@ -13,7 +13,7 @@ fn all() -> impl Iterator<Item = &'static Kernel> {
     KERNELS.iter().chain(RAY_KERNELS)
 }
 
-/// Returns both forms of a kernel: with products of halves, and with fused multiply-adds.
+/// Returns both forms of a kernel: without and with fused multiply-adds.
 fn codes(kernel: &'static Kernel) -> impl Iterator<Item = Code> {
     [Some(kernel.code), kernel.fused].into_iter().flatten()
 }
@@ -36,8 +36,8 @@ fn variants_are_distinct() {
     }
 }
 
-/// Functions that a driver may fuse, with the number of additions, subtractions and multiplications in each and in the
-/// loose functions used with it.
+/// Functions whose operations a driver may fuse. Each has the number of additions, subtractions and multiplications in
+/// the function and in those unlisted loose functions that are always compiled with it.
 const LOOSE: [(&str, usize); 13] = [
     // geometry/ray.wgsl: two products and two sums of vectors.
     ("fn loose_planes(", 4),

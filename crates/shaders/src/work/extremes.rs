@@ -76,8 +76,8 @@ pub(super) fn work(input: &TraceInput<'_>, how: Extremes) -> Vec<Work> {
     }
 }
 
-/// Returns the kernel of [`measure_range`] and the kernel that reads its result. Returns none if the intersector has
-/// no kernels for extreme rays.
+/// Returns the kernel of [`measure_range`] and the kernel that reads its result. Empty if the intersector has no
+/// kernels for extreme rays.
 pub fn kernels_of_arriving_keys(intersector: Intersector) -> impl Iterator<Item = &'static Kernel> {
     let both = ["measure_range", "extreme_rays"].map(common);
     both.into_iter().filter(move |_| has_extremes(intersector))

@@ -1,4 +1,5 @@
-//! Dispatches for trees of the driver: they cleanse and count triangles, and count answers. Also the parameters of rays.
+//! Dispatches for trees of the driver: they replace triangles that are not finite, and count the results of rays. Also
+//! the parameters of rays.
 
 use super::{Work, tree::word_of};
 use crate::{AnswerParams, BufferName, Counts, Params, common};
@@ -6,8 +7,8 @@ use backend::{Query, QueryKind, Rays};
 use geom::Point;
 use std::mem::offset_of;
 
-/// Returns the dispatch that writes three vertices for each of `triangles` triangles. Triangles that cannot be hit collapse
-/// to `point`.
+/// Returns the dispatch that writes three vertices for each of `triangles` triangles. Triangles with a vertex that is
+/// not finite collapse to `point`.
 pub fn cleanse(mut params: Params, triangles: u32, point: Point) -> Work {
     params.eye = point;
     Work::linear(common("cleanse"), params, triangles)

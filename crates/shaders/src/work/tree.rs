@@ -105,8 +105,9 @@ impl TreeProgress {
     /// Returns the dispatches that compute the boxes of all nodes above the roots of the lowest treelets. If boxes already
     /// exist, they only cover moving treelets.
     ///
-    /// Each treelet has its own sum of areas. The workgroup that computes the root box adds all sums and stores the total in
-    /// a word of the counts. Treelets that are skipped keep their sums.
+    /// Each treelet has its own sum of areas. The workgroup that computes the root box adds all sums and stores the
+    /// total in a word of the counts. If there is only one level, a dispatch only adds the sums. Treelets that are
+    /// skipped keep their sums.
     fn boxes(&self, params: Params, tree: &Shape) -> Vec<Work> {
         let moving = tree.moving.as_ref().filter(|_| self.has_boxes);
         let levels = levels(tree, moving);
@@ -166,9 +167,9 @@ fn reads_keys(tree: &Shape) -> bool {
     tree.leaf_count <= FROM_KEYS
 }
 
-/// Returns whether `preprocess` also computes the boxes of all other treelets, if there are any. Treelets that it skips
-/// keep the roots that it computed for the whole tree. This avoids a barrier per level, but takes longer for large trees.
-/// On an H200: 2 us less at 70K and 250K triangles, 20 us more at 1.6M.
+/// Returns whether `preprocess` also computes the boxes of all other treelets. This avoids a barrier per level, but
+/// takes longer for large trees. On an H200: 2 us less at 70K and 250K triangles, 20 us more at 1.6M. For skipped
+/// treelets, `costs` still contains the root boxes of the first run, which covers the whole tree.
 fn climbs(tree: &Shape) -> bool {
     reads_keys(tree) && tree.treelet_count() > 1
 }
