@@ -1,10 +1,10 @@
 // Merges clusters along the curve they are sorted by. Each merge makes an inner node.
 //
 // Parallel locally-ordered clustering (Meister, Bittner 2018): in each round, all pairs of neighbours that are each other's
-// nearest merge at once. Each workgroup does so for its own tile until a set number of clusters is left, independently of the
-// others. H-PLOC (Benthin, Meister, Barczak, Mehalwal, Tsakok, Kensler 2024) does the same for subtrees. So the host
-// knows how many clusters each tile leaves and how many inner nodes it makes. Every output has a known location: there
-// are no counters, and no workgroup waits for another.
+// nearest merge at once. Each workgroup does so for its own tile until a set number of clusters is left, independently
+// of the others, as H-PLOC (Benthin, Meister, Barczak, Mehalwal, Tsakok, Kensler 2024) does for subtrees. The host
+// knows how many clusters each tile leaves, and so how many inner nodes it makes. Every output has a known location:
+// there are no counters, and no workgroup waits for another.
 //
 // With n leaves, merge m (counted over all phases) makes inner node n - 2 - m, and its two clusters become adjacent children. The
 // last merge makes the root. A cluster is a node that is not stored yet: its box and its traversal reference.
@@ -35,8 +35,8 @@ var<workgroup> cluster_count: u32;
 
 struct Cluster { low: vec3<f32>, high: vec3<f32>, reference: u32 }
 
-// Returns the traversal reference of an inner node made of two clusters. Two consecutive triangles that a ray can both hit share a
-// leaf, and the node's own rows stay unused.
+// Returns the traversal reference of an inner node made of two clusters. Two consecutive triangles share a leaf if rays
+// can hit both, and the node's own rows then stay unused.
 fn reference_of(a: Cluster, b: Cluster, inner: u32) -> u32 {
     let are_triangles = (a.reference & (LEAF | TWO_TRIANGLES)) == LEAF && b.reference == a.reference + 1u;
     if are_triangles && a.low.x <= a.high.x && b.low.x <= b.high.x { return a.reference | TWO_TRIANGLES; }
@@ -65,9 +65,9 @@ fn half_area_of(low: vec3<f32>, high: vec3<f32>) -> f32 {
     return d.x * d.y + d.y * d.z + d.z * d.x;
 }
 
-// Returns the neighbour j whose box with cluster i is smallest. Of equal boxes, it returns the one with the least
-// i ^ j. This order is the same from both sides of a pair. So the best pair is always mutual, and equal boxes merge in
-// pairs.
+// Returns the neighbour j for which the box around clusters i and j has the least surface area. For equal areas,
+// returns the j with the least i ^ j. This order is the same from both sides of a pair. So the best pair is always
+// mutual, and equal boxes merge in pairs.
 fn nearest_to(i: u32, count: u32) -> u32 {
     let current = load_cluster(i);
     var best = i;

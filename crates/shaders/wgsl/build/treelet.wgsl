@@ -11,7 +11,8 @@ const LEAF_COUNT_IN_ENTRY: u32 = 1u;
 const INNER_AT_IN_ENTRY: u32 = 2u;
 const INNER_COUNT_IN_ENTRY: u32 = 3u;
 const ROOT_ROW_IN_ENTRY: u32 = 7u;
-// Index of a treelet's parent. Number of a treelet's children, followed by the number of moving children.
+// Index of the treelet's parent. Then the number of the treelet's children, followed by the number of its moving
+// children. For the children, these are numbers of siblings.
 const PARENT_IN_ENTRY: u32 = 9u;
 const SIBLINGS_IN_ENTRY: u32 = 10u;
 // References within a treelet are below 512. They are also the indices of nodes in workgroup memory.

@@ -118,9 +118,9 @@ fn reload_corners(vertices: vec3<u32>) -> SceneCorners {
     return result;
 }
 
-// The end of a treelet whose parents are refitted by other dispatches.
+// The end of a treelet whose parent is refitted by another dispatch.
 
-// Writes a treelet whose boxes are complete. All invocations of the workgroup must call it.
+// Writes a treelet whose boxes are complete, and its sum of areas. All invocations of the workgroup must call it.
 fn finish_treelet(treelet_index: u32, local: u32, area: f32) {
     write_treelet(load_treelet(treelet_index), local);
     let sum = sum_of_group(local, area);
@@ -226,7 +226,8 @@ fn preprocess_treelets(
     build_treelet(local, index);
 }
 
-// Does the same as `preprocess_treelets`, but blends two key frames itself, so it need not wait for `interpolate`.
+// Does the same as `preprocess_treelets`, but blends two key frames itself, so it need not wait for `interpolate`. Also
+// refits all other treelets: see `finish_and_climb`.
 //
 // Variants: intersector.
 // Parameters: treelets.

@@ -60,7 +60,7 @@ struct PreparedRay {
     inverse: vec3<f32>,
     // No box is padded by more than max_padding * |1 / d|. 17 * 2^-24 * D of the root.
     max_padding: f32,
-    // Terms that loose_planes adds to the near and far planes times the inverse.
+    // Terms that loose_planes adds to `plane * inverse`, for near and for far planes.
     near_offset: vec3<f32>,
     far_offset: vec3<f32>,
     // The main axis: that of the largest |d|.
@@ -83,12 +83,12 @@ fn permute(v: vec3<f32>, axis: u32) -> vec3<f32> {
     return select(select(v.yzx, v.zxy, axis == 1u), v, axis == 2u);
 }
 
-// Returns the axes in that order.
+// Returns the axes (kx, ky, kz), where kz is the main axis.
 fn permuted_axes(axis: u32) -> vec3<u32> {
     return select(select(vec3<u32>(1u, 2u, 0u), vec3<u32>(2u, 0u, 1u), axis == 1u), vec3<u32>(0u, 1u, 2u), axis == 2u);
 }
 
-// Restores the original order.
+// Reorders components from (kx, ky, kz) to (x, y, z).
 fn unpermute(v: vec3<f32>, axis: u32) -> vec3<f32> {
     return select(select(v.zxy, v.yzx, axis == 1u), v, axis == 2u);
 }

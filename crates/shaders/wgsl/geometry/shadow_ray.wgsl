@@ -28,7 +28,8 @@ fn offset_coordinate(p: f32, normal: f32, side: f32, delta: f32) -> f32 {
 }
 
 // A segment from near the hit to the light, over t in (0, 1). If `is_traced` is false, nothing can occlude it.
-// Coordinates of the origin may be below 2^-64, where they are replaced by zero.
+// Coordinates of the origin may be below 2^-64. Kernels in rounded arithmetic then replace them by zero; the exact line
+// keeps them.
 struct ShadowSegment { origin: vec3<f32>, direction: vec3<f32>, is_traced: bool }
 
 // Computes the segment from the corners of the triangle that was hit, all in scaled units. `eye` is the origin of the ray.

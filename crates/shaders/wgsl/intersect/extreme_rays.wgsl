@@ -113,7 +113,8 @@ fn may_have_extreme_rays() -> bool {
     return atomicLoad(&counts[FOUND_EXTREME]) > 0u;
 }
 
-// Returns whether a ray is extreme by parameters alone. All rays of a camera then are.
+// Returns whether a ray is extreme by the parameters alone. For a camera, the kernels call this only if all rays are
+// extreme.
 fn is_extreme_by_params(i: u32) -> bool { return params.width > 0u || is_extreme(query_ray(i).origin); }
 
 // Returns whether the measured range makes rays extreme. The search ran without that range.

@@ -140,6 +140,7 @@ fn intersect_exactly(corners: array<vec3<u32>, 3>, slot: u32, perturbs: bool) ->
 }
 
 // Computes U, V and W, whose signs decide the hit and whose sum is the denominator. Then computes N, the numerator.
+// Returns whether the line hits the triangle.
 fn compute_determinants(result: ExactIntersection, len: Lengths, perturbs: bool) -> bool {
     var positive = false;
     var negative = false;
@@ -164,8 +165,9 @@ fn compute_determinants(result: ExactIntersection, len: Lengths, perturbs: bool)
     return sign_of_number(result.denominator, len.triple) != 0;
 }
 
-// Returns on which side of an edge a line through it passes if its start is moved by (e, e^2, e^3): the first non-zero sign among
-// the components of the cross product of direction and edge. Returns 0 if the edge is parallel to the line.
+// Returns on which side of an edge a line through the edge passes if the line's start is moved by (e, e^2, e^3) for an
+// infinitesimal e. This is the first non-zero sign among the components of the cross product of direction and edge.
+// Returns 0 if the edge is parallel to the line.
 fn perturbed_edge_sign(side: u32, len: Lengths) -> i32 {
     let ends = edge_ends(side);
     for (var i = 0u; i < 3u; i += 1u) {

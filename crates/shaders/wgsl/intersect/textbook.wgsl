@@ -90,7 +90,7 @@ fn textbook_is_undecided(hit: vec4<u32>) -> bool { return false; }
 
 // Rasterization: the hit of one triangle.
 
-// Returns the distance at which a ray hits a leaf's triangle, or infinity.
+// Returns the distance at which a ray hits a leaf's triangle, or the ray's t_max.
 fn textbook_nearest_t(ray: PreparedRay, leaf: u32) -> f32 { return textbook_intersect_single(ray, leaf).t; }
 
 fn textbook_intersect_single(ray: PreparedRay, leaf: u32) -> TextbookBest {

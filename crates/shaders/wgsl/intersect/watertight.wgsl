@@ -15,7 +15,8 @@ import package::lib::params::params;
 
 // Woop, Benthin, Wald 2013, with exact signs and symbolic ties: see docs/design/hits.md.
 
-// Returns the exact sign of p.x * q.y - p.y * q.x. If that is zero, returns the sign after the ray is moved by (e, e^2).
+// Returns the exact sign of p.x * q.y - p.y * q.x. If that is zero, returns the sign after the ray is moved by (e, e^2)
+// for an infinitesimal e.
 fn edge_sign(value: f32, p: Sheared, q: Sheared) -> i32 {
     let magnitude = bitcast<u32>(value) & 0x7fffffffu;
     if magnitude >= 0x0d800000u && magnitude < 0x7f800000u {

@@ -197,7 +197,8 @@ fn round_quotient_192(n: Int192, d: Int192, exponent: i32) -> u32 {
     if sign_192(n) == 0 { return 0u; }
     let approximate_n = approximate_192(n);
     let approximate_d = approximate_192(d);
-    // Aligns the leading bits of both. Six bits remain for the rest of the division.
+    // Aligns the leading bits of both to bit 185. The dividend and the products below wrap modulo 2^192. Their
+    // difference fits, because it is less than 16 times the divisor.
     let a = shift_left_192(n, u32(185 - approximate_n.exponent));
     let b = shift_left_192(d, u32(185 - approximate_d.exponent));
     let is_below_one = is_negative_192(sub_192(a, b));

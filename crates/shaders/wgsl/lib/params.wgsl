@@ -33,12 +33,12 @@ struct MeasureParams {
     sample_step: u32,
 }
 
-// Kernels that compute records and boxes of treelets.
+// `gather_corners`, and kernels that compute records and boxes of treelets.
 struct TreeletsParams {
     // Index of the first treelet. If `uses_list` is 1: the word of `topology` where the list of treelets begins.
     first: u32,
     uses_list: u32,
-    // Total number of treelets if the dispatch reaches the root, else 0.
+    // Total number of treelets in `gather_corners` and in dispatches that reach the root, else 0.
     treelet_count: u32,
     // Word of `counts` for the sum of areas.
     sum_counter: u32,
@@ -109,7 +109,7 @@ struct Params {
     down: vec3<f32>,
     // Weight of the later key frame.
     alpha: f32,
-    // In scaled units; in scene units for extreme rays.
+    // In scaled units; in scene units for `extreme_shadow_rays` and `shade`.
     light: vec3<f32>,
     // k: vertices and origins are scaled by 2^-k.
     scale_exponent: i32,
@@ -139,7 +139,7 @@ struct Params {
     // Number of lanes of all wide nodes.
     wide_lanes: u32,
     depth: vec3<f32>,
-    // The root's lanes; 0 if there is no wide tree.
+    // Reference to the root of the wide tree (visibility/outline.wgsl); 0 if there is no wide tree.
     wide_root: u32,
     // Bound on the distance of a pixel's ray from the pixel's middle, in pixels, with a margin.
     pixel_margin: f32,

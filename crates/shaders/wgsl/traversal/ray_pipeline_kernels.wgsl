@@ -1,4 +1,4 @@
-// Compute kernels that support the ray-tracing pipeline: they prepare triangles for the driver's tree, and count.
+// Compute kernels that support the ray-tracing pipeline: they prepare triangles for the driver's tree, and count hits.
 
 import package::geometry::triangle::{corner, is_finite};
 import package::lib::buffers::counts;

@@ -64,8 +64,8 @@ struct TileCounts { tiles: u32, tests: u32, pixels: u32 }
 
 const NO_TILES: TileCounts = TileCounts(0u, 0u, 0u);
 
-// Counts the tiles of an outline. If there are more than MAX_TILES, returns none and appends the leaf to the list of large
-// triangles.
+// Counts the tiles of an outline. If there are more than MAX_TILES, returns NO_TILES and appends the leaf to the list
+// of large triangles.
 fn count_tiles(outline: Outline, leaf: u32) -> TileCounts {
     if any(outline.first > outline.last) { return NO_TILES; }
     let size = outline.last - outline.first + 1;

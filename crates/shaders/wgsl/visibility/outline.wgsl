@@ -5,16 +5,21 @@ import package::geometry::record::{corners_of, is_unhittable};
 import package::lib::buffers::records;
 import package::lib::params::params;
 
-// The buffer `covers` for packets, in rows of 16 bytes. All first rows begin with the first and last column, the first and last
-// row (16 bits each), and the nearest depth as a float's bits. First come the lanes of the wide tree, one row each, which ends
-// with the child that the lane refers to. From row `wide_lanes` on follow the triangles in leaf order, two rows each. Their first
-// row ends with the offset of the third line; the second row has the other offsets and all slopes (see `RowBound` in
+// The buffer `covers` for packets, in rows of 16 bytes. First come the lanes of the wide tree, one row each. From row
+// `wide_lanes` on follow the triangles in leaf order, two rows each.
+//
+// The row of a lane and the first row of a triangle begin with two spans of pixels, of columns and of rows, and with
+// the bits of the nearest depth. The row of a lane ends with a reference to its child. The first row of a triangle ends
+// with the offset of the third line. Its second row has the other offsets and all slopes (see `RowBound` in
 // project.wgsl).
 
-// The first pixel is after the last: nothing is covered.
+// A span of pixels: the first one in the lower 16 bits, the last one in the upper 16 bits. It is empty if the first is
+// after the last.
 const EMPTY_SPAN: u32 = 0x0000ffffu;
 const FULL_SPAN: u32 = 0xffff0000u;
 
+// Flag of a reference in the wide tree: a block of consecutive leaves, else a wide node. The lower six bits are the
+// number of leaves or lanes, and the bits above are the index of the first one.
 const BLOCK: u32 = 0x80000000u;
 // Offset of an absent line, in 256ths of a pixel.
 const UNBOUNDED: i32 = 0x20000000;
@@ -80,7 +85,7 @@ fn is_triangle_outside(x: vec3<f32>, y: vec3<f32>, z: vec3<f32>, depths: vec3<f3
     return is_box_outside(own.low, own.high, max_distance);
 }
 
-// Returns whether nothing that the triangle contributes is in front of the eye.
+// Returns whether the triangle is certainly behind the eye. With `watertight`, its own box must be.
 fn is_triangle_behind(x: vec3<f32>, y: vec3<f32>, z: vec3<f32>, depths: vec3<f32>, max_distance: f32) -> bool {
     @if(WATERTIGHT) let farthest = max_box_depth(own_box_of(x, y, z));
     @else let farthest = max_component(depths);

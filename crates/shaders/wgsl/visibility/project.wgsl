@@ -62,7 +62,7 @@ fn loose_lines(x: Projected, y: Projected, first: f32) -> RowBounds {
     return with_line(lines, loose_line(c, a, orientation, first, margin));
 }
 
-// Packs two words of 16 bits each.
+// Packs the lower 16 bits of two numbers.
 fn pack_halves(low: i32, high: i32) -> u32 { return (bitcast<u32>(low) & 0xffffu) | (bitcast<u32>(high) << 16u); }
 
 fn write_triangle(leaf: u32, columns: u32, rows: u32, begin: f32, lines: RowBounds) {

@@ -12,8 +12,9 @@ import package::lib::lanes::{count_at_most, group_inclusive_sum, group_shuffle};
 import package::lib::params::{element_index, params};
 import package::visibility::cover::{KEYS_PER_PIXEL, LARGE_CAPACITY};
 
-// Per pixel with `watertight`: t of the first hit as bits, above the index of its triangle; all ones if nothing is hit. The other
-// intersectors store the least two t of each pixel, each above its leaf. A last element is all ones if rasterization was complete.
+// With `watertight`, one key per pixel: the bits of the first hit's t in the upper half, the index of its triangle in
+// the lower half, or all ones if nothing is hit. The other intersectors store two keys per pixel, with the least two t
+// and their leaves. A last element is all ones if rasterization was complete.
 @if(clear_visibility)
 @group(0) @binding(next) var<storage, read_write> visibility: array<vec4<u32>>;
 @else
@@ -87,7 +88,7 @@ fn test_tiles(tile: vec4<u32>, root: RelativeRoot, lane: u32) {
     }
 }
 
-// Tests the tiles of one of `teams` teams.
+// Tests the tiles of one of `teams` teams: groups of 32 invocations that take turns in loading 32 tiles.
 fn test_tiles_of_team(team: u32, teams: u32, count: u32, lane: u32) {
     let root = root_relative_to(eye());
     for (var first = 32u * team; first < count; first += 32u * teams) {
@@ -119,7 +120,7 @@ fn load_tile_count(local: u32, group: u32) -> u32 {
     return workgroupUniformLoad(&tile_count);
 }
 
-// First hits, triangle by triangle. Each workgroup is a team.
+// First hits, tile by tile. Each workgroup is a team.
 //
 // Variants: intersector, arithmetic.
 // Parameters: raster.
@@ -132,7 +133,7 @@ fn rasterize(
     test_tiles_of_team(group.x, groups.x, load_tile_count(lane, group.x), lane);
 }
 
-// First hits, triangle by triangle. Each subgroup is a team.
+// First hits, tile by tile. Each subgroup is a team.
 //
 // Variants: intersector, arithmetic, subgroups.
 // Parameters: raster.

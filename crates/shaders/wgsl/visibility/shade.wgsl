@@ -1,4 +1,5 @@
-// Turns hits into pixels: face normals, file colours, one lamp with shadows, a soft sky. Module `shading` of crate `abvh`
+// Computes pixels from hits: face normals, a colour per triangle, one lamp with shadows, a sky. Module `shading` of
+// crate `abvh`
 // computes the same bits on the host; docs/design/pictures.md explains why they are equal.
 
 import package::geometry::triangle::points_of;
