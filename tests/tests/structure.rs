@@ -1,5 +1,5 @@
-//! Tests the structure that ARCHITECTURE.md describes: which crates depend on which, how many files know a value of an axis,
-//! and how wide the device traits are.
+//! Tests the structure that ARCHITECTURE.md describes: the dependencies between crates, the number of files that name
+//! one backend, policy, intersector or rival, and the number of methods of the device traits.
 
 use serde_json::Value;
 use std::fs;

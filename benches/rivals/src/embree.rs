@@ -35,7 +35,7 @@ pub struct Embree {
     hits: Hits,
 }
 
-/// A scene, which Embree has from its first frame on.
+/// A loaded animation. The first frame creates its Embree scene.
 struct Loaded {
     animation: Arc<Animation>,
     upkeep: Upkeep,
@@ -44,7 +44,7 @@ struct Loaded {
     pose: Option<Pose>,
 }
 
-/// Lists the host.
+/// Returns the only adapter, the host.
 ///
 /// # Errors
 /// The library is absent.

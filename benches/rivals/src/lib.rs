@@ -1,4 +1,4 @@
-//! Ray tracers of others behind one trait, to measure abvh against.
+//! Third-party ray tracers behind one trait, for comparison with abvh.
 //!
 //! [`RIVALS`] lists them by name. A [`Rival`] keeps its own trees and has its own intersector, so its hits may differ from
 //! ours near edges. Callers compare hits and report the share that differs.
@@ -24,7 +24,7 @@ named! {
     }
 }
 
-/// A ray tracer of others with one scene.
+/// A third-party ray tracer with one scene.
 pub trait Rival {
     /// Returns the device, whose `backend` is the rival's name.
     fn device(&self) -> &Device;
@@ -37,7 +37,8 @@ pub trait Rival {
 
     /// Moves the vertices and the tree to `pose`, unless they are there already, and traces `query`. Blocks until all is done.
     ///
-    /// The report has the time on the tree as `refit_ms`, and that of primary and shadow rays as `trace_primary_ms`.
+    /// The report contains the time to build or refit the tree as `refit_ms`, and the time of primary and shadow rays
+    /// as `trace_primary_ms`.
     /// Inactive and degenerate triangles are not counted.
     ///
     /// # Errors

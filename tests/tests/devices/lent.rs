@@ -1,4 +1,4 @@
-//! Tests that are shared by all kinds of device memory: vertices, rays and answers, on any owner's device.
+//! Tests of vertices, rays and answers in device memory. They run for each kind of memory and each owner of the device.
 
 use crate::scenes::{camera, rays, swarm};
 use abvh::{

@@ -1,4 +1,4 @@
-//! Tests trees made on the device, which must be complete, shallow and good.
+//! Tests trees built on the device: validity, sorting, depth and cost.
 
 use crate::Subject;
 use crate::scenes::{apart, numbers, report, stand, swarm, tree_at};
@@ -83,7 +83,7 @@ pub(crate) fn builds_trees_of_extreme_coordinates(backend: &mut dyn Subject) {
         let animation = at_points((0..4096).map(point), size);
         made(backend, &animation, 0.0).0.level_count()
     });
-    // The lowest possible tree has 13 levels. Packets that begin early add one.
+    // The lowest possible tree has 13 levels. Groups of clusters that begin early add one.
     assert!(levels[3] <= 14, "{levels:?}");
 }
 

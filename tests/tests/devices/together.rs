@@ -139,7 +139,7 @@ fn sheets(count: u32) -> Arc<Animation> {
     })
 }
 
-/// Returns whether the last picture was rasterized only, according to the visibility buffer.
+/// Returns whether rasterization of the last picture was complete, according to the visibility buffer.
 fn told_all(backend: &mut dyn Subject, intersector: Intersector) -> bool {
     let numbers = match intersector {
         Intersector::Watertight => PIXELS,

@@ -16,7 +16,7 @@ const T_ERROR: f64 = 16.0 * f32::EPSILON as f64;
 
 /// Checks that `exact` equals the oracle for the rays of a picture, and for rays at interiors, edges and vertices from
 /// near and far. `watertight` may differ near edges, which a camera ray hits only by chance: a few in a million, so
-/// hardly ever two of 38,400.
+/// hardly ever more than two of 38,400.
 pub(crate) fn rays(source: Source) {
     let animation = source.animation();
     let middle = 0.618 * animation.end();

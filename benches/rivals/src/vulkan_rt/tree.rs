@@ -16,7 +16,7 @@ use std::sync::Arc;
 
 /// Input of a build.
 pub(crate) type Geometry<'a> = vk::AccelerationStructureGeometryKHR<'a>;
-/// Build preference.
+/// Parameters of a build.
 type Info<'a> = vk::AccelerationStructureBuildGeometryInfoKHR<'a>;
 type Level = vk::AccelerationStructureTypeKHR;
 /// How the driver builds a tree.
