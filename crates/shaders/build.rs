@@ -8,11 +8,13 @@ mod harden;
 mod rays;
 #[path = "build/reflect.rs"]
 mod reflect;
+#[path = "build/syntax.rs"]
+mod syntax;
 #[path = "build/variants.rs"]
 mod variants;
 
 use anyhow::{Context, Result, anyhow, ensure};
-use compose::Sources;
+use compose::{Files, Sources};
 use naga::back::spv;
 use naga::valid::{
     Capabilities, ModuleInfo, ShaderStages, SubgroupOperationSet, ValidationFlags, Validator,
@@ -26,9 +28,9 @@ fn main() -> Result<()> {
     println!("cargo::rerun-if-changed=wgsl");
     println!("cargo::rerun-if-changed=build");
     let out = PathBuf::from(std::env::var("OUT_DIR").context("cargo sets OUT_DIR")?);
-    let mut sources = Sources::read(Path::new("wgsl"))?;
-    let entries = variants::entries(&sources)?;
-    sources.conditions = variants::conditions(&entries);
+    let files = read(Path::new("wgsl"))?;
+    let entries = variants::entries(&files)?;
+    let sources = Sources::new(&files, variants::conditions(&entries))?;
     let (beside, kernels): (Vec<_>, Vec<_>) = entries.iter().partition(|e| e.file == rays::KERNELS);
     let table = |about, constant, some: &[&EntryPoint]| {
         let all = compile_all(&out, &sources, some)?;
@@ -45,6 +47,21 @@ fn main() -> Result<()> {
     std::fs::write(out.join("module.wgsl"), module)?;
     let all = [kernels, beside, pipeline].concat();
     std::fs::write(out.join("kernels.rs"), all).context("kernels.rs")
+}
+
+/// Reads all files in the folders of `root`.
+fn read(root: &Path) -> Result<Files> {
+    let mut files = Files::new();
+    for folder in root.read_dir().context("wgsl")? {
+        for file in folder?.path().read_dir().context("a folder in wgsl")? {
+            let path = file?.path();
+            let name = path.strip_prefix(root)?.with_extension("");
+            let text = std::fs::read_to_string(&path);
+            let text = text.with_context(|| path.display().to_string())?;
+            files.insert(name.to_string_lossy().into_owned(), text);
+        }
+    }
+    Ok(files)
 }
 
 /// Compiles kernels on all cores. Returns them in their order, as Rust expressions.

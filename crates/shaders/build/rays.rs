@@ -1,6 +1,6 @@
 //! Compiles the stages of a ray-tracing pipeline: all entry points of one file, in one module.
 
-use crate::compose::{KEPT, Sources};
+use crate::compose::Sources;
 use crate::{harden, include_words, options, parse, reflect};
 use anyhow::{Result, anyhow, bail, ensure};
 use naga::ShaderStage;
@@ -15,15 +15,6 @@ use std::path::Path;
 pub(crate) const PIPELINE: &str = "traversal/ray_pipeline";
 pub(crate) const KERNELS: &str = "traversal/ray_pipeline_kernels";
 
-/// Placeholders in the file for address spaces and inputs that the crate `wesl` does not know.
-const UNKNOWN: [(&str, &str); 5] = [
-    ("@ray_t_current_max", "@builtin(ray_t_current_max)"),
-    ("@ray_invocation_id", "@builtin(ray_invocation_id)"),
-    ("@num_ray_invocations", "@builtin(num_ray_invocations)"),
-    ("@payload\nvar<private>", "var<ray_payload>"),
-    ("@incoming\nvar<private>", "var<incoming_ray_payload>"),
-];
-
 /// Compiles the pipeline. Returns its stages as a Rust constant.
 pub(crate) fn compile(out: &Path, sources: &Sources) -> Result<String> {
     let stages = [
@@ -35,11 +26,7 @@ pub(crate) fn compile(out: &Path, sources: &Sources) -> Result<String> {
         "explicit_shadow",
         "explicit_any",
     ];
-    let mut source = sources.compose(PIPELINE, &stages, &KEPT, &[])?;
-    for (here, there) in UNKNOWN {
-        ensure!(source.contains(here), "the file has no placeholder {here}");
-        source = source.replace(here, there);
-    }
+    let source = sources.compose(PIPELINE, &stages, "", &[])?;
     let source = format!("enable wgpu_ray_tracing_pipeline, primitive_index;\n{source}");
     let (module, info) = parse(
         &source,

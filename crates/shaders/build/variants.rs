@@ -5,9 +5,9 @@
 //! `// Parameters: search.` means that the kernel reads `params.search`: see `lib/params.wgsl`.
 //! `// Loaded with every scene.` means that a frame may need the kernel before its traces.
 
-use crate::compose::{KEPT, Sources};
+use crate::compose::{Files, Sources};
 use anyhow::{Context, Result, bail};
-use wesl::EscapeMangler;
+use std::collections::BTreeSet;
 
 /// The names of all intersectors, with underscores. The conditions are the names in capitals.
 const INTERSECTORS: [&str; 4] = ["moller_trumbore", "woop", "watertight", "exact"];
@@ -80,13 +80,13 @@ pub(crate) fn module(sources: &Sources) -> Result<String> {
         "ABVH_EXTREME",
     ];
     let on = ["WATERTIGHT", OPAQUE, MODULE];
-    sources.compose("traversal/module", &names, &EscapeMangler, &on)
+    sources.compose("traversal/module", &names, "abvh_", &on)
 }
 
 /// Returns all compute kernels, sorted by name.
-pub(crate) fn entries(sources: &Sources) -> Result<Vec<EntryPoint>> {
+pub(crate) fn entries(files: &Files) -> Result<Vec<EntryPoint>> {
     let mut all = Vec::new();
-    for (file, text) in &sources.files {
+    for (file, text) in files {
         let lines: Vec<_> = text.lines().collect();
         for at in (0..lines.len()).filter(|&at| lines[at].starts_with("@compute")) {
             let name = lines[at + 1].strip_prefix("fn ");
@@ -176,7 +176,7 @@ impl EntryPoint {
             let named = intersector.iter().chain(&parameters).chain([&self.name]);
             let named = named.map(String::as_str);
             let on: Vec<_> = named.chain(subgroups).chain(fused).chain(opaque).collect();
-            sources.compose(&self.file, &[&self.name], &KEPT, &on)
+            sources.compose(&self.file, &[&self.name], "", &on)
         };
         Ok(Text {
             plain: compose(None)?,
@@ -186,7 +186,7 @@ impl EntryPoint {
 }
 
 /// Returns all conditions that a file may use.
-pub(crate) fn conditions(all: &[EntryPoint]) -> Vec<String> {
+pub(crate) fn conditions(all: &[EntryPoint]) -> BTreeSet<String> {
     let intersectors = INTERSECTORS.map(str::to_uppercase);
     let parameters = PARAMETERS.map(str::to_uppercase);
     let others = [OPAQUE, FUSED, MODULE, SUBGROUPS].map(str::to_owned);

@@ -1,6 +1,6 @@
 //! Properties of all kernels: the number of variants, what a driver may fuse, and the memory layout of parameters.
 
-use shaders::{Code, KERNELS, Kernel, Params, RAY_KERNELS};
+use shaders::{Code, KERNELS, Kernel, MODULE, Params, RAY_KERNELS};
 use spirv::{Decoration, Op};
 use std::collections::{BTreeMap, HashSet};
 use std::iter;
@@ -105,6 +105,25 @@ fn word_products_take_one_instruction() {
         let products = products.filter(|(op, _)| *op == Op::UMulExtended);
         let has = kernel.code.wgsl.contains("fn multiply_32(");
         assert_eq!(products.count(), usize::from(has), "{}", kernel.name);
+    }
+}
+
+/// A program's own shaders declare other names next to those of the module.
+#[test]
+fn module_names_have_a_prefix() {
+    let module = naga::front::wgsl::parse_str(MODULE).unwrap();
+    let functions = module.functions.iter().map(|(_, f)| &f.name);
+    let types = module.types.iter().map(|(_, t)| &t.name);
+    let variables = module.global_variables.iter().map(|(_, v)| &v.name);
+    let constants = module.constants.iter().map(|(_, c)| &c.name);
+    let names = functions.chain(types).chain(variables).chain(constants);
+    let names: Vec<&str> = names.filter_map(|name| name.as_deref()).collect();
+    let kept = ["AbvhHit", "ABVH_MISS", "ABVH_EXTREME"];
+    for name in &names {
+        assert!(name.starts_with("abvh_") || kept.contains(name), "{name}");
+    }
+    for name in kept.iter().chain(&["abvh_closest", "abvh_any"]) {
+        assert!(names.contains(name), "{name}");
     }
 }
 

@@ -23,8 +23,8 @@ fn sum_other_costs(local: u32, treelet_index: u32, all: u32) -> f32 {
 fn other_costs(first: u32, treelet_index: u32, all: u32) -> vec4<f32> {
     let i = first + vec4<u32>(0u, GROUP, 2u * GROUP, 3u * GROUP);
     let at = min(i, vec4<u32>(all - 1u));
-    let costs = vec4<f32>(cost_at(at.x), cost_at(at.y), cost_at(at.z), cost_at(at.w));
-    return select(vec4<f32>(0.0), costs, (i == at) & (i != vec4<u32>(treelet_index)));
+    let areas = vec4<f32>(cost_at(at.x), cost_at(at.y), cost_at(at.z), cost_at(at.w));
+    return select(vec4<f32>(0.0), areas, (i == at) & (i != vec4<u32>(treelet_index)));
 }
 
 // Returns one of sixteen partial sums of all values in `partial_sums` to each of the first sixteen invocations.

@@ -74,12 +74,12 @@ fn is_spread(local: u32, largest: u32) -> bool {
         samples[i] = INFINITE;
         if index < count { samples[i] = atomicLoad(&range[SAMPLES + index]); }
     }
-    var counts = vec2<u32>(0u);
+    var sample_counts = vec2<u32>(0u);
     for (var i = 0u; i < SAMPLES_PER_INVOCATION; i += 1u) {
-        if samples[i] < INFINITE { counts += vec2<u32>(1u, u32(largest > bitcast<u32>(scale_bits(samples[i], 10)))); }
+        if samples[i] < INFINITE { sample_counts += vec2<u32>(1u, u32(largest > bitcast<u32>(scale_bits(samples[i], 10)))); }
     }
-    atomicAdd(&valid_samples, counts.x);
-    atomicAdd(&small_samples, counts.y);
+    atomicAdd(&valid_samples, sample_counts.x);
+    atomicAdd(&small_samples, sample_counts.y);
     workgroupBarrier();
     return atomicLoad(&small_samples) > atomicLoad(&valid_samples) / 4u;
 }

@@ -78,9 +78,9 @@ fn exact_has_hit(best: ExactBest) -> bool { return best.leaf != NO_LEAF; }
 // Returns the hit to write for a ray, or the data for the kernel that resolves it.
 fn exact_hit_of(i: u32, ray: PreparedRay, best: ExactBest) -> vec4<u32> {
     if best.other_low < NO_INTERVAL && best.other_low <= best.bound {
-        var candidates = best.candidates;
-        if best.leaf != NO_LEAF { candidates = prepend_candidate(candidates, best.leaf); }
-        return append_undecided(i, best.bound, candidates);
+        var first_candidate = best.candidates;
+        if best.leaf != NO_LEAF { first_candidate = prepend_candidate(first_candidate, best.leaf); }
+        return append_undecided(i, best.bound, first_candidate);
     }
     if best.leaf == NO_LEAF { return MISS; }
     let rounded = round_hit(ray, best.leaf, exact_direction_of(i));
@@ -90,9 +90,9 @@ fn exact_hit_of(i: u32, ray: PreparedRay, best: ExactBest) -> vec4<u32> {
 }
 
 // Appends a ray to the list of undecided rays. Its hit is not beyond `bound`.
-fn append_undecided(i: u32, bound: f32, candidates: u32) -> vec4<u32> {
+fn append_undecided(i: u32, bound: f32, first_candidate: u32) -> vec4<u32> {
     occluded[params.search.undecided_rays_at + atomicAdd(&counts[UNDECIDED_RAYS], 1u)] = i;
-    return vec4<u32>(bitcast<u32>(bound), candidates, UNDECIDED_HIT, 0u);
+    return vec4<u32>(bitcast<u32>(bound), first_candidate, UNDECIDED_HIT, 0u);
 }
 
 // Returns whether the ray is undecided.

@@ -5,7 +5,6 @@ import package::geometry::record::{Corners, corners_of};
 import package::geometry::units::in_ray_units;
 import package::lib::buffers::{counts, records};
 import package::lib::counters::HIT_COUNT;
-import package::lib::params::params;
 
 // Shared by both: t is clamped to the triangle's own box, so that the hit does not depend on the tree.
 

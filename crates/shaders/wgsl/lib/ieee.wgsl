@@ -84,13 +84,13 @@ fn integer_quotient(a: u32, shift: u32, b: u32) -> Quotient {
     var value = u32(f32(a) * inverse * select(16777216.0, 33554432.0, shift == 25u));
     // |remainder| is far below 2^31, so wrapping arithmetic is exact.
     var remainder = bitcast<i32>((a << shift) - value * b);
-    let divisor = i32(b);
+    let signed_b = i32(b);
     let step = i32(f32(remainder) * inverse);
     value = bitcast<u32>(bitcast<i32>(value) + step);
-    remainder -= step * divisor;
-    if remainder < 0 { remainder += divisor; value -= 1u; }
-    if remainder < 0 { remainder += divisor; value -= 1u; }
-    if remainder >= divisor { remainder -= divisor; value += 1u; }
+    remainder -= step * signed_b;
+    if remainder < 0 { remainder += signed_b; value -= 1u; }
+    if remainder < 0 { remainder += signed_b; value -= 1u; }
+    if remainder >= signed_b { remainder -= signed_b; value += 1u; }
     return Quotient(value, remainder != 0);
 }
 

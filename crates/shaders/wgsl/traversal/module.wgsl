@@ -1,4 +1,4 @@
-// Functions that trace single rays for the caller's own shaders: `abvh::shader_module`. All other names are escaped.
+// Functions that trace single rays for the caller's own shaders: `abvh::shader_module`. All other names get the prefix `abvh_`.
 
 import package::geometry::queries::is_invalid_ray;
 import package::geometry::range::is_measured_extreme;
@@ -18,7 +18,7 @@ const ABVH_MISS: u32 = 0xffffffffu;
 const ABVH_EXTREME: u32 = 0xfffffffeu;
 
 // Returns whether the ray needs exact arithmetic, which this module does not contain.
-fn abvh_is_extreme(origin: vec3<f32>) -> bool {
+fn is_extreme_origin(origin: vec3<f32>) -> bool {
     if params.extreme == 2u { return is_measured_extreme(origin); }
     return is_extreme(origin);
 }
@@ -30,7 +30,7 @@ fn abvh_closest(origin: vec3<f32>, t_min: f32, direction: vec3<f32>, t_max: f32)
     let start = scaled_point(first.xyz);
     var hit = MISS;
     if params.node_count > 0u && !is_invalid_ray(first, second) {
-        if abvh_is_extreme(start) { return AbvhHit(0.0, 0.0, 0.0, ABVH_EXTREME); }
+        if is_extreme_origin(start) { return AbvhHit(0.0, 0.0, 0.0, ABVH_EXTREME); }
         let ray = prepare_ray(start, second.xyz, first.w, second.w, root_relative_to(start));
         hit = hit_of(0u, ray, find_closest(ray));
     }
@@ -43,7 +43,7 @@ fn abvh_any(origin: vec3<f32>, t_min: f32, direction: vec3<f32>, t_max: f32) -> 
     let second = vec4<u32>(bitcast<vec3<u32>>(direction), bitcast<u32>(t_max));
     let start = scaled_point(first.xyz);
     if params.node_count == 0u || is_invalid_ray(first, second) { return 0u; }
-    if abvh_is_extreme(start) { return ABVH_EXTREME; }
+    if is_extreme_origin(start) { return ABVH_EXTREME; }
     let ray = prepare_ray(start, second.xyz, first.w, second.w, root_relative_to(start));
     return u32(trace_any(ray, 0xffffffffu));
 }

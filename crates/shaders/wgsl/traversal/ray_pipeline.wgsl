@@ -1,7 +1,4 @@
 // Rays through the driver's own tree: the stages of a ray-tracing pipeline.
-//
-// The crate `wesl` does not know the address spaces of payloads and some stage inputs. Attributes are placeholders for them,
-// which the build replaces (build/rays.rs).
 
 import package::geometry::queries::{is_invalid_ray, pixel_direction};
 import package::geometry::shadow_ray::shadow_segment_of_hit;
@@ -16,15 +13,13 @@ struct Payload { t: f32, u: f32, v: f32, triangle: u32 }
 
 const NO_HIT: u32 = 0xffffffffu;
 
-@payload
-var<private> payload: Payload;
-@incoming
-var<private> incoming: Payload;
+var<ray_payload> payload: Payload;
+var<incoming_ray_payload> incoming: Payload;
 // The build turns this into the hit attributes of the driver.
 var<private> barycentrics: vec2<f32>;
 
 @closest_hit @incoming_payload(incoming)
-fn closest_hit(@builtin(primitive_index) triangle: u32, @ray_t_current_max t: f32) {
+fn closest_hit(@builtin(primitive_index) triangle: u32, @builtin(ray_t_current_max) t: f32) {
     let weights = barycentrics;
     incoming = Payload(t, weights.x, weights.y, triangle);
 }
@@ -75,12 +70,12 @@ fn trace_pixel(pixel: vec2<u32>) -> vec4<u32> {
 }
 
 @ray_generation
-fn camera_closest(@ray_invocation_id id: vec3<u32>) {
+fn camera_closest(@builtin(ray_invocation_id) id: vec3<u32>) {
     hits[id.y * params.width + id.x] = trace_pixel(id.xy);
 }
 
 @ray_generation
-fn camera_shadow(@ray_invocation_id id: vec3<u32>) {
+fn camera_shadow(@builtin(ray_invocation_id) id: vec3<u32>) {
     let i = id.y * params.width + id.x;
     let hit = trace_pixel(id.xy);
     hits[i] = hit;
@@ -109,13 +104,13 @@ fn trace_explicit(i: u32) -> vec4<u32> {
 fn ray_index(id: vec3<u32>, size: vec3<u32>) -> u32 { return id.y * size.x + id.x; }
 
 @ray_generation
-fn explicit_closest(@ray_invocation_id id: vec3<u32>, @num_ray_invocations size: vec3<u32>) {
+fn explicit_closest(@builtin(ray_invocation_id) id: vec3<u32>, @builtin(num_ray_invocations) size: vec3<u32>) {
     let i = ray_index(id, size);
     if i < params.count { hits[i] = trace_explicit(i); }
 }
 
 @ray_generation
-fn explicit_shadow(@ray_invocation_id id: vec3<u32>, @num_ray_invocations size: vec3<u32>) {
+fn explicit_shadow(@builtin(ray_invocation_id) id: vec3<u32>, @builtin(num_ray_invocations) size: vec3<u32>) {
     let i = ray_index(id, size);
     if i >= params.count { return; }
     let hit = trace_explicit(i);
@@ -124,7 +119,7 @@ fn explicit_shadow(@ray_invocation_id id: vec3<u32>, @num_ray_invocations size: 
 }
 
 @ray_generation
-fn explicit_any(@ray_invocation_id id: vec3<u32>, @num_ray_invocations size: vec3<u32>) {
+fn explicit_any(@builtin(ray_invocation_id) id: vec3<u32>, @builtin(num_ray_invocations) size: vec3<u32>) {
     let i = ray_index(id, size);
     if i >= params.count { return; }
     let ray = load_ray(i);

@@ -139,7 +139,7 @@ fn surface_light(hit: vec4<u32>, in_shadow: bool, direction: vec3<f32>) -> vec3<
 }
 
 // Returns the linear light of an sRGB level.
-fn linear(level: u32) -> f32 { return bitcast<f32>(tones[level & 255u]); }
+fn linear(srgb: u32) -> f32 { return bitcast<f32>(tones[srgb & 255u]); }
 
 // Returns the sRGB level of linear light.
 fn level(light: f32) -> u32 { return tones[256u + min(u32(add(mul(light, STEPS), 0.5)), LAST_STEP)]; }
