@@ -110,7 +110,8 @@ pub struct FrameReport {
     /// Hits in shadow.
     pub blocked: u64,
     /// Rays, including shadow rays, that were tested in exact arithmetic. With `exact`, these are the rays that error
-    /// bounds could not decide. With `watertight`, they are the [extreme](geom::Range::is_extreme) rays. Otherwise 0.
+    /// bounds could not decide. With `watertight`, they are the [extreme](geom::CoordinateRange::is_extreme) rays.
+    /// Otherwise 0.
     pub settled: u64,
     /// Triangles that are inactive at the traced positions.
     pub inactive: u64,

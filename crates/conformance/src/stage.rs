@@ -31,7 +31,8 @@ pub fn triangles(animation: &Animation, time: f64) -> Vec<Triangle> {
     all.map(|t| moment.corners(t)).collect()
 }
 
-/// Returns whether every backend must test a ray from `origin` in exact arithmetic at a time: see [`geom::Range`].
+/// Returns whether every backend must test a ray from `origin` in exact arithmetic at a time: see
+/// [`geom::CoordinateRange`].
 pub(crate) fn is_extreme(animation: &Animation, time: f64, origin: Point) -> bool {
     let unit = f64::from(-animation.scale_exponent()).exp2();
     let scaled = origin.map(|x| (f64::from(x) * unit) as f32);

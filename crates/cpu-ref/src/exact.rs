@@ -55,7 +55,7 @@ impl RaySearch<'_> {
             [only] if only.is_certain => self.certain_hit(only.triangle),
             _ => {
                 self.count_exact();
-                let (line, first) = (self.line(), self.first(&possible)?);
+                let (line, first) = (self.scaled_ray(), self.first(&possible)?);
                 let rounded = line.rounded(&self.geometry.corners(first))?;
                 Some(hit(first, rounded))
             }
@@ -84,8 +84,8 @@ impl RaySearch<'_> {
 
     /// Returns the hit of a triangle that the ray certainly hits. `t`, `u` and `v` are rounded once.
     pub fn certain_hit(&self, triangle: u32) -> Option<Hit> {
-        let (line, corners) = (self.line(), self.geometry.corners(triangle));
-        let rounded = line.rounded_surely(&corners).or_else(|| {
+        let (line, corners) = (self.scaled_ray(), self.geometry.corners(triangle));
+        let rounded = line.try_rounded(&corners).or_else(|| {
             self.count_exact();
             line.rounded(&corners)
         });
@@ -108,7 +108,7 @@ impl RaySearch<'_> {
         let corners = self.geometry.corners(triangle);
         let can_be_hit = is_active(&corners) && !is_degenerate(&corners);
         can_be_hit
-            .then(|| self.line().intersect(&corners))
+            .then(|| self.scaled_ray().intersect(&corners))
             .flatten()
     }
 }

@@ -5,7 +5,7 @@
 use crate::geometry::Geometry;
 use crate::search::RaySearch;
 use crate::tree::Child;
-use geom::exact::{ExactDistance, Line};
+use geom::exact::{ExactDistance, ScaledRay};
 use geom::{Aabb, Hit, Point, Ray, Triangle, is_active, is_degenerate, normal_signs, side_of};
 use std::cmp::Ordering;
 
@@ -18,7 +18,7 @@ pub fn is_extreme(geometry: &Geometry<'_>, origin: Point) -> bool {
 /// The search for hits of an extreme ray.
 pub(crate) struct ExtremeSearch<'a> {
     search: RaySearch<'a>,
-    line: Line,
+    line: ScaledRay,
 }
 
 impl<'a> ExtremeSearch<'a> {
@@ -32,7 +32,7 @@ impl<'a> ExtremeSearch<'a> {
 
     fn new(search: RaySearch<'a>) -> Self {
         search.count_exact();
-        let line = search.line();
+        let line = search.scaled_ray();
         Self { search, line }
     }
 
@@ -79,7 +79,8 @@ impl<'a> ExtremeSearch<'a> {
 
     /// Returns the distance to a triangle, or `None` if the ray does not hit it.
     ///
-    /// With `watertight`, the ray is perturbed: see [`Line::intersect_perturbed`]. The limits apply to the rounded `t`.
+    /// With `watertight`, the ray is perturbed: see [`ScaledRay::intersect_perturbed`]. The limits apply to the rounded
+    /// `t`.
     fn crossing(&self, triangle: u32) -> Option<ExactDistance> {
         if self.search.intersector.is_exact() {
             return self.search.crossing(triangle);

@@ -1,7 +1,7 @@
 //! The triangles of a scene at one moment.
 
 use crate::scale::Scale;
-use geom::{Point, Range, Triangle};
+use geom::{CoordinateRange, Point, Triangle};
 use std::ops::Add;
 
 /// The triangles of a scene at one moment.
@@ -14,7 +14,7 @@ pub struct Geometry<'a> {
     /// Conversion to scaled units.
     pub scale: Scale,
     /// Range of the coordinates at this moment.
-    pub range: Range,
+    pub range: CoordinateRange,
 }
 
 impl Geometry<'_> {

@@ -23,7 +23,7 @@ pub(crate) struct SceneState {
     animation: Arc<Animation>,
     intersector: Intersector,
     /// Range of coordinates at the moment that was interpolated last.
-    range: geom::Range,
+    range: geom::CoordinateRange,
     pub(crate) positions: Vec<Point>,
     /// Runs of vertices to interpolate. They contain all moving vertices, or simply all vertices if few are static.
     runs: Vec<Range<usize>>,
@@ -68,7 +68,7 @@ impl SceneState {
             } else {
                 everything.collect()
             },
-            range: geom::Range::ORDINARY,
+            range: geom::CoordinateRange::ORDINARY,
             animation,
             intersector,
             positions,
@@ -188,7 +188,7 @@ impl SceneState {
 fn geometry<'a>(
     animation: &'a Animation,
     positions: &'a [Point],
-    range: geom::Range,
+    range: geom::CoordinateRange,
 ) -> Geometry<'a> {
     Geometry {
         positions,

@@ -5,7 +5,7 @@ use crate::intersect::RoundedTest;
 use crate::scale::{LEAST, PreparedRay, Scale, flushed};
 use crate::tree::{TreeTraversal, VisitedTriangle};
 use backend::Intersector;
-use geom::exact::Line;
+use geom::exact::ScaledRay;
 use geom::{Hit, Ray};
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -28,8 +28,8 @@ pub struct RaySearch<'a> {
 
 impl RaySearch<'_> {
     /// Returns the ray as input of exact arithmetic.
-    pub(crate) fn line(&self) -> Line {
-        Line {
+    pub(crate) fn scaled_ray(&self) -> ScaledRay {
+        ScaledRay {
             ray: self.ray,
             shift: self.geometry.scale.k() - self.scale.k(),
         }

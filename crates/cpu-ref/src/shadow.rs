@@ -14,8 +14,8 @@ pub struct Light {
     pub at: Point,
     /// Position in the scene's units.
     pub given: Point,
-    /// Longest edge of the root box, limited by [`geom::Range::clearance`], in scaled units. Offsets of shadow rays
-    /// grow with the larger of this and the triangle's size.
+    /// Longest edge of the root box, limited by [`geom::CoordinateRange::clearance`], in scaled units. Offsets of
+    /// shadow rays grow with the larger of this and the triangle's size.
     pub counted: f32,
 }
 

@@ -15,7 +15,7 @@ use backend::{Intersector, QueryKind, Rays};
 use cpu_ref::intersect::{MollerTrumbore, Watertight, Woop};
 use cpu_ref::scale::Scale;
 use cpu_ref::{Geometry, HitCounts, QueryTracer, TraceOutput, is_extreme};
-use geom::{Camera, Hit, Range, Ray};
+use geom::{Camera, CoordinateRange, Hit, Ray};
 use std::marker::PhantomData;
 use std::ops;
 
@@ -36,16 +36,16 @@ pub(crate) fn trace(tracer: &QueryTracer<'_>, tree: &Bvh8, out: TraceOutput<'_>)
     }
 }
 
-/// Returns the lanes whose rays are extreme, as [`geom::Range::is_extreme`] does. [`geom::Range::extreme`] must be
-/// false.
+/// Returns the lanes whose rays are extreme, as [`geom::CoordinateRange::is_extreme`] does.
+/// [`geom::CoordinateRange::extreme`] must be false.
 #[inline(always)]
 fn extreme_lanes<L: Lanes>(rays: &InputRays<L>, geometry: &Geometry<'_>) -> u32 {
     let origin = rays.scaled_origin(geometry.scale);
     let [x, y, z] = each!(i => origin[i].abs());
     let size = x.max(y).max(z);
     let number = x.add(y).add(z).at_most(L::splat(f32::INFINITY));
-    let usual = L::bits(L::both(number, size.less(L::splat(Range::FAR))));
-    let near = L::bits(size.less(L::splat(Range::NEAR)));
+    let usual = L::bits(L::both(number, size.less(L::splat(CoordinateRange::FAR))));
+    let near = L::bits(size.less(L::splat(CoordinateRange::NEAR)));
     !usual | if geometry.range.tiny { near } else { 0 }
 }
 

@@ -136,7 +136,7 @@ pub(crate) struct Bvh8 {
     pub(crate) records: Vec<BlockRecords>,
     /// The root box, in scaled units.
     pub(crate) root: Aabb,
-    /// [`geom::Range::spread`] as of the last preprocess: set if coordinates differ much in size.
+    /// [`geom::CoordinateRange::spread`] as of the last preprocess: set if coordinates differ much in size.
     pub(crate) spread: bool,
     /// The triangle test.
     pub(crate) intersector: Intersector,

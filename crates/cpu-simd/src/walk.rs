@@ -91,7 +91,7 @@ pub(crate) struct NodeRay<L> {
     t_max: f32,
     /// Origin of the ray.
     origin: [L; 3],
-    /// Set if the padding is computed from each box instead of the root box. See [`geom::Range::spread`].
+    /// Set if the padding is computed from each box instead of the root box. See [`geom::CoordinateRange::spread`].
     spread: bool,
 }
 

@@ -8,8 +8,8 @@ use crate::streamed_keys::StreamedKeys;
 use crate::survey::{Survey, check_triangles};
 use crate::triangle::corners;
 use crate::{
-    Aabb, KeyFrame, KeyFrameError, KeySource, Point, PointBuffer, Pose, Range, StaticParts,
-    Triangle, is_active,
+    Aabb, CoordinateRange, KeyFrame, KeyFrameError, KeySource, Point, PointBuffer, Pose,
+    StaticParts, Triangle, is_active,
 };
 use std::sync::Arc;
 
@@ -76,7 +76,7 @@ impl Animation {
         let keys = StreamedKeys::new(Arc::new(first.into()));
         let mut streamed = Self::over(KeyFrames::Streamed(Arc::new(keys)), triangles)?;
         let (first, triangles) = (streamed.keys.first(), &streamed.triangles);
-        streamed.survey.expect_others(first, triangles, fixed);
+        streamed.survey.adapt_to_streaming(first, triangles, fixed);
         Ok(streamed)
     }
 
@@ -292,22 +292,23 @@ impl Animation {
 
     /// Returns the range of coordinates at `pose`. For a [pushed](Self::push) key frame, ignores the next one: no pose
     /// between them is traced.
-    pub fn range(&self, pose: Pose) -> Range {
+    pub fn range(&self, pose: Pose) -> CoordinateRange {
         match &self.keys {
             KeyFrames::Streamed(keys) if pose.key > 0 => {
-                let range_of =
-                    |frame: &KeyFrame| Range::of(&Sizes::of(frame), self.scale_exponent());
+                let range_of = |frame: &KeyFrame| {
+                    CoordinateRange::of(&Sizes::of(frame), self.scale_exponent())
+                };
                 keys.range(pose.key as usize, range_of)
             }
-            _ => Range::at(&self.survey.ranges, pose),
+            _ => CoordinateRange::at(&self.survey.ranges, pose),
         }
     }
 
     /// Returns the range of coordinates at `pose`, or `None` if a [pushed](Self::push) key frame was not measured yet.
-    pub fn known_range(&self, pose: Pose) -> Option<Range> {
+    pub fn known_range(&self, pose: Pose) -> Option<CoordinateRange> {
         match &self.keys {
             KeyFrames::Streamed(keys) if pose.key > 0 => keys.known_range(pose.key as usize),
-            _ => Some(Range::at(&self.survey.ranges, pose)),
+            _ => Some(CoordinateRange::at(&self.survey.ranges, pose)),
         }
     }
 
@@ -315,7 +316,7 @@ impl Animation {
     /// are only on a device. Keeps a range that is already known.
     pub fn measure(&self, pose: Pose, vertices: &[Point]) {
         if let KeyFrames::Streamed(keys) = &self.keys {
-            let range = Range::of(&Sizes::of(vertices), self.scale_exponent());
+            let range = CoordinateRange::of(&Sizes::of(vertices), self.scale_exponent());
             keys.range(pose.key as usize, |_| range);
         }
     }

@@ -82,7 +82,7 @@ impl KeyWindow {
     pub(crate) fn get(&self, key: usize) -> Result<KeyFrame, KeyFrameError> {
         let mut state = lock(&self.shared.state);
         loop {
-            if let Some(found) = self.take(&mut state, key) {
+            if let Some(found) = self.find(&mut state, key) {
                 if found.is_err() {
                     state.entries.remove(&key);
                 }
@@ -107,7 +107,7 @@ impl KeyWindow {
         }
         let mut state = lock(&self.shared.state);
         for &key in upcoming.iter().take(self.capacity - SPARE) {
-            if self.take(&mut state, key).is_none() {
+            if self.find(&mut state, key).is_none() {
                 self.read(&mut state, key);
             }
         }
@@ -118,7 +118,7 @@ impl KeyWindow {
     pub(crate) fn upcoming(&self, most: usize) -> Vec<(usize, KeyFrame)> {
         let mut state = lock(&self.shared.state);
         let keys: Vec<usize> = state.upcoming.iter().copied().take(most).collect();
-        let there = |key| Some((key, self.take(&mut state, key)?.ok()?));
+        let there = |key| Some((key, self.find(&mut state, key)?.ok()?));
         keys.into_iter().map_while(there).collect()
     }
 
@@ -146,7 +146,7 @@ impl KeyWindow {
     }
 
     /// Returns the result of reading a key frame and marks it as used. Returns `None` if the read has not finished.
-    fn take(&self, state: &mut WindowState, key: usize) -> Option<Result<KeyFrame, KeyFrameError>> {
+    fn find(&self, state: &mut WindowState, key: usize) -> Option<Result<KeyFrame, KeyFrameError>> {
         if key == 0 {
             return Some(Ok(Arc::clone(&self.first)));
         }

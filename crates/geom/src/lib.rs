@@ -26,7 +26,7 @@ pub use camera::{Camera, CameraPose};
 pub use key_frame::{KeyFrame, KeyFrameError, KeySource, PointBuffer, SharedMemory, read_key};
 pub use moment::Moment;
 pub use pose::Pose;
-pub use range::Range;
+pub use range::CoordinateRange;
 pub use ray::{Hit, Ray};
 pub use survey::StaticParts;
 pub use threads::{

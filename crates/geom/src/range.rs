@@ -10,14 +10,14 @@ const OUTLYING: f32 = 65_536.0;
 /// Boxes are padded by `17 * 2^-24` of the scene's size. At this limit, the padding is `17 * 2^-14` of the typical
 /// size.
 const SPREAD: f32 = 1024.0;
-/// [`Range::clearance`] as a multiple of the typical size.
+/// [`CoordinateRange::clearance`] as a multiple of the typical size.
 const CLEARANCE: f32 = 256.0;
 /// A triangle is tiny if all its scaled coordinates are below this, `2^-32`.
 const TINY: f32 = 1.0 / 4_294_967_296.0;
 
 /// Range of the coordinates of one moment.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Range {
+pub struct CoordinateRange {
     /// True if some coordinates are so large that `watertight` and `exact` must test every ray in exact arithmetic.
     pub extreme: bool,
     /// True if some triangles may be so small and so close to zero that rays that start there need exact arithmetic.
@@ -29,7 +29,7 @@ pub struct Range {
     pub clearance: f32,
 }
 
-impl Range {
+impl CoordinateRange {
     /// Range without extreme coordinates.
     pub const ORDINARY: Self = Self {
         extreme: false,
@@ -64,8 +64,8 @@ impl Range {
     /// Returns the range of a key frame with these sizes, in a scene with this scale.
     pub(crate) fn of(sizes: &Sizes, scale_exponent: i32) -> Self {
         Self {
-            extreme: sizes.largest > scaled(Self::FAR, scale_exponent),
-            tiny: sizes.second < scaled(TINY, scale_exponent),
+            extreme: sizes.largest > to_scene_units(Self::FAR, scale_exponent),
+            tiny: sizes.second < to_scene_units(TINY, scale_exponent),
             spread: sizes.largest > sizes.typical * SPREAD,
             clearance: sizes.typical * CLEARANCE,
         }
@@ -114,7 +114,7 @@ fn exponent_for(largest: f32) -> i32 {
 }
 
 /// Converts a size from scaled units to scene units.
-fn scaled(size: f32, exponent: i32) -> f32 {
+fn to_scene_units(size: f32, exponent: i32) -> f32 {
     (f64::from(size) * f64::from(exponent).exp2()) as f32
 }
 
@@ -130,7 +130,7 @@ pub(crate) mod tests {
         points
     }
 
-    fn range(keys: &[Vec<Point>], time: f64) -> (i32, Range) {
+    fn range(keys: &[Vec<Point>], time: f64) -> (i32, CoordinateRange) {
         let animation = Animation::new(keys.to_vec(), vec![[0, 1, 2], [6, 7, 8]]).unwrap();
         let range = animation.range(animation.pose(time));
         (animation.scale_exponent(), range)
@@ -142,7 +142,7 @@ pub(crate) mod tests {
             let keys = [cloud(0.7), cloud(0.7), cloud(far)];
             for (time, is_near) in [(0.0, false), (1.0, false), (1.25, true), (2.0, true)] {
                 let (k, range) = range(&keys, time);
-                let extreme = is_near && far > Range::FAR;
+                let extreme = is_near && far > CoordinateRange::FAR;
                 let found = (k, range.spread, range.extreme);
                 assert_eq!(found, (0, is_near, extreme), "{far} at {time}");
             }
@@ -183,7 +183,7 @@ pub(crate) mod tests {
 
     #[test]
     fn distant_rays_are_always_extreme() {
-        let range = Range::ORDINARY;
+        let range = CoordinateRange::ORDINARY;
         assert!(!range.is_extreme([0.0, -1e12, 0.0]) && !range.is_extreme([0.0; 3]));
         for x in [1.2e12, f32::INFINITY, f32::NAN] {
             assert!(range.is_extreme([0.0, -x, 1.0]), "{x}");

@@ -1,6 +1,6 @@
 //! Sizes of a key frame's coordinates, computed fast enough to do it for every frame that arrives.
 
-use crate::{Point, Range, in_parallel};
+use crate::{CoordinateRange, Point, in_parallel};
 use rayon::prelude::*;
 
 /// Number of vertices per parallel task.
@@ -28,7 +28,7 @@ impl Sizes {
                 runs.reduce(|| SizeExtremes::NONE, SizeExtremes::join)
             })
         };
-        let samples = key.iter().step_by(Range::sample_step(key.len()));
+        let samples = key.iter().step_by(CoordinateRange::sample_step(key.len()));
         // Vertices that are zero or not finite do not count.
         let samples = samples.map(|&p| size(p));
         let mut samples: Vec<f32> = samples.filter(|x| x.is_finite() && *x > 0.0).collect();

@@ -1,6 +1,6 @@
 //! Key frames that the caller pushes during playback.
 
-use crate::{KeyFrame, PointBuffer, Range, lock};
+use crate::{CoordinateRange, KeyFrame, PointBuffer, lock};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex};
 
@@ -25,7 +25,7 @@ struct Recent {
 struct StreamedKey {
     frame: KeyFrame,
     /// Range of the coordinates; `None` until it is computed.
-    range: Option<Range>,
+    range: Option<CoordinateRange>,
 }
 
 impl StreamedKeys {
@@ -76,12 +76,16 @@ impl StreamedKeys {
     }
 
     /// Returns the range of coordinates of a key frame that was pushed, if it was computed before.
-    pub(crate) fn known_range(&self, key: usize) -> Option<Range> {
+    pub(crate) fn known_range(&self, key: usize) -> Option<CoordinateRange> {
         lock(&self.state).find(key)?.range
     }
 
     /// Returns the range of coordinates of a key frame, and computes it by `range_of` if necessary.
-    pub(crate) fn range(&self, key: usize, range_of: impl FnOnce(&KeyFrame) -> Range) -> Range {
+    pub(crate) fn range(
+        &self,
+        key: usize,
+        range_of: impl FnOnce(&KeyFrame) -> CoordinateRange,
+    ) -> CoordinateRange {
         self.known_range(key).unwrap_or_else(|| {
             let range = range_of(&self.get(key));
             if let Some(key) = lock(&self.state).find(key) {

@@ -3,7 +3,7 @@
 use crate::key_frames::KeyFrames;
 use crate::sizes::Sizes;
 use crate::triangle::corners;
-use crate::{Aabb, KeyFrameError, Point, Range, in_parallel, is_active, is_degenerate};
+use crate::{Aabb, CoordinateRange, KeyFrameError, Point, in_parallel, is_active, is_degenerate};
 use rayon::prelude::*;
 use std::ops;
 
@@ -17,7 +17,7 @@ pub(crate) struct Survey {
     pub(crate) static_parts: StaticParts,
     pub(crate) scale_exponent: i32,
     /// Range of each key frame.
-    pub(crate) ranges: Vec<Range>,
+    pub(crate) ranges: Vec<CoordinateRange>,
     /// Bounds of the finite vertices of each key frame.
     pub(crate) bounds: Vec<Aabb>,
     /// Largest `|coordinate|`; infinite if some coordinate is not finite.
@@ -67,7 +67,7 @@ impl Survey {
             });
         }
         fallback_boxes.sort_unstable_by_key(|&(t, _)| t);
-        let (scale_exponent, ranges) = Range::of_keys(&sizes);
+        let (scale_exponent, ranges) = CoordinateRange::of_keys(&sizes);
         Ok(Self {
             fallback_boxes,
             never_active: inactive.len() as u32,
@@ -88,7 +88,7 @@ impl Survey {
     ///
     /// Any triangle may become active later, so the tree needs a leaf for each. The box of an inactive triangle is then
     /// a single point.
-    pub(crate) fn expect_others(
+    pub(crate) fn adapt_to_streaming(
         &mut self,
         first: &[Point],
         triangles: &[[u32; 3]],

@@ -61,7 +61,7 @@ pub fn run_in<T: Send>(pool: &ThreadPool, work: impl FnOnce() -> T + Send) -> T 
 /// # Panics
 /// If `work` panics.
 pub fn in_parallel<T: Send>(work: impl FnOnce() -> T + Send) -> T {
-    match foreign_pool() {
+    match shared_pool() {
         Some(pool) => run_in(pool, work),
         None => work(),
     }
@@ -71,7 +71,7 @@ pub fn in_parallel<T: Send>(work: impl FnOnce() -> T + Send) -> T {
 /// [`in_parallel`]. `work` itself runs on the calling thread, or on a new thread if the caller is a worker of the
 /// program.
 fn in_parallel_scope<'s, T: Send>(work: impl FnOnce(&Scope<'s>) -> T + Send) -> T {
-    match foreign_pool() {
+    match shared_pool() {
         Some(pool) => off_worker(|| pool.in_place_scope(work)),
         None => rayon::in_place_scope(work),
     }
@@ -79,7 +79,7 @@ fn in_parallel_scope<'s, T: Send>(work: impl FnOnce(&Scope<'s>) -> T + Send) -> 
 
 /// Returns the number of threads that [`in_parallel`] uses.
 pub fn parallelism() -> usize {
-    match foreign_pool() {
+    match shared_pool() {
         Some(pool) => pool.current_num_threads(),
         None => rayon::current_num_threads(),
     }
@@ -87,7 +87,7 @@ pub fn parallelism() -> usize {
 
 /// Returns the shared pool, or `None` if the work should run in the current pool. This is the case on workers of the
 /// library's pools, after [`use_global_pool`], and if the shared pool could not be started.
-fn foreign_pool() -> Option<&'static ThreadPool> {
+fn shared_pool() -> Option<&'static ThreadPool> {
     static SHARED: OnceLock<Option<ThreadPool>> = OnceLock::new();
     if IS_OWN_WORKER.get() || GLOBAL_IS_OWN.load(Ordering::Relaxed) {
         return None;

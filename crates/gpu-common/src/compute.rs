@@ -10,7 +10,7 @@ use backend::{
     Query, Result, Snapshot, Ticket, TreeFormat, TreeWriter,
 };
 use bvh_layout::Topology;
-use geom::{Animation, Pose, Range};
+use geom::{Animation, CoordinateRange, Pose};
 use shaders::rebuild;
 use shaders::work::{self, TraceInput};
 use shaders::{KERNELS, Kernel, Params, Shape, common};
@@ -24,7 +24,7 @@ pub struct ComputeBackend<D: GpuDevice> {
     intersector: Intersector,
     /// Range of the coordinates at the current pose, or `None` if the host has not computed it. A kernel then measures
     /// it where needed.
-    range: Option<Range>,
+    range: Option<CoordinateRange>,
 }
 
 impl<D: GpuDevice> ComputeBackend<D> {

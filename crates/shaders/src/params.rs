@@ -3,7 +3,7 @@
 use crate::Shape;
 use backend::sah_cost;
 use bytemuck::{Pod, Zeroable};
-use geom::{Camera, Point, Range};
+use geom::{Camera, CoordinateRange, Point};
 
 /// Parameters of a dispatch: those that all kernels share, and those of its own. The WGSL file explains each member.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -146,7 +146,7 @@ impl Params {
     }
 
     /// Sets the range of the coordinates. `None` lets the device measure it; [`Params::spread`] then keeps its value.
-    pub fn at_range(mut self, range: Option<Range>) -> Self {
+    pub fn at_range(mut self, range: Option<CoordinateRange>) -> Self {
         match range {
             Some(range) => {
                 self.clearance = range.clearance * scale(self.scale_exponent);
@@ -177,7 +177,7 @@ impl Params {
 
     /// Returns whether a ray from `origin`, in scene units, is extreme.
     pub fn is_extreme(&self, origin: Point) -> bool {
-        let range = Range {
+        let range = CoordinateRange {
             extreme: self.extreme == 1,
             tiny: self.tiny != 0,
             spread: self.spread == 1,

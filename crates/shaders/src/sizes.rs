@@ -14,7 +14,7 @@ fn record_bytes(intersector: Intersector, leaves: u64) -> u64 {
 }
 
 /// Size of the buffer `range`, in bytes.
-pub const RANGE_BYTES: u64 = 4 * (8 + geom::Range::SAMPLES as u64);
+pub const RANGE_BYTES: u64 = 4 * (8 + geom::CoordinateRange::SAMPLES as u64);
 
 /// Returns the size of each buffer of a tree in bytes, enough for every tree of `leaves` leaves. Returns 0 for `nodes`
 /// and `costs`, whose sizes depend on the tree: see [`crate::Shape`].

@@ -210,7 +210,7 @@ fn from_the_middle(frame: &[Point]) -> impl Iterator<Item = Ray> {
 }
 
 /// Largest coordinate of a moment that is not extreme, in a scene that is not scaled.
-const FAR: f32 = geom::Range::FAR;
+const FAR: f32 = geom::CoordinateRange::FAR;
 /// Upper bound of the coordinates of a tiny triangle, in a scene that is not scaled.
 const NEAR: f32 = 1.0 / 4_294_967_296.0;
 

@@ -16,7 +16,7 @@ type IntegerVector = [BigInt; 3];
 
 /// A ray to intersect with triangles that are scaled by a power of two.
 #[derive(Clone, Copy, Debug)]
-pub struct Line {
+pub struct ScaledRay {
     /// The ray.
     pub ray: Ray,
     /// Corners are multiplied by `2^-shift`, exactly, before they are tested.
@@ -43,13 +43,13 @@ pub struct ExactDistance {
     e: i32,
 }
 
-impl Line {
+impl ScaledRay {
     /// Returns the intersection with the closed triangle, or `None` if the ray misses it or is in its plane.
     ///
     /// The rounded [`t`](ExactDistance::t) is within the ray's open interval. So a ray that continues from a reported
     /// `t` never hits the same triangle again. The ray must be [valid](Ray::is_valid) and the corners finite.
     pub fn intersect(&self, corners: &Triangle) -> Option<ExactDistance> {
-        let distance = self.cross(corners, passes_within)?;
+        let distance = self.intersect_if(corners, passes_within)?;
         let t = distance.t();
         (self.ray.t_min < t && t < self.ray.t_max).then_some(distance)
     }
@@ -60,15 +60,15 @@ impl Line {
     /// (simulation of simplicity: Edelsbrunner, Mücke 1990). So the line never meets an edge or a vertex, where a
     /// closed surface could otherwise have no intersection or two.
     pub fn intersect_perturbed(&self, corners: &Triangle) -> Option<ExactDistance> {
-        self.cross(corners, moved_passes_within)
+        self.intersect_if(corners, moved_passes_within)
     }
 
-    fn cross(
+    fn intersect_if(
         &self,
         corners: &Triangle,
         within: impl Fn(&IntegerVector, [&IntegerVector; 3]) -> bool,
     ) -> Option<ExactDistance> {
-        if surely_misses(self, corners) {
+        if certainly_misses(self, corners) {
             return None;
         }
         let (direction, [a, b, c], e) = self.integers(corners);
@@ -98,7 +98,7 @@ impl Line {
     /// Returns the distance and the weights at the [intersection](Self::intersect) with a triangle, each rounded once.
     /// Returns `None` if the line misses the triangle. Ignores the ray's interval.
     pub fn rounded(&self, corners: &Triangle) -> Option<RoundedHit> {
-        let t = self.cross(corners, passes_within)?.t();
+        let t = self.intersect_if(corners, passes_within)?.t();
         let [u, v] = self.weights(corners);
         Some(RoundedHit { t, u, v })
     }
@@ -119,7 +119,7 @@ impl Line {
 /// Each difference of floats has one rounding. The side of an edge is a sum of six products, each with at most eight
 /// more roundings. So the error is at most `16 * 2^-53` times the sum of the products' absolute values. A product of
 /// three numbers in the range of `f32` is in the range of `f64`.
-fn surely_misses(line: &Line, corners: &Triangle) -> bool {
+fn certainly_misses(line: &ScaledRay, corners: &Triangle) -> bool {
     let scale = f64::from(-line.shift).exp2();
     let direction = line.ray.direction.map(f64::from);
     let [a, b, c]: [[f64; 3]; 3] = corners
@@ -145,7 +145,7 @@ fn passes_within(direction: &IntegerVector, [a, b, c]: [&IntegerVector; 3]) -> b
     !(signs.contains(&Sign::Plus) && signs.contains(&Sign::Minus))
 }
 
-/// Returns whether the line intersects the triangle after the perturbation of [`Line::intersect_perturbed`].
+/// Returns whether the line intersects the triangle after the perturbation of [`ScaledRay::intersect_perturbed`].
 fn moved_passes_within(direction: &IntegerVector, [a, b, c]: [&IntegerVector; 3]) -> bool {
     let side = |p: &IntegerVector, q: &IntegerVector| match dot(direction, &cross(p, q)).sign() {
         Sign::NoSign => {
@@ -237,7 +237,7 @@ mod tests {
     fn double_precision_detects_only_clear_misses() {
         let misses = |x, y| {
             let ray = Ray::new([x, y, 0.0], [0.0, 0.0, 0.5]);
-            surely_misses(&Line { ray, shift: 0 }, &UNIT)
+            certainly_misses(&ScaledRay { ray, shift: 0 }, &UNIT)
         };
         for (x, y) in [(-0.001, 0.5), (0.501, 0.5), (3.0, -1.0), (1e6, 0.1)] {
             assert!(misses(x, y), "{x} {y}");
@@ -261,7 +261,7 @@ mod tests {
             for direction in [[0.0, 0.0, -1.0], [0.25, 0.0, -1.0], [-0.5, 0.25, -2.0]] {
                 let height = 0.5 * x * y;
                 let origin = [x - direction[0], y - direction[1], height - direction[2]];
-                let line = Line {
+                let line = ScaledRay {
                     ray: Ray::new(origin, direction),
                     shift: 0,
                 };
@@ -282,7 +282,7 @@ mod tests {
             let s = 2.0_f64.powi(e) as f32;
             let corners = UNIT.map(|p| p.map(|x| x * s));
             let ray = Ray::new([0.25 * s, 0.5 * s, 0.0], [0.0, 0.0, -3.0]);
-            let line = Line { ray, shift: 0 };
+            let line = ScaledRay { ray, shift: 0 };
             assert_eq!(line.weights(&corners), [0.25, 0.5], "2^{e}");
             let turned = [corners[2], corners[0], corners[1]];
             assert_eq!(line.weights(&turned), [0.25, 0.25], "2^{e}");
@@ -302,11 +302,11 @@ mod tests {
             let at: Point = std::array::from_fn(|i| corners[0][i] + [0.0, w, 1.0, -0.001][aim] * (corners[1][i] - corners[0][i]));
             let origin: Point = std::array::from_fn(|i| origin[i] * (far as f32).exp2());
             let direction: Point = std::array::from_fn(|i| (at[i] - origin[i]) * (e as f32).exp2());
-            let line = Line { ray: Ray::new(origin, direction), shift: 0 };
+            let line = ScaledRay { ray: Ray::new(origin, direction), shift: 0 };
             prop_assume!(line.ray.is_valid());
             let (direction, [a, b, c], _) = line.integers(&corners);
             let within = passes_within(&direction, [&a, &b, &c]);
-            prop_assert!(!(within && surely_misses(&line, &corners)));
+            prop_assert!(!(within && certainly_misses(&line, &corners)));
         }
     }
 }

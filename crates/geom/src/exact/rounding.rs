@@ -1,6 +1,6 @@
 //! Distances and weights in double precision. Error bounds prove that they round like the exact values.
 
-use super::{Line, RoundedHit};
+use super::{RoundedHit, ScaledRay};
 use crate::{Point, Triangle};
 
 /// A number and a bound of its absolute error.
@@ -13,12 +13,12 @@ struct WithError {
 /// Relative bound of a few roundings: eight units of `2^-53`.
 const ROUNDING: f64 = 4.0 * f64::EPSILON;
 
-impl Line {
+impl ScaledRay {
     /// Returns the distance and the weights at the intersection, each rounded once. The line must
     /// [intersect](Self::intersect) the triangle.
     ///
     /// Returns `None` if the error bounds of double precision allow several results. Use [`Self::rounded`] then.
-    pub fn rounded_surely(&self, corners: &Triangle) -> Option<RoundedHit> {
+    pub fn try_rounded(&self, corners: &Triangle) -> Option<RoundedHit> {
         // Corners are sheared along the direction's largest component, as in the watertight test but without a
         // division: `x * dz - dx * z`. Errors are then relative to the triangle's size along the other axes, not to
         // its distance.
@@ -115,11 +115,11 @@ mod tests {
             [0.002, -0.004, 0.0],
         ];
         let ray = Ray::new([0.004, -0.006, -0.006], [-0.0050000004, 0.005, 0.01]);
-        let line = Line { ray, shift: 0 };
+        let line = ScaledRay { ray, shift: 0 };
         let hit = line.rounded(&corners).unwrap();
         // Single precision computes 0.39999816.
         assert_eq!(hit.t, 0.5);
-        let surely = line.rounded_surely(&corners);
+        let surely = line.try_rounded(&corners);
         assert!(surely.is_none_or(|surely| surely == hit), "{surely:?}");
     }
 
@@ -132,8 +132,8 @@ mod tests {
                 [few(i), few(3 * i + 1), -7.0],
                 [0.1 * few(7 * i), 0.05, 1.1],
             );
-            let line = Line { ray, shift: 0 };
-            line.rounded(&corners).is_none() || line.rounded_surely(&corners).is_some()
+            let line = ScaledRay { ray, shift: 0 };
+            line.rounded(&corners).is_none() || line.try_rounded(&corners).is_some()
         });
         assert!(count.count() > 990);
     }
@@ -157,9 +157,9 @@ mod tests {
             let at = |i: usize| scale * (corners[0][i] * (1.0 - v - w) + corners[1][i] * v + corners[2][i] * w);
             let origin: Point = std::array::from_fn(|i| from[i] * ((size + far) as f32).exp2());
             let direction: Point = std::array::from_fn(|i| (at(i) - origin[i]) * (e as f32).exp2());
-            let line = Line { ray: Ray::new(origin, direction), shift };
+            let line = ScaledRay { ray: Ray::new(origin, direction), shift };
             prop_assume!(line.ray.is_valid());
-            if let (Some(surely), Some(exact)) = (line.rounded_surely(&corners), line.rounded(&corners)) {
+            if let (Some(surely), Some(exact)) = (line.try_rounded(&corners), line.rounded(&corners)) {
                 prop_assert_eq!(surely, exact);
             }
         }

@@ -3,7 +3,7 @@
 use super::{Groups, RaySource, TraceInput, Work};
 use crate::{ExtremesParams, Kernel, MeasureParams, Params, common};
 use backend::{Intersector, QueryKind};
-use geom::Range;
+use geom::CoordinateRange;
 
 /// How many of a query's rays are extreme.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -87,7 +87,7 @@ pub fn kernels_of_arriving_keys(intersector: Intersector) -> impl Iterator<Item 
 /// known or not needed. It writes [`crate::BufferName::Range`], which only the kernels for extreme rays read.
 pub fn measure_range(intersector: Intersector, params: Params, vertices: usize) -> Option<Work> {
     let is_asked = params.is_unknown() && has_extremes(intersector);
-    let sample_step = Range::sample_step(vertices) as u32;
+    let sample_step = CoordinateRange::sample_step(vertices) as u32;
     let params = params.with(MeasureParams { sample_step });
     is_asked.then(|| Work::linear(common("measure_range"), params, vertices as u32))
 }

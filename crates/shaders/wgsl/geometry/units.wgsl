@@ -46,7 +46,7 @@ fn is_finite_point(v: vec3<f32>) -> bool {
 // Replaces products, weights and distances below 2^-100 by zero.
 fn flushed(x: f32) -> f32 { return select(x, 0.0, abs(x) < 7.888609052210118e-31); }
 
-// Extreme rays: geom::Range.
+// Extreme rays: geom::CoordinateRange.
 
 // Returns whether a ray from `origin`, in scaled units, is extreme. The host must know the range of the coordinates.
 fn is_extreme(origin: vec3<f32>) -> bool {

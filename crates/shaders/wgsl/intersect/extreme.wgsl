@@ -96,7 +96,7 @@ fn coarse_side(p: vec3<f32>, q: vec3<f32>) -> i32 {
     return select(0, 1, sum > error_bound) - select(0, 1, sum < -error_bound);
 }
 
-fn surely_misses(points: array<vec3<u32>, 3>) -> bool {
+fn certainly_misses(points: array<vec3<u32>, 3>) -> bool {
     var field = max_exponent_field(NO_FIELD, line.origin, 0);
     field = max_exponent_field(max_exponent_field(max_exponent_field(field, points[0], 0), points[1], 0), points[2], 0);
     let exponent = 127 - field;
@@ -128,7 +128,7 @@ fn perturbs_origin() -> bool { return params.extremes.rule == 1u; }
 // Tests a triangle, and updates the best hit. Returns whether it is hit within the limits.
 fn test_extreme_triangle(triangle: u32) -> bool {
     let points = points_of(triangle);
-    if surely_misses(points) { return false; }
+    if certainly_misses(points) { return false; }
     let intersection = intersect_exactly(points, unused_slot(), perturbs_origin());
     if !intersection.is_hit { return false; }
     let t = rounded_t(intersection);

@@ -143,7 +143,7 @@ struct Params {
     wide_root: u32,
     // Bound on the distance of a pixel's ray from the pixel's middle, in pixels, with a margin.
     pixel_margin: f32,
-    // Upper bound on the scene extent from which the offset of shadow rays is computed, in scaled units: geom::Range.
+    // Upper bound on the scene extent from which the offset of shadow rays is computed, in scaled units: geom::CoordinateRange.
     clearance: f32,
     // The kernel's own parameters, which a comment above its entry point names.
     @if(SEARCH) @align(16) search: SearchParams,
