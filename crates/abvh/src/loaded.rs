@@ -418,7 +418,7 @@ fn check_memory(meshes: &[Mesh]) -> Result<()> {
     let triangles = meshes.iter().map(Mesh::triangle_count).sum::<usize>();
     let bytes = keys * size_of::<Point>() + triangles * size_of::<[u32; 3]>();
     let bytes = pipeline::trees_bytes(triangles, 0).saturating_add(bytes as u64);
-    host::check(bytes).map_err(|e| Error::OutOfMemory(e.to_string()))
+    host::check_memory(bytes).map_err(|e| Error::OutOfMemory(e.to_string()))
 }
 
 /// Returns whether a step failed in a way that leaves the vertices on the device undefined.

@@ -9,7 +9,7 @@ use crate::tracer_settings::{ChosenPolicy, TracerSettings, Workload};
 use abvh::{Mesh, Tracer};
 use backend::{Backend, BackendName, DeviceKind};
 use geom::Animation;
-use host::Free;
+use host::FreeMemory;
 use output::Taken;
 use pipeline::{BuilderThreads, Driver, DriverOptions, ExpectedMemory, trees_bytes};
 use scene::Scene;
@@ -218,7 +218,7 @@ impl Setup {
 
 /// Refuses scenes whose trees and rays exceed the host's free memory. Key frames do not count: they are loaded already.
 pub(crate) fn check_trees(triangles: usize, rays: usize) -> Result<(), Stop> {
-    let checked = host::check(trees_bytes(triangles, rays));
+    let checked = host::check_memory(trees_bytes(triangles, rays));
     checked.map_err(|e| Stop::bad(format!("trees over {triangles} triangles: {e}")))
 }
 
@@ -234,12 +234,12 @@ fn check_device(
     };
     let by = "memory of the device";
     let free = backend.memory().available;
-    let free = free.map(|bytes| Free { bytes, by });
+    let free = free.map(|bytes| FreeMemory { bytes, by });
     let on_host = match backend.device().kind {
         DeviceKind::Software => host::free(),
         _ => None,
     };
-    let checked = host::within(need, free).and_then(|()| host::within(need, on_host));
+    let checked = host::check_against(need, free).and_then(|()| host::check_against(need, on_host));
     checked.map_err(|e| {
         let name = &backend.device().adapter;
         Stop::bad(format!("{triangles} triangles on {name}: {e}"))

@@ -21,7 +21,7 @@ pub fn cores() -> usize {
 
 /// Memory that can still be allocated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Free {
+pub struct FreeMemory {
     /// Number of free bytes.
     pub bytes: u64,
     /// The limit that applies, in words for messages.
@@ -31,27 +31,27 @@ pub struct Free {
 /// Error of a request for more memory than is free.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{} of memory are needed, {} are free ({})", Size(*need), Size(free.bytes), free.by)]
-pub struct NotEnough {
+pub struct InsufficientMemory {
     /// Requested bytes.
     pub need: u64,
     /// Free memory.
-    pub free: Free,
+    pub free: FreeMemory,
 }
 
 /// Checks that `need` bytes can be allocated. Always succeeds if the free memory is unknown.
-pub fn check(need: u64) -> Result<(), NotEnough> {
+pub fn check_memory(need: u64) -> Result<(), InsufficientMemory> {
     // Small requests are not checked, because the query takes longer than the allocation.
     const ALWAYS: u64 = 1 << 20;
     if need <= ALWAYS {
         return Ok(());
     }
-    within(need, free())
+    check_against(need, free())
 }
 
 /// Checks that `need` is at most the free memory. Succeeds if `free` is `None`.
-pub fn within(need: u64, free: Option<Free>) -> Result<(), NotEnough> {
+pub fn check_against(need: u64, free: Option<FreeMemory>) -> Result<(), InsufficientMemory> {
     match free {
-        Some(free) if need > free.bytes => Err(NotEnough { need, free }),
+        Some(free) if need > free.bytes => Err(InsufficientMemory { need, free }),
         _ => Ok(()),
     }
 }
@@ -66,7 +66,7 @@ pub fn try_with_capacity<T>(count: usize) -> Result<Vec<T>, TryReserveError> {
 /// Returns the minimum of the free memory of the machine, its control groups and the process limits. Only implemented
 /// for Linux, otherwise `None`.
 #[must_use]
-pub fn free() -> Option<Free> {
+pub fn free() -> Option<FreeMemory> {
     #[cfg(target_os = "linux")]
     return linux::all().into_iter().min_by_key(|f| f.bytes);
     #[cfg(not(target_os = "linux"))]
@@ -77,7 +77,7 @@ pub fn free() -> Option<Free> {
 #[must_use]
 pub fn resident() -> Option<u64> {
     #[cfg(target_os = "linux")]
-    return linux::kilobytes(&linux::status(), "VmRSS:");
+    return linux::bytes_of_field(&linux::status(), "VmRSS:");
     #[cfg(not(target_os = "linux"))]
     return None;
 }
@@ -102,7 +102,7 @@ pub fn open(path: &Path) -> io::Result<File> {
 pub fn read(path: &Path) -> io::Result<Vec<u8>> {
     let mut file = open(path)?;
     let size = usize::try_from(file.metadata()?.len()).unwrap_or(usize::MAX);
-    check(size as u64).map_err(|e| io::Error::new(ErrorKind::OutOfMemory, e))?;
+    check_memory(size as u64).map_err(|e| io::Error::new(ErrorKind::OutOfMemory, e))?;
     let mut bytes = try_with_capacity(size).map_err(io::Error::from)?;
     file.read_to_end(&mut bytes)?;
     refuse_pointer(&bytes)?;
@@ -182,20 +182,21 @@ impl fmt::Display for Size {
 
 #[cfg(target_os = "linux")]
 mod linux {
-    use super::Free;
+    use super::FreeMemory;
     use rustix::process::{Resource, getrlimit};
     use std::fs::read_to_string;
     use std::path::Path;
 
-    pub(super) fn all() -> Vec<Free> {
+    pub(super) fn all() -> Vec<FreeMemory> {
         let mut all = Vec::new();
-        let mut add = |bytes: Option<u64>, by| all.extend(bytes.map(|bytes| Free { bytes, by }));
+        let mut add =
+            |bytes: Option<u64>, by| all.extend(bytes.map(|bytes| FreeMemory { bytes, by }));
         let machine = read_to_string("/proc/meminfo").unwrap_or_default();
-        add(kilobytes(&machine, "MemAvailable:"), "this machine");
+        add(bytes_of_field(&machine, "MemAvailable:"), "this machine");
         let own = status();
         let left = |resource, used| {
             let limit = getrlimit(resource).current?;
-            Some(limit.saturating_sub(kilobytes(&own, used)?))
+            Some(limit.saturating_sub(bytes_of_field(&own, used)?))
         };
         add(left(Resource::As, "VmSize:"), "address space, ulimit -v");
         add(left(Resource::Data, "VmData:"), "data, ulimit -d");
@@ -210,7 +211,7 @@ mod linux {
     }
 
     /// Returns the bytes in a line `NAME  N kB`.
-    pub(super) fn kilobytes(text: &str, name: &str) -> Option<u64> {
+    pub(super) fn bytes_of_field(text: &str, name: &str) -> Option<u64> {
         let line = text.lines().find_map(|l| l.strip_prefix(name))?;
         let number: u64 = line.split_whitespace().next()?.parse().ok()?;
         Some(number * 1024)
@@ -263,8 +264,8 @@ mod tests {
     #[cfg(target_os = "linux")]
     #[test]
     fn rejects_more_than_available_memory() {
-        assert!(check(1 << 22).is_ok());
-        let e = check(1 << 60).unwrap_err();
+        assert!(check_memory(1 << 22).is_ok());
+        let e = check_memory(1 << 60).unwrap_err();
         assert!(e.free.bytes < 1 << 60 && e.need == 1 << 60);
         assert!(try_with_capacity::<u64>(usize::MAX / 8).is_err());
     }

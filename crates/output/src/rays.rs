@@ -93,7 +93,7 @@ impl RayFile {
         // cannot overflow.
         let values = (self.rays * self.columns).next_power_of_two() * self.format.bytes();
         let bytes = values.saturating_add(self.rays.saturating_mul(size_of::<Ray>()));
-        let checked = host::check(bytes as u64);
+        let checked = host::check_memory(bytes as u64);
         checked.map_err(|e| unreadable(io::Error::new(io::ErrorKind::OutOfMemory, e)))?;
         let table = Table {
             rays: self.rays,

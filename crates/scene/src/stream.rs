@@ -2,7 +2,7 @@
 
 use crate::{Result, SceneError, SceneOptions};
 use geom::{Animation, KeyFrameError, Point};
-use host::Free;
+use host::FreeMemory;
 use rayon::prelude::*;
 use std::path::Path;
 use std::sync::Arc;
@@ -133,7 +133,7 @@ impl ReadSize {
     pub(crate) fn check(&self, path: &Path) -> Result<()> {
         let (vertices, faces) = (self.vertices, self.faces);
         let what = format!("reading {vertices} vertices and {faces} faces");
-        let checked = host::check(self.bytes as u64);
+        let checked = host::check_memory(self.bytes as u64);
         checked.map_err(|e| SceneError::unusable(path, format_args!("{what}: {e}")))
     }
 }
@@ -146,8 +146,8 @@ pub(crate) fn check_memory(
 ) -> Result<()> {
     let by = "limit given";
     let checked = match options.memory {
-        Some(limit) => host::within(bytes, Some(Free { bytes: limit, by })),
-        None => host::check(bytes),
+        Some(limit) => host::check_against(bytes, Some(FreeMemory { bytes: limit, by })),
+        None => host::check_memory(bytes),
     };
     checked.map_err(|e| SceneError::unusable(place, format_args!("{what}: {e}")))
 }
