@@ -96,7 +96,7 @@ impl Policy {
 
     /// Returns whether a builder thread builds trees while frames are traced.
     #[must_use]
-    pub fn builds_beside_frames(self) -> bool {
+    pub fn builds_concurrently(self) -> bool {
         matches!(self, Self::Async | Self::Lockstep(_))
     }
 
@@ -130,7 +130,7 @@ impl Policy {
     /// Returns whether the host builds trees after the first one.
     #[must_use]
     pub fn requests_trees(self) -> bool {
-        self == Self::Rebuild || self.builds_beside_frames()
+        self == Self::Rebuild || self.builds_concurrently()
     }
 
     /// Returns whether a frame waits for the tree that it requests.
@@ -249,7 +249,7 @@ mod tests {
     fn policy_predicates_are_consistent() {
         for policy in Policy::ALL.into_iter().chain([Policy::Lockstep(0)]) {
             let within = policy.rebuilds_every_frame();
-            assert!(!(within && policy.builds_beside_frames()), "{policy:?}");
+            assert!(!(within && policy.builds_concurrently()), "{policy:?}");
             assert!(!(policy.builds_on_device() && policy.requests_trees()));
         }
         assert_eq!(Policy::Lockstep(3).name(), Policy::Async.name());

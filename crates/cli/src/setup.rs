@@ -179,7 +179,7 @@ fn resolve(
         builder_threads: threads.build,
         update: policy.name(),
         lockstep: policy.lockstep(),
-        predict: policy.builds_beside_frames().then_some(settings.predict),
+        predict: policy.builds_concurrently().then_some(settings.predict),
         intersector: settings.intersector.name(),
         auto: choice.into_iter().collect(),
         memory: Some(memory),

@@ -43,7 +43,7 @@ pub(crate) struct TraceSettings {
     intersector: Intersector,
     /// How the tree is made. auto and rebuild build it for --time. refit builds it for --tree-time and refits it to
     /// --time. The hits are the same; only the speed differs
-    #[arg(long, value_name = "POLICY", default_value = parsers::AUTO, value_parser = parsers::update(|p| !p.builds_beside_frames()))]
+    #[arg(long, value_name = "POLICY", default_value = parsers::AUTO, value_parser = parsers::update(|p| !p.builds_concurrently()))]
     update: PolicyChoice,
     /// With --update refit: time at which the tree is built, in key frames [default: 0]
     #[arg(long, value_name = "T0", value_parser = parsers::finite::<f64>, allow_hyphen_values = true)]

@@ -64,7 +64,7 @@ impl TracerSettings {
     pub(crate) fn policy(&self) -> ChosenPolicy {
         let at_pace = self.lockstep.map_or(Policy::Async, Policy::Lockstep);
         let (policy, why) = match self.update {
-            Some(named) if named.builds_beside_frames() => (at_pace, None),
+            Some(named) if named.builds_concurrently() => (at_pace, None),
             Some(named) => (named, None),
             None if self.is_open() => (at_pace, Some("it suits most scenes that deform")),
             None => (at_pace, Some("--lockstep requires it")),
@@ -107,7 +107,7 @@ impl TracerSettings {
 
 /// Requires a policy that builds trees while frames are traced.
 pub(crate) fn needs_async(option: &'static str, updates: &[PolicyChoice]) -> Requirement {
-    let may_be_async = |update: &PolicyChoice| update.is_none_or(Policy::builds_beside_frames);
+    let may_be_async = |update: &PolicyChoice| update.is_none_or(Policy::builds_concurrently);
     Requirement::new(
         option,
         updates.iter().any(may_be_async),

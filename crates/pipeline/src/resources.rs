@@ -116,7 +116,7 @@ impl Threads {
         [render, build]: [Option<usize>; 2],
     ) -> Self {
         let quarter = |n: usize| (n / 4).max(1);
-        let concurrent = update.builds_beside_frames();
+        let concurrent = update.builds_concurrently();
         let n = render.unwrap_or(cores);
         let (render, default) = match (concurrent, kind, render) {
             (false, ..) => (n, n),
