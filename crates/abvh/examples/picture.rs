@@ -41,7 +41,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     let file = std::env::temp_dir().join("picture.png");
     image::save_buffer(&file, &rgba, SIZE[0], SIZE[1], image::ColorType::Rgba8)?;
-    println!("{} by {}", file.display(), tracer.device());
+    println!("{}, rendered on {}", file.display(), tracer.device());
     Ok(())
 }
 

@@ -39,7 +39,7 @@ pub enum Error {
     },
     /// A mesh was moved after a query of the same step. Or a step was encoded after a picture, or after a query with
     /// rays in host memory.
-    #[error("too late: the step already has a query")]
+    #[error("too late: the step already has a query or a picture")]
     TooLate,
     /// The replacement of this mesh belongs to another tracer.
     #[error("the replacement of mesh {} belongs to another tracer", .0.index())]

@@ -151,8 +151,12 @@ impl AdapterInfo {
             Some(index) => list.iter().find(|a| a.index == index),
             None => usual().or(list.first()),
         };
-        let wanted = wanted.unwrap_or_default();
-        let none = || format!("no adapter {wanted} among {}", Self::numbered(list));
+        let none = || match wanted {
+            Some(index) if !list.is_empty() => {
+                format!("no adapter {index} among {}", Self::numbered(list))
+            }
+            _ => "no adapter found".to_owned(),
+        };
         found.ok_or_else(|| BackendError::NoDevice(none()))
     }
 

@@ -65,7 +65,7 @@ impl BackendError {
 
     /// Returns the error of a backend that builds no trees on the device.
     pub fn no_device_trees(backend: &'static str) -> Self {
-        Self::unsupported(backend, "trees made on the device")
+        Self::unsupported(backend, "tree builds on the device")
     }
 
     /// Returns [`BackendError::Unsupported`] for this backend.

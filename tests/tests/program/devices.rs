@@ -51,7 +51,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         trial("devices::without_a_driver", |s| lacking(s, &NO_DRIVER)),
         trial("devices::cpu_rejects_device_rebuild", |s| {
             let words = format!("{RENDER} --backend cpu --update device-rebuild");
-            s.refuses(&words, &["cpu does not support trees made on the device"]);
+            s.refuses(&words, &["cpu does not support tree builds on the device"]);
         }),
     ];
     if cfg!(target_os = "linux") {

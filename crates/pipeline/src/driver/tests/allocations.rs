@@ -72,7 +72,11 @@ fn takings(by: Config) -> (Vec<u64>, usize) {
 fn steady_frames_do_not_allocate() {
     let before = TAKEN.get();
     drop(std::hint::black_box(vec![0_u8; 9]));
-    assert_eq!(TAKEN.get(), before + 1, "nobody counts");
+    assert_eq!(
+        TAKEN.get(),
+        before + 1,
+        "the counting allocator is not in use"
+    );
     let free = Policy::Async;
     // A thread that waits on a channel is registered there, which allocates memory the first time.
     for (update, predict, least, allowed) in [
