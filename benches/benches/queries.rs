@@ -120,7 +120,7 @@ fn listed(motion: &Motion) -> Vec<String> {
         let asked = RayBuffers {
             rays: &rays,
             count,
-            answers: Some(&hits),
+            results: Some(&hits),
         };
         time(tracer, &mut |step| {
             step.trace_buffers(asked, Query::Closest)

@@ -127,5 +127,5 @@ pub struct ExternalRays<'a> {
     /// ([`Tracer::first_triangle`](crate::Tracer::first_triangle)), or 4294967295 for a miss.
     /// [`Query::Any`](crate::Query::Any) writes a `u32` per ray, which is not 0 for a hit. Without this buffer, the
     /// library uses its own.
-    pub answers: Option<&'a ExternalBuffer>,
+    pub results: Option<&'a ExternalBuffer>,
 }

@@ -1,7 +1,7 @@
 //! Steps with memory that another API of the GPU shares.
 
 use crate::external_memory::{ExternalBuffer, ExternalRays, ExternalSemaphore};
-use crate::loaded::Loaded;
+use crate::loaded::ResidentScene;
 use crate::{Error, Query, QueryId, Ray, Result, Step, Tracer};
 use backend::Rays;
 use geom::copy_in_parallel;
@@ -18,17 +18,17 @@ impl ExternalRays<'_> {
             Buffer::external(&gpu.gpu, &buffer.0, bytes).map_err(Error::of_backend)
         };
         let is_same = |to: &ExternalBuffer| Arc::ptr_eq(&to.0, &self.rays.0);
-        Error::check_separate(!self.answers.is_some_and(is_same))?;
-        let answers = self.answers.map(|to| lent(to, query.answer_bytes()));
+        Error::check_separate(!self.results.is_some_and(is_same))?;
+        let results = self.results.map(|to| lent(to, query.result_bytes()));
         gpu.set_external_rays(LentRays {
             rays: lent(self.rays, size_of::<Ray>())?,
-            answers: answers.transpose()?,
+            results: results.transpose()?,
         });
         Ok(())
     }
 }
 
-impl Loaded {
+impl ResidentScene {
     fn exporter(&mut self) -> Result<&mut VulkanDevice> {
         let none = || Error::Unsupported("only a Vulkan device can export memory".into());
         self.vulkan().ok_or_else(none)

@@ -21,7 +21,7 @@
 //! # Ok::<_, abvh::Error>(())
 //! ```
 
-use crate::loaded::Loaded;
+use crate::loaded::ResidentScene;
 use crate::step::clamp_time;
 use crate::{Error, Point, Result, Tracer};
 use backend::Query;
@@ -97,7 +97,7 @@ impl Tracer {
             current.driver.max_in_flight(&[query])
         };
         let mut outputs = FrameOutputs::default();
-        let mut finish = |loaded: &mut Loaded, frame: Frame| -> Result<(), E> {
+        let mut finish = |loaded: &mut ResidentScene, frame: Frame| -> Result<(), E> {
             let mut record = loaded.take(selection, &mut outputs)?;
             if let Some(colours) = &colours {
                 let FrameOutputs { hits, pixels } = &mut outputs;

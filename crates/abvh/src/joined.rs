@@ -103,7 +103,7 @@ impl JoinedScene {
     /// Copies vertices from another scene, for all meshes that steps move. The scenes differ in mesh `but` only.
     pub(crate) fn copy_moved_from(&mut self, other: &[Point], but: usize) {
         for mesh in (0..self.meshes.len()).filter(|&mesh| mesh != but) {
-            if self.meshes[mesh].motion.is_live() {
+            if self.meshes[mesh].motion.is_moved_by_steps() {
                 let first = if mesh < but {
                     self.vertices[mesh]
                 } else {
@@ -267,19 +267,19 @@ fn copy_of(points: &[Point], backend: &mut dyn Backend) -> Result<PointBuffer> {
 
 /// Returns whether vertices arrive while the scene is traced: from steps, or from a moving animation that is joined
 /// with other meshes.
-fn is_live(meshes: &[Mesh]) -> bool {
+fn is_streamed(meshes: &[Mesh]) -> bool {
     let is_read = |motion: &MeshMotion| {
         let is_animated = matches!(motion, MeshMotion::Animated(_));
         is_animated && !motion.is_fixed() && meshes.len() > 1
     };
     let mut all = meshes.iter().map(|mesh| &*mesh.motion);
-    all.any(|motion| motion.is_live() || is_read(motion))
+    all.any(|motion| motion.is_moved_by_steps() || is_read(motion))
 }
 
 /// Creates one animation of all meshes. `triangles` holds vertex indices among the vertices of all meshes.
 fn joined(meshes: &[Mesh], triangles: Vec<[u32; 3]>) -> Result<Animation> {
     let motions = || meshes.iter().map(|mesh| &*mesh.motion);
-    if is_live(meshes) {
+    if is_streamed(meshes) {
         let mark = |m: &MeshMotion| std::iter::repeat_n(m.is_fixed(), m.first().len());
         let marks: Vec<bool> = motions().flat_map(mark).collect();
         let first = motions().flat_map(MeshMotion::first).copied().collect();

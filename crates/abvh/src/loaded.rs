@@ -39,7 +39,7 @@ impl QueryForm {
 type OpenBackend = Box<dyn FnOnce() -> backend::Result<Box<dyn Backend>> + Send>;
 
 /// A scene on a device, with the results of its queries.
-pub(crate) struct Loaded {
+pub(crate) struct ResidentScene {
     pub(crate) driver: Driver,
     pub(crate) joined: JoinedScene,
     pub(crate) update: Update,
@@ -83,7 +83,7 @@ pub(crate) struct QueryResult {
     pub(crate) pixels: Option<Vec<u8>>,
 }
 
-impl Loaded {
+impl ResidentScene {
     pub(crate) fn new(
         meshes: Vec<Mesh>,
         backend: Box<dyn Backend>,
@@ -218,7 +218,7 @@ impl Loaded {
         });
         let ticket = started?;
         let each = ids.iter().zip(queries).enumerate();
-        let answers = each.map(|(place, (&id, query))| QueryResult {
+        let results = each.map(|(place, (&id, query))| QueryResult {
             query: id,
             ticket,
             place,
@@ -227,7 +227,7 @@ impl Loaded {
             hits: None,
             pixels: None,
         });
-        self.results.extend(answers);
+        self.results.extend(results);
         self.retain_traces();
         Ok(())
     }
@@ -295,7 +295,7 @@ impl Loaded {
     pub(crate) fn wait(&mut self, ticket: Ticket) -> Result<()> {
         #[cfg(feature = "wgpu")]
         self.abandon_dropped();
-        if !self.results.iter().any(|answer| answer.ticket == ticket) {
+        if !self.results.iter().any(|result| result.ticket == ticket) {
             return Err(Error::NoResult);
         }
         while self.in_flight.contains(&ticket) {
@@ -346,7 +346,7 @@ impl Loaded {
 
     /// Makes the backend retain the traces of all available results.
     fn retain_traces(&mut self) {
-        let mut tickets: Vec<_> = self.results.iter().map(|answer| answer.ticket).collect();
+        let mut tickets: Vec<_> = self.results.iter().map(|result| result.ticket).collect();
         tickets.dedup();
         self.driver.backend().retain_traces(&tickets);
     }

@@ -58,7 +58,7 @@ impl MeshMotion {
     }
 
     /// Returns whether steps pass its vertices or matrices.
-    pub(crate) fn is_live(&self) -> bool {
+    pub(crate) fn is_moved_by_steps(&self) -> bool {
         matches!(self, Self::Streamed(_) | Self::Rigid { .. })
     }
 }

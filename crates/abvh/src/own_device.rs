@@ -65,17 +65,17 @@ pub struct RayBuffers<'a> {
     /// Results, with usages `STORAGE` and `COPY_DST`, and also `COPY_SRC` for [`Tracer::hits`](crate::Tracer::hits).
     /// [`Query::Closest`] writes the format of [`Tracer::hits_buffer`](crate::Tracer::hits_buffer), and [`Query::Any`]
     /// a `u32` per ray, which is not 0 for a hit. Without this buffer, the library uses its own.
-    pub answers: Option<&'a wgpu::Buffer>,
+    pub results: Option<&'a wgpu::Buffer>,
 }
 
 impl RayBuffers<'_> {
     pub(crate) fn check(&self, query: Query) -> Result<()> {
         use wgpu::BufferUsages as Usage;
-        Error::check_separate(self.answers != Some(self.rays))?;
+        Error::check_separate(self.results != Some(self.rays))?;
         let rays = (self.rays, size_of::<Ray>(), Usage::STORAGE);
         let written = Usage::STORAGE | Usage::COPY_DST;
-        let answers = |buffer| (buffer, query.answer_bytes(), written);
-        for (buffer, bytes, usage) in [rays].into_iter().chain(self.answers.map(answers)) {
+        let results = |buffer| (buffer, query.result_bytes(), written);
+        for (buffer, bytes, usage) in [rays].into_iter().chain(self.results.map(results)) {
             let is_large = (bytes as u64)
                 .checked_mul(self.count as u64)
                 .is_some_and(|all| all <= buffer.size());

@@ -2,7 +2,7 @@
 
 use crate::frames::LitView;
 use crate::joined::JoinedScene;
-use crate::loaded::{Batch, Loaded};
+use crate::loaded::{Batch, ResidentScene};
 use crate::mesh::Colour;
 use crate::query::{QueryId, StepId};
 use crate::shading::{Surfaces, palette};
@@ -87,7 +87,7 @@ impl Tracer {
     }
 }
 
-impl Loaded {
+impl ResidentScene {
     /// Returns the colours of all triangles if the host shades, and `None` if the device does. The first call uploads
     /// the colours to the device.
     pub(crate) fn host_colours(&mut self) -> Result<Option<Arc<[Colour]>>> {

@@ -16,7 +16,7 @@ pub enum Query {
 impl Query {
     /// Returns the size in bytes of a result in device memory.
     #[cfg(any(feature = "vulkan", feature = "wgpu"))]
-    pub(crate) fn answer_bytes(self) -> usize {
+    pub(crate) fn result_bytes(self) -> usize {
         match self {
             Self::Closest => size_of::<geom::Hit>(),
             Self::Any => size_of::<u32>(),

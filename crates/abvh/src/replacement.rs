@@ -2,7 +2,7 @@
 
 use crate::builder::device_name;
 use crate::disposal::Disposal;
-use crate::loaded::Loaded;
+use crate::loaded::ResidentScene;
 use crate::state::TracerState;
 use crate::{Error, Mesh, MeshId, Result, Tracer, Update};
 use std::fmt;
@@ -23,7 +23,7 @@ pub struct Replacement {
     disposal: Arc<Disposal>,
     is_cancelled: Arc<AtomicBool>,
     /// `None` once the thread is joined.
-    preparation: Option<JoinHandle<Result<Loaded>>>,
+    preparation: Option<JoinHandle<Result<ResidentScene>>>,
 }
 
 impl Replacement {
@@ -41,7 +41,7 @@ impl Replacement {
             .is_none_or(JoinHandle::is_finished)
     }
 
-    fn wait(mut self) -> Result<Loaded> {
+    fn wait(mut self) -> Result<ResidentScene> {
         match self.preparation.take().map(JoinHandle::join) {
             Some(Ok(prepared)) => prepared,
             _ => Err(Error::Device("the preparation panicked".to_owned())),
@@ -160,7 +160,7 @@ impl TracerState {
         &mut self,
         mesh: usize,
         with: Mesh,
-    ) -> Result<impl FnOnce(&AtomicBool) -> Result<Loaded> + Send + use<>> {
+    ) -> Result<impl FnOnce(&AtomicBool) -> Result<ResidentScene> + Send + use<>> {
         let current = &mut self.current;
         let (builder, expected) = (self.builder.clone(), self.device.clone());
         // If this is `None`, the device is opened again.
@@ -193,7 +193,7 @@ impl TracerState {
             }
             let (options, shared) = (builder.options(update), threads.clone());
             threads.install(move || {
-                let mut loaded = Loaded::new(meshes, backend, options, shared)?;
+                let mut loaded = ResidentScene::new(meshes, backend, options, shared)?;
                 loaded.joined.copy_moved_from(&positions, mesh);
                 if is_cancelled.load(Ordering::Relaxed) {
                     return Err(Error::Device("the replacement was cancelled".to_owned()));

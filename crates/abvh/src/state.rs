@@ -2,7 +2,7 @@
 
 use crate::builder::TracerBuilder;
 use crate::disposal::Disposal;
-use crate::loaded::{Loaded, QueryResult};
+use crate::loaded::{QueryResult, ResidentScene};
 use crate::query::{QueryId, StepId};
 use crate::{Error, Result, Statistics};
 use backend::DeviceKind;
@@ -12,9 +12,9 @@ use std::sync::Arc;
 
 /// State that is changed by steps and by reading results.
 pub(crate) struct TracerState {
-    pub(crate) current: Loaded,
+    pub(crate) current: ResidentScene,
     /// Scenes from before replacements, while they have results.
-    pub(crate) former: Vec<Loaded>,
+    pub(crate) former: Vec<ResidentScene>,
     pub(crate) builder: TracerBuilder,
     /// Number of committed replacements.
     pub(crate) commits: u64,
@@ -32,7 +32,11 @@ pub(crate) struct TracerState {
 
 impl TracerState {
     /// Returns the scene, current or former, in which a query was traced, and the index of its result there.
-    pub(crate) fn find(&mut self, step: StepId, query: QueryId) -> Result<(&mut Loaded, usize)> {
+    pub(crate) fn find(
+        &mut self,
+        step: StepId,
+        query: QueryId,
+    ) -> Result<(&mut ResidentScene, usize)> {
         let is_requested = |result: &QueryResult| result.query == query && query.step == step;
         let mut scenes = std::iter::once(&mut self.current).chain(&mut self.former);
         let found = scenes.find_map(|loaded| {
@@ -61,7 +65,7 @@ impl TracerState {
         // Scenes that are dropped may have the newest statistics.
         self.current.last = self.statistics();
         self.current.keep_from(oldest);
-        let is_done = |loaded: &mut Loaded| !loaded.keep_from(oldest);
+        let is_done = |loaded: &mut ResidentScene| !loaded.keep_from(oldest);
         for done in self.former.extract_if(.., is_done) {
             self.disposal.begin(move || drop(done));
         }

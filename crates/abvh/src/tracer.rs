@@ -1,7 +1,7 @@
 //! The tracer: a scene on a device, with the trees that follow its motion.
 
 use crate::builder::{TracerBuilder, device_name};
-use crate::loaded::Loaded;
+use crate::loaded::ResidentScene;
 use crate::query::{QueryId, StepId};
 use crate::state::TracerState;
 use crate::step::{Step, clamp_time};
@@ -185,7 +185,7 @@ impl TracerBuilder {
         // Step numbers of different tracers never meet: each tracer has 2^40.
         let steps = TRACERS.fetch_add(1, Ordering::Relaxed) << 40;
         let state = TracerState {
-            current: Loaded::new(scene.meshes, backend, self.options(update), builders)?,
+            current: ResidentScene::new(scene.meshes, backend, self.options(update), builders)?,
             former: Vec::new(),
             builder: self,
             commits: 0,

@@ -1,12 +1,12 @@
 //! Steps with buffers and encoders of the program's wgpu device.
 
-use crate::loaded::{Loaded, QueryResult, no_wgpu};
+use crate::loaded::{QueryResult, ResidentScene, no_wgpu};
 use crate::own_device::RayBuffers;
 use crate::query::{DeferredQuery, DeferredRays, QueryId, StepId};
 use crate::{Error, MeshId, Point, Query, Result, Step, Tracer, Update};
 use gpu_wgpu::{LentRays, WgpuBackend};
 
-impl Loaded {
+impl ResidentScene {
     /// Sets the program's buffer that the vertices of a streamed mesh are read from.
     pub(crate) fn set_wgpu_vertices(
         &mut self,
@@ -128,7 +128,7 @@ impl Step<'_> {
         let count = buffers.count;
         let buffers = LentRays {
             rays: buffers.rays.clone(),
-            answers: buffers.answers.cloned(),
+            results: buffers.results.cloned(),
         };
         Ok(self.defer(DeferredRays::Wgpu { buffers, count }, query))
     }

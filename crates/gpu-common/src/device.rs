@@ -153,7 +153,7 @@ pub struct LentRays<B> {
     pub rays: B,
     /// One result per ray: [`geom::Hit`] in its memory layout, or for any-hit queries a word that is not 0 for a hit.
     /// `None` if the backend allocates the results.
-    pub answers: Option<B>,
+    pub results: Option<B>,
 }
 
 /// A copy of positions from a buffer of the calling program to a key frame. Source and destination are a buffer and a

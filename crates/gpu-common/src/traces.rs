@@ -43,13 +43,13 @@ impl<D: GpuDevice> TraceBuffers<D> {
             u32::MAX.into(),
         )?;
         let mut lent = lent_rays(gpu, query)?;
-        let room = lent.as_mut().and_then(|lent| lent.answers.as_mut());
+        let room = lent.as_mut().and_then(|lent| lent.results.as_mut());
         let has_room = room.is_some();
-        if let Some(answers) = room.filter(|_| !has_tree) {
+        if let Some(results) = room.filter(|_| !has_tree) {
             // No kernel writes the results.
             match kind {
-                QueryKind::Any => gpu.write(answers, &vec![0_u32; count])?,
-                _ => gpu.write(answers, &vec![Hit::MISS; count])?,
+                QueryKind::Any => gpu.write(results, &vec![0_u32; count])?,
+                _ => gpu.write(results, &vec![Hit::MISS; count])?,
             }
         }
         let bytes = |each: usize| (count * each) as u64;
@@ -86,18 +86,18 @@ impl<D: GpuDevice> TraceBuffers<D> {
 
     /// Returns the buffer of rays, hits or occlusion.
     pub fn get(&self, name: BufferName) -> Option<&D::Buffer> {
-        let answers = match self.kind {
+        let results = match self.kind {
             QueryKind::Any => BufferName::Occluded,
             QueryKind::Closest | QueryKind::ClosestAndShadow { .. } => BufferName::Hits,
         };
         let name = if name == BufferName::Answers {
-            answers
+            results
         } else {
             name
         };
         let lent = self.lent.as_ref().and_then(|lent| match name {
             BufferName::Rays => Some(&lent.rays),
-            name if name == answers => lent.answers.as_ref(),
+            name if name == results => lent.results.as_ref(),
             _ => None,
         });
         lent.or_else(|| self.buffers.get(name))

@@ -68,7 +68,7 @@ pub struct VulkanDevice {
     copies: BTreeMap<Ticket, ReadbackCopy>,
     /// Timeline value of the upload that wrote results to external memory, if the next submission must wait for it.
     /// Otherwise 0.
-    answers_at: u64,
+    results_at: u64,
     pub(crate) external: ExternalInputs,
     /// The logical device and its memory.
     pub gpu: Arc<Gpu>,
@@ -95,7 +95,7 @@ impl VulkanDevice {
             in_use: Pool::default(),
             spares: Spares::default(),
             copies: BTreeMap::new(),
-            answers_at: 0,
+            results_at: 0,
             external: ExternalInputs::default(),
             gpu: Arc::clone(gpu),
         })
@@ -162,13 +162,13 @@ impl VulkanDevice {
         if bytes == 0 {
             return Ok(());
         }
-        let mut staging = Buffer::new(&self.gpu, "answers", bytes, BufferUse::Upload)?;
+        let mut staging = Buffer::new(&self.gpu, "results", bytes, BufferUse::Upload)?;
         staging.set_rows(rows);
         let copy = BufferCopy::between(staging.vk, to.vk).range(0..bytes, 0);
         let waits = &self.external.waits;
-        self.answers_at = self.upload.start_in_order(&[copy], waits)?;
+        self.results_at = self.upload.start_in_order(&[copy], waits)?;
         let allocated = staging.held();
-        self.retain(staging, allocated, self.answers_at);
+        self.retain(staging, allocated, self.results_at);
         Ok(())
     }
 
@@ -182,7 +182,7 @@ impl VulkanDevice {
 
     /// Submits the parts of an encoded recording. Copies of positions wait only for the first of two parts.
     fn submit_parts(&mut self, recording: &VulkanRecording, ticket: Ticket) -> Result<()> {
-        let arrival = Some(recording.after_upload.max(self.answers_at));
+        let arrival = Some(recording.after_upload.max(self.results_at));
         let arrival = arrival.filter(|&value| value > 0);
         let arrival = arrival.map(|value| self.upload.done.at(value));
         let unread = recording.overwrites;
@@ -203,7 +203,7 @@ impl VulkanDevice {
         };
         let batches: Vec<_> = parts.iter().enumerate().map(batch).collect();
         submit(&self.gpu, &self.compute, &batches)?;
-        self.answers_at = 0;
+        self.results_at = 0;
         // Later submissions to the queue wait as well.
         self.external.waits.clear();
         self.submitted = ticket.0;
@@ -417,7 +417,7 @@ impl GpuDevice for VulkanDevice {
         self.external = ExternalInputs::default();
         self.views.clear();
         self.copies.clear();
-        self.answers_at = 0;
+        self.results_at = 0;
         Ok(())
     }
 }

@@ -1,4 +1,4 @@
-//! Tests vertices, rays and answers in memory shared with another device, and the semaphore that orders accesses.
+//! Tests vertices, rays and results in memory shared with another device, and the semaphore that orders accesses.
 
 use crate::lent::{
     Found, LentRays, Moved, OnHost, Sheets, check_rays_match_host, check_vertices_match_host,
@@ -105,12 +105,12 @@ pub(crate) fn external_vertices_survive_mesh_replacement() {
     check_vertices_survive_replacement::<Shared<OtherDevice>>();
 }
 
-/// Rays and answers in memory shared with another device.
+/// Rays and results in memory shared with another device.
 pub(crate) struct SharedRays<O: Importer> {
     other: O,
     tracer: Tracer,
     count: usize,
-    /// Memory of the rays, then of the answers.
+    /// Memory of the rays, then of the results.
     memory: [(ExternalBuffer, O::Memory); 2],
 }
 
@@ -144,7 +144,7 @@ impl<O: Importer> LentRays for SharedRays<O> {
         let asked = ExternalRays {
             rays,
             count: self.count,
-            answers: has_room.then_some(room),
+            results: has_room.then_some(room),
         };
         found(&mut self.tracer, query, |step| {
             step.trace_external(asked, query)
@@ -184,7 +184,7 @@ pub(crate) fn external_memory_misuse_is_an_error() {
         let said = own.tracer.step(0.0).vertices(mesh, source);
         assert!(matches!(said, Err(Error::Misuse(_))), "{offset} {said:?}");
     }
-    for (rays, count, answers) in [
+    for (rays, count, results) in [
         (foreign, 2, None),
         (&small, 3, None),
         (&small, usize::MAX, None),
@@ -195,7 +195,7 @@ pub(crate) fn external_memory_misuse_is_an_error() {
         let asked = ExternalRays {
             rays,
             count,
-            answers,
+            results,
         };
         let said = own.tracer.step(0.0).trace_external(asked, Query::Closest);
         assert!(matches!(said, Err(Error::Misuse(_))), "{count} {said:?}");
@@ -291,7 +291,7 @@ pub(crate) fn timeline_bounds_external_memory_access() {
     }
     backend.gpu_mut().set_external_rays(gpu_vulkan::LentRays {
         rays: Buffer::external(&gpu, &given, 32 * 500).unwrap(),
-        answers: None,
+        results: None,
     });
     arrive(&mut backend, sheet(0.5));
     let ticket = go(&mut backend, Rays::OnDevice(500), closest);

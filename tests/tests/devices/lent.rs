@@ -1,4 +1,4 @@
-//! Tests of vertices, rays and answers in device memory. They run for each kind of memory and each owner of the device.
+//! Tests of vertices, rays and results in device memory. They run for each kind of memory and each owner of the device.
 
 use crate::scenes::{camera, rays, swarm};
 use abvh::{
@@ -155,17 +155,17 @@ fn one_replaced<S: Sheets>() -> S {
     own
 }
 
-/// A tracer, rays, and a buffer for answers.
+/// A tracer, rays, and a buffer for results.
 pub(crate) trait LentRays {
     fn tracer(&mut self) -> &mut Tracer;
-    /// Returns the hits of the rays, with or without writing answers to the buffer.
+    /// Returns the hits of the rays, with or without writing results to the buffer.
     fn ask(&mut self, query: Query, has_room: bool) -> Found;
     fn fill_room(&mut self, byte: u8);
-    /// Returns the first `words` words of the answers.
+    /// Returns the first `words` words of the results.
     fn room(&mut self, words: usize) -> Vec<u32>;
 }
 
-/// Bits of `t`, `u`, `v`, and the triangle of each ray's hit, as in answers. All zero for any-hit queries.
+/// Bits of `t`, `u`, `v`, and the triangle of each ray's hit, as in results. All zero for any-hit queries.
 pub(crate) type Found = Vec<Option<[u32; 4]>>;
 
 /// Returns the hits of a query in a step.
@@ -231,7 +231,7 @@ pub(crate) fn all_kinds() -> Vec<Ray> {
     all
 }
 
-/// Checks that lent rays have the same hits and answers as rays of the host, whatever the buffer of answers held
+/// Checks that lent rays have the same hits and results as rays of the host, whatever the buffer of results held
 /// before. Returns the last `L`, whose last query was for closest hits and had some.
 pub(crate) fn check_rays_match_host<L: LentRays>(open: impl Fn(Scene, &[Ray]) -> L) -> L {
     let list = all_kinds();

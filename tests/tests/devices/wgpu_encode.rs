@@ -19,10 +19,10 @@ struct Encoded {
     own: Own,
     vertices: Buffer,
     rays: Buffer,
-    answers: Buffer,
+    results: Buffer,
 }
 
-/// A step in commands that are not submitted yet, and the buffer into which they copy the answers.
+/// A step in commands that are not submitted yet, and the buffer into which they copy the results.
 struct Step {
     commands: CommandEncoder,
     id: StepId,
@@ -36,11 +36,11 @@ impl Encoded {
         own.tracer.warm_up(0.0).unwrap();
         let rays: Vec<Ray> = camera().rays().collect();
         let copied = BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
-        let answers = vec![0; 16 * rays.len()];
+        let results = vec![0; 16 * rays.len()];
         Self {
             vertices: own.buffer(&sheet(7.0), copied | BufferUsages::STORAGE),
             rays: own.bytes(bytemuck::cast_slice(&rays), BufferUsages::STORAGE),
-            answers: own.bytes(&answers, BufferUsages::STORAGE | copied),
+            results: own.bytes(&results, BufferUsages::STORAGE | copied),
             own,
         }
     }
@@ -65,7 +65,7 @@ impl Encoded {
         let buffers = RayBuffers {
             rays: &self.rays,
             count: camera().pixels(),
-            answers: Some(&self.answers),
+            results: Some(&self.results),
         };
         let queries = [
             step.trace(&camera(), Query::Closest).unwrap(),
@@ -73,9 +73,9 @@ impl Encoded {
         ];
         let id = step.encode(&mut commands).unwrap();
         let usage = BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
-        let copied = vec![0; self.answers.size() as usize];
+        let copied = vec![0; self.results.size() as usize];
         let copied = self.own.bytes(&copied, usage);
-        commands.copy_buffer_to_buffer(&self.answers, 0, &copied, 0, None);
+        commands.copy_buffer_to_buffer(&self.results, 0, &copied, 0, None);
         Step {
             commands,
             id,
@@ -90,7 +90,7 @@ impl Encoded {
 
     /// Checks all results of a step against the host's.
     fn check(&mut self, (id, queries, copied): (StepId, [QueryId; 2], &Buffer), expected: &[Met]) {
-        // `copied` has the answers of the second query, which the next step overwrites in `answers`.
+        // `copied` has the results of the second query, which the next step overwrites in `results`.
         assert!(bits(self.own.tracer.hits(id, queries[0]).unwrap()) == expected);
         let bytes = bytes_of(&self.own.device, copied);
         let words: &[[u32; 4]] = bytemuck::cast_slice(&bytes);

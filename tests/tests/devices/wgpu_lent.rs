@@ -76,7 +76,7 @@ pub(crate) fn featureless_device_gives_same_hits() {
     let (animation, camera) = (swarm(300), camera());
     let limits = required_limits(&animation, camera.pixels());
     let mut lent = lent(&own_device(limits)).unwrap();
-    let found = answers(&mut lent, &animation, &camera);
+    let found = results(&mut lent, &animation, &camera);
     for checks_kernels in [false, true] {
         let options = Options {
             checks_kernels,
@@ -84,7 +84,7 @@ pub(crate) fn featureless_device_gives_same_hits() {
         };
         let mut own = gpu_wgpu::open(&options).unwrap();
         assert!(
-            answers(&mut own, &animation, &camera) == found,
+            results(&mut own, &animation, &camera) == found,
             "{options:?}"
         );
     }
@@ -198,7 +198,7 @@ pub(crate) fn stages_are_timed_within_shared_passes() {
 }
 
 /// Returns boxes, and hits of a camera and of lists.
-fn answers(
+fn results(
     backend: &mut WgpuBackend,
     animation: &Arc<Animation>,
     camera: &Camera,

@@ -25,8 +25,8 @@ fn trace_rays(@builtin(global_invocation_id) id: vec3u) {
 const MISS: u32 = u32::MAX;
 const EXTREME: u32 = u32::MAX - 1;
 
-/// Closest hits and any-hit answers.
-type Answers = (Vec<[u32; 4]>, Vec<u32>);
+/// Closest hits and any-hit results.
+type Results = (Vec<[u32; 4]>, Vec<u32>);
 
 struct Shader {
     pipeline: wgpu::ComputePipeline,
@@ -84,7 +84,7 @@ impl Shader {
         pass.dispatch_workgroups(rays.div_ceil(64), 1, 1);
     }
 
-    fn answers(&self, own: &Own) -> Answers {
+    fn results(&self, own: &Own) -> Results {
         let [hits, occluded] = [&self.hits, &self.occluded].map(|b| bytes_of(&own.device, b));
         (
             bytemuck::cast_slice(&hits).to_vec(),
@@ -92,23 +92,23 @@ impl Shader {
         )
     }
 
-    /// Returns the answers of the library's queries, with the sheets in their current positions.
-    fn queried(&self, own: &mut Own) -> Answers {
+    /// Returns the results of the library's queries, with the sheets in their current positions.
+    fn queried(&self, own: &mut Own) -> Results {
         for query in [Query::Closest, Query::Any] {
-            let answers = match query {
+            let results = match query {
                 Query::Closest => &self.hits,
                 _ => &self.occluded,
             };
             let asked = RayBuffers {
                 rays: &self.rays,
                 count: self.rays.size() as usize / size_of::<Ray>(),
-                answers: Some(answers),
+                results: Some(results),
             };
             let mut step = own.tracer.step(0.0);
             step.trace_buffers(asked, query).unwrap();
             step.submit().unwrap();
         }
-        self.answers(own)
+        self.results(own)
     }
 }
 
@@ -144,7 +144,7 @@ pub(crate) fn shader_hits_match_queries() {
         let scene = own.tracer.scene_buffers().unwrap();
         shader.record(&own, &scene, &mut commands);
         own.device.queue.submit([commands.finish()]);
-        let (hits, occluded) = shader.answers(&own);
+        let (hits, occluded) = shader.results(&own);
         let (expected, expected_any) = shader.queried(&mut own);
         let met = expected.iter().filter(|hit| hit[3] != MISS).count();
         assert!(met > 100, "{met} rays hit");

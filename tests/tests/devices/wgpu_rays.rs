@@ -1,4 +1,4 @@
-//! Tests rays in the program's own buffers, and answers that are written to them.
+//! Tests rays in the program's own buffers, and results that are written to them.
 
 use crate::lent::{Found, LentRays, all_kinds, check_rays_match_host, flying, found};
 use crate::scenes::rays;
@@ -13,12 +13,12 @@ const HOW: [Intersector; 3] = [
     Intersector::Woop,
 ];
 
-/// Usage of the buffers of rays and of answers.
+/// Usage of the buffers of rays and of results.
 const USAGE: BufferUsages = BufferUsages::STORAGE
     .union(BufferUsages::COPY_DST)
     .union(BufferUsages::COPY_SRC);
 
-/// A scene on the program's device, with buffers of rays and of answers.
+/// A scene on the program's device, with buffers of rays and of results.
 struct Own {
     device: OwnDevice,
     tracer: Tracer,
@@ -52,7 +52,7 @@ impl LentRays for Own {
         let asked = RayBuffers {
             rays: &self.rays,
             count: self.count,
-            answers: has_room.then_some(&self.room),
+            results: has_room.then_some(&self.room),
         };
         found(&mut self.tracer, query, |step| {
             step.trace_buffers(asked, query)
@@ -73,7 +73,7 @@ pub(crate) fn reads_rays_from_caller_buffers() {
     let list = all_kinds();
     for how in HOW {
         let mut own = check_rays_match_host(|scene, rays| Own::new(scene, rays, how));
-        // Hits of rays from the host are stored on the device in the format of answers.
+        // Hits of rays from the host are stored on the device in the format of results.
         let mut step = own.tracer.step(0.5);
         let asked = step.trace(&list, Query::Closest).unwrap();
         let done = step.submit().unwrap();
@@ -134,12 +134,12 @@ pub(crate) fn unsuitable_ray_buffer_is_an_error() {
     let asked = RayBuffers {
         rays: &rays,
         count,
-        answers: None,
+        results: None,
     };
     let is_misuse = |said: Option<Error>| assert!(matches!(said, Some(Error::Misuse(_))));
     let is_device = |said: Option<Error>| assert!(matches!(said, Some(Error::Device(_))));
     let is_unsupported = |said| assert!(matches!(said, Some(Error::Unsupported(_))));
-    for (rays, count, answers) in [
+    for (rays, count, results) in [
         (&rays, count + 1, None),
         (&copied, count, None),
         (&rays, count, Some(&copied)),
@@ -150,7 +150,7 @@ pub(crate) fn unsuitable_ray_buffer_is_an_error() {
         let asked = RayBuffers {
             rays,
             count,
-            answers,
+            results,
         };
         let mut step = own.tracer.step(0.0);
         is_misuse(step.trace_buffers(asked, Query::Closest).err());
