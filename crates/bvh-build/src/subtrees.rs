@@ -1,9 +1,9 @@
-//! Rebuilds a tree from subtrees of the last tree. Keeps small compact subtrees, or *groups*, and builds the levels
+//! Rebuilds a tree from subtrees of the previous tree. Keeps small compact subtrees, or *groups*, and builds the levels
 //! above.
 //!
 //! Neighbouring triangles mostly move together. After some frames, most small subtrees are nearly as good as new ones,
-//! and only the levels above have to change. So small subtrees of the last tree become the primitives of a much smaller
-//! build, with their nodes unchanged. Subtrees that came apart are divided first.
+//! and only the levels above have to change. So small subtrees of the previous tree become the primitives of a much
+//! smaller build, with their nodes unchanged. Subtrees that came apart are divided first.
 //!
 //! Related work: Ganestam, Barringer, Doggett, Akenine-Möller (*Bonsai*, 2015) build in two levels from scratch. Yoon,
 //! Curtis, Manocha (*Ray Tracing Dynamic Scenes using Selective Restructuring*, 2007) restructure only subtrees that
@@ -25,7 +25,7 @@ const PARALLEL: u32 = 1024;
 /// Builds trees from earlier trees. Keeps its memory.
 #[derive(Debug, Default)]
 pub struct SubtreeRebuilder {
-    /// Compact subtrees of the last tree.
+    /// Compact subtrees of the previous tree.
     groups: SubtreeGroups,
     /// Tree whose leaves are the groups.
     above: BinaryTree,
@@ -33,11 +33,11 @@ pub struct SubtreeRebuilder {
     starts: Vec<u32>,
 }
 
-/// Costs of the last and of the new tree: those of [`sah_cost`], except for rounding.
+/// Costs of the previous and of the new tree: those of [`sah_cost`], except for rounding.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TreeCosts {
-    /// Cost of the last tree with the new boxes.
-    pub last: f64,
+    /// Cost of the previous tree with the new boxes.
+    pub previous: f64,
     /// Cost of the new tree.
     pub new: f64,
 }
@@ -52,37 +52,40 @@ pub struct MovedTree<'a, B: ?Sized> {
 }
 
 impl SubtreeRebuilder {
-    /// Builds `tree` over the boxes of `last`. Reuses the compact subtrees of the tree in `last`. Returns the costs of
-    /// both trees.
+    /// Builds `tree` over the boxes of `previous`. Reuses the compact subtrees of the tree in `previous`. Returns the
+    /// costs of both trees.
     ///
-    /// `builder` builds the levels above these subtrees. The result depends on `last` and on [`SahBuilder::toward`]
+    /// `builder` builds the levels above these subtrees. The result depends on `previous` and on [`SahBuilder::toward`]
     /// only.
     ///
     /// # Errors
     /// [`BuildError::Cancelled`]; `tree` is then empty.
     ///
     /// # Panics
-    /// If a triangle of `last` has a box that is empty or not finite. Triangles that are not in `last` are not in
-    /// `tree`.
+    /// If a triangle of `previous` has a box that is empty or not finite. Triangles that are not in `previous` are not
+    /// in `tree`.
     pub fn build<B: Boxes + ?Sized>(
         &mut self,
         builder: &mut SahBuilder,
-        last: MovedTree<'_, B>,
+        previous: MovedTree<'_, B>,
         cancel: &Cancel,
         tree: &mut BinaryTree,
     ) -> Result<TreeCosts, BuildError> {
-        let MovedTree { tree: last, boxes } = last;
+        let MovedTree {
+            tree: previous,
+            boxes,
+        } = previous;
         tree.fill(cancel, |tree| {
-            let areas = self.groups.find(last, boxes);
+            let areas = self.groups.find(previous, boxes);
             let root = RootOptions {
                 depth: LEVELS,
                 block_size: BlockSize::One,
             };
             builder.build_below(root, &self.groups.boxes[..], cancel, &mut self.above)?;
             self.count();
-            let slot = tree.slot(last.leaf_count());
+            let slot = tree.slot(previous.leaf_count());
             if let Some(root) = self.above.root() {
-                self.unfold(last, root, slot);
+                self.unfold(previous, root, slot);
             }
             let over_root = |sum: f64| {
                 if areas.root > 0.0 {
@@ -92,7 +95,7 @@ impl SubtreeRebuilder {
                 }
             };
             Ok(TreeCosts {
-                last: over_root(areas.all),
+                previous: over_root(areas.all),
                 new: over_root(areas.within_groups) + sah_cost(&self.above, &self.groups.boxes[..]),
             })
         })
@@ -116,20 +119,20 @@ impl SubtreeRebuilder {
         start(node.first_leaf + node.leaves) - start(node.first_leaf)
     }
 
-    /// Writes the subtree below a node of `above`. Copies the nodes of each group from `last`.
-    fn unfold(&self, last: &BinaryTree, node: Subtree, slot: SubtreeSlot<'_>) {
+    /// Writes the subtree below a node of `above`. Copies the nodes of each group from `previous`.
+    fn unfold(&self, previous: &BinaryTree, node: Subtree, slot: SubtreeSlot<'_>) {
         if node.leaves == 1 {
             let group = self.groups.nodes[self.above.order[node.first_leaf as usize] as usize];
-            slot.order.copy_from_slice(last.triangles(group));
-            let inner = &last.left_leaves[group.inner as usize..][..slot.left_leaves.len()];
+            slot.order.copy_from_slice(previous.triangles(group));
+            let inner = &previous.left_leaves[group.inner as usize..][..slot.left_leaves.len()];
             return slot.left_leaves.copy_from_slice(inner);
         }
         let [a, b] = self.above.children(node);
         let [slot_a, slot_b] = slot.split(self.leaves(a));
         join_if(
             node.leaves > PARALLEL,
-            || self.unfold(last, a, slot_a),
-            || self.unfold(last, b, slot_b),
+            || self.unfold(previous, a, slot_a),
+            || self.unfold(previous, b, slot_b),
         );
     }
 }
@@ -156,11 +159,14 @@ mod tests {
     }
 
     /// Returns the next tree, the costs of both trees, and the groups of the next tree.
-    fn subtrees(last: &BinaryTree, boxes: &[Aabb]) -> (BinaryTree, TreeCosts, Vec<Subtree>) {
+    fn subtrees(previous: &BinaryTree, boxes: &[Aabb]) -> (BinaryTree, TreeCosts, Vec<Subtree>) {
         let (mut rebuilder, mut tree) = (SubtreeRebuilder::default(), BinaryTree::default());
         let mut builder = SahBuilder::default();
-        let last = MovedTree { tree: last, boxes };
-        let costs = rebuilder.build(&mut builder, last, &Cancel::new(), &mut tree);
+        let previous = MovedTree {
+            tree: previous,
+            boxes,
+        };
+        let costs = rebuilder.build(&mut builder, previous, &Cancel::new(), &mut tree);
         (tree, costs.unwrap(), rebuilder.groups.nodes)
     }
 
@@ -181,23 +187,25 @@ mod tests {
         let n = 7 * 3000;
         let before = clumps(n, |c| (c * 2) as f32, 0.05);
         let after = clumps(n, |c| (c * 1231 % 3000 * 2) as f32, 0.05);
-        let last = BinaryTree::over(&before[..]);
-        let (tree, costs, groups) = subtrees(&last, &after);
+        let previous = BinaryTree::over(&before[..]);
+        let (tree, costs, groups) = subtrees(&previous, &after);
         assert!(groups.len() < 6000, "{}", groups.len());
         let fresh = sah_cost(&BinaryTree::over(&after[..]), &after[..]);
         let cost = sah_cost(&tree, &after[..]);
         assert!(cost < 1.1 * fresh, "{cost} {fresh}");
-        assert!(costs.last > 3.0 * cost, "{costs:?}");
-        assert!(is_about(costs.new, cost) && is_about(costs.last, sah_cost(&last, &after[..])));
+        assert!(costs.previous > 3.0 * cost, "{costs:?}");
+        assert!(
+            is_about(costs.new, cost) && is_about(costs.previous, sah_cost(&previous, &after[..]))
+        );
     }
 
     #[test]
     fn scattered_groups_are_split() {
         let n = 7 * 300;
-        let last = BinaryTree::over(&clumps(n, |c| (c * 2) as f32, 0.05)[..]);
+        let previous = BinaryTree::over(&clumps(n, |c| (c * 2) as f32, 0.05)[..]);
         // The boxes of each clump are now apart, among boxes of other clumps.
         let apart = clumps(n, |c| c as f32, 400.0);
-        let (tree, _, groups) = subtrees(&last, &apart);
+        let (tree, _, groups) = subtrees(&previous, &apart);
         assert_eq!(groups.len(), n as usize);
         assert_eq!(tree, BinaryTree::over(&apart[..]));
     }
@@ -206,19 +214,19 @@ mod tests {
     #[should_panic(expected = "no usable box")]
     fn panics_on_empty_boxes() {
         let mut boxes = clumps(70, |c| c as f32, 0.1);
-        let last = BinaryTree::over(&boxes[..]);
+        let previous = BinaryTree::over(&boxes[..]);
         boxes[3] = Aabb::EMPTY;
-        subtrees(&last, &boxes);
+        subtrees(&previous, &boxes);
     }
 
     #[test]
     fn subtree_build_is_deterministic_across_threads() {
         let n = 7 * 4000;
-        let last = BinaryTree::over(&clumps(n, |c| c as f32, 0.2)[..]);
+        let previous = BinaryTree::over(&clumps(n, |c| c as f32, 0.2)[..]);
         let after = clumps(n, |c| (c * 37 % 4000) as f32, 0.9);
         let on = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-            let (tree, costs, _) = pool.unwrap().install(|| subtrees(&last, &after));
+            let (tree, costs, _) = pool.unwrap().install(|| subtrees(&previous, &after));
             (tree, costs)
         };
         assert_eq!(on(1), on(4));
@@ -239,8 +247,8 @@ mod tests {
             let size = 2.0_f32.powi(-60 - i / 5);
             boxes.push(cube([size; 3], size / 4.0));
         }
-        let last = BinaryTree::over(&boxes[..]);
-        let (tree, _, groups) = subtrees(&last, &boxes);
+        let previous = BinaryTree::over(&boxes[..]);
+        let (tree, _, groups) = subtrees(&previous, &boxes);
         assert!(groups.len() < 78 + 80, "{}", groups.len());
         assert!(depth(&tree, tree.root().unwrap()) <= MAX_DEPTH);
     }
@@ -249,8 +257,8 @@ mod tests {
     fn trees_below_two_leaves_are_unchanged() {
         for n in [0, 1] {
             let boxes = clumps(n, |_| 0.0, 1.0);
-            let last = BinaryTree::over(&boxes[..]);
-            assert_eq!(subtrees(&last, &boxes).0, last);
+            let previous = BinaryTree::over(&boxes[..]);
+            assert_eq!(subtrees(&previous, &boxes).0, previous);
         }
     }
 
@@ -271,15 +279,15 @@ mod tests {
                 from.iter().enumerate().map(moved).collect()
             };
             let after = at(shift);
-            let last = BinaryTree::over(&at(0.0)[..]);
-            let (tree, costs, groups) = subtrees(&last, &after);
+            let previous = BinaryTree::over(&at(0.0)[..]);
+            let (tree, costs, groups) = subtrees(&previous, &after);
             let mut order = tree.order().to_vec();
             order.sort_unstable();
             prop_assert!(order.iter().copied().eq(0..from.len() as u32));
             prop_assert!(groups.iter().all(|g| g.leaves <= MOST));
             prop_assert!(tree.root().is_none_or(|root| depth(&tree, root) <= MAX_DEPTH));
             prop_assert!(is_about(costs.new, sah_cost(&tree, &after[..])), "{:?}", costs);
-            prop_assert!(is_about(costs.last, sah_cost(&last, &after[..])), "{:?}", costs);
+            prop_assert!(is_about(costs.previous, sah_cost(&previous, &after[..])), "{:?}", costs);
         }
     }
 }

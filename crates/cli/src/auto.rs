@@ -5,7 +5,7 @@ use crate::tracer_settings::{ChosenPolicy, TracerSettings, Workload};
 use backend::{Backend, DeviceKind, Policy};
 use geom::Animation;
 use output::Taken;
-use pipeline::{DriverOptions, ExpectedMemory, RefitDecay, RunFacts};
+use pipeline::{DriverOptions, ExpectedMemory, RefitDegradation, RunFacts};
 
 /// Describes the value that was chosen for an option that is `auto`. Returns `None` if `why` is `None`, which means
 /// that the user chose the value.
@@ -76,7 +76,7 @@ fn facts(
         moves: animation.moving_count() > 0,
         triangles: animation.live_count(),
         rays,
-        decay: RefitDecay::sample(animation, &times).map_err(Stop::failed)?,
+        degradation: RefitDegradation::sample(animation, &times).map_err(Stop::failed)?,
         device,
         rebuild_bytes: memory
             .device_bytes

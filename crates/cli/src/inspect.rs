@@ -14,7 +14,7 @@ use crate::tracer_settings::{TracerSettings, Workload};
 use backend::Intersector;
 use clap::Args;
 use output::Taken;
-use pipeline::{CountRange, Decay, MotionStats};
+use pipeline::{CountRange, MotionStats, RefitCosts};
 use scene::Scene;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -41,7 +41,7 @@ struct Inspection {
     motion: MotionStats,
     inactive: CountRange,
     degenerate: CountRange,
-    decay: Vec<Decay>,
+    decay: Vec<RefitCosts>,
     auto: Vec<Taken>,
 }
 
@@ -50,7 +50,8 @@ impl RunCommand for InspectSettings {
         let scene = self.source.open(&self.scene, 0)?;
         setup::check_trees(scene.animation.triangle_count(), 0)?;
         let animation = &scene.animation;
-        let [inactive, degenerate] = pipeline::unhittable(animation).map_err(Stop::bad)?;
+        let [inactive, degenerate] =
+            pipeline::inactive_and_degenerate(animation).map_err(Stop::bad)?;
         let bounds = animation.bounds();
         let inspection = Inspection {
             scene: scene_facts(&scene),
@@ -58,7 +59,7 @@ impl RunCommand for InspectSettings {
             motion: pipeline::motion(animation).map_err(Stop::bad)?,
             inactive,
             degenerate,
-            decay: pipeline::decay(animation, SAMPLES).map_err(Stop::failed)?,
+            decay: pipeline::refit_costs(animation, SAMPLES).map_err(Stop::failed)?,
             auto: choices_of_auto(&self.scene, &scene)?,
         };
         if self.json {
@@ -118,7 +119,7 @@ fn text(scene: &Scene, i: &Inspection) -> String {
     for (what, n) in [("inactive", i.inactive), ("degenerate", i.degenerate)] {
         text += &format!("{what}: {} to {} triangles per key frame\n", n.min, n.max);
     }
-    text += &decay_table(&i.decay);
+    text += &refit_table(&i.decay);
     for t in &i.auto {
         text += &format!("{t}\n");
     }
@@ -127,8 +128,8 @@ fn text(scene: &Scene, i: &Inspection) -> String {
     text
 }
 
-fn decay_table(decay: &[Decay]) -> String {
-    let row = |d: &Decay| {
+fn refit_table(decay: &[RefitCosts]) -> String {
+    let row = |d: &RefitCosts| {
         let ratio = d.ratio.map_or("-".to_owned(), |r| format!("{r:.3}"));
         vec![
             ("time", format!("{:.2}", d.time)),

@@ -194,12 +194,12 @@ impl Driver {
         frame: Frame,
         queries: &[Query<'_>],
     ) -> Result<Ticket, PipelineError> {
-        let begun = Instant::now();
+        let started = Instant::now();
         self.submit_refused()?;
-        self.recording.record = FrameRecord::begin(frame, begun);
+        self.recording.record = FrameRecord::begin(frame, started);
         self.recording.light = queries[0].kind.light();
         let pose = self.animation.pose(frame.time);
-        self.predictor.frame(frame.time, begun);
+        self.predictor.frame(frame.time, started);
         self.poll_builder()?;
         self.measure_range(pose, queries)?;
         let is_stale = if self.has_device_trees() {
@@ -225,7 +225,7 @@ impl Driver {
             self.recording.number += 1;
         }
         recorded?;
-        self.recording.record.traced.handed_in = Instant::now();
+        self.recording.record.traced.submit_started = Instant::now();
         let ticket = self.backend.submit()?;
         self.trees.next.submitted(ticket);
         self.poll_builder()?;
@@ -241,7 +241,7 @@ impl Driver {
         let mut record = recording.record.clone();
         record.tree.generation = tree.generation;
         record.tree.age_frames = recording.number - tree.frame;
-        record.moments.submitted = Instant::now();
+        record.timestamps.submitted = Instant::now();
         self.pending.push_back(PendingFrame {
             ticket,
             cost_before: (Some(tree.pose) != recording.pose).then_some(tree.cost),

@@ -1,6 +1,6 @@
 //! The request for a frame, and its statistics.
 
-use crate::tree_builder::BuildMoments;
+use crate::tree_builder::BuildTimestamps;
 use backend::{DeviceBytes, FrameReport, Generation, rounded};
 use geom::Pose;
 use serde::{Deserialize, Serialize};
@@ -39,14 +39,14 @@ pub struct FrameRecord {
     /// Bytes of device memory that the backend held when the frame was finished, if known.
     pub device_bytes: Option<DeviceBytes>,
     /// Times of the driver's steps.
-    pub moments: FrameMoments,
+    pub timestamps: FrameTimestamps,
     /// Submission that traced the frame.
     pub traced: TimedSubmission,
 }
 
 impl FrameRecord {
     /// Creates the statistics of a frame that begins.
-    pub(crate) fn begin(frame: Frame, begun: Instant) -> Self {
+    pub(crate) fn begin(frame: Frame, started: Instant) -> Self {
         Self {
             frame,
             report: FrameReport::default(),
@@ -57,33 +57,42 @@ impl FrameRecord {
             adopted: None,
             rejected: None,
             device_bytes: None,
-            moments: FrameMoments {
-                begun,
-                submitted: begun,
-                waited: begun,
-                seen: begun,
-                read: begun,
+            timestamps: FrameTimestamps {
+                started,
+                submitted: started,
+                wait_started: started,
+                finish_seen: started,
+                read: started,
             },
             traced: TimedSubmission {
-                handed_in: begun,
-                seen: begun,
+                submit_started: started,
+                finish_seen: started,
             },
         }
     }
 
     /// Completes the statistics after the driver has waited for the frame and read its results. If a separate
     /// submission read back vertices, `self.report` holds its report. Its times and bytes count for the frame.
-    pub(crate) fn finish(&mut self, mut report: FrameReport, [waited, seen, read]: [Instant; 3]) {
-        self.traced.seen = seen;
+    pub(crate) fn finish(
+        &mut self,
+        mut report: FrameReport,
+        [wait_started, finish_seen, read]: [Instant; 3],
+    ) {
+        self.traced.finish_seen = finish_seen;
         let (times, fetched) = (&mut report.times, &self.report.times);
         times.interpolate_ms = times.interpolate_ms.or(fetched.interpolate_ms);
         times.device_ms += fetched.device_ms;
         report.readback_bytes += self.report.readback_bytes;
         self.tree.build_ms = self.tree.build_ms.or(report.times.rebuild_ms);
         self.report = report;
-        let moments = &mut self.moments;
-        (moments.waited, moments.seen, moments.read) = (waited, seen, read);
-        self.wall_ms = ms((moments.submitted - moments.begun) + (seen - waited));
+        let timestamps = &mut self.timestamps;
+        (
+            timestamps.wait_started,
+            timestamps.finish_seen,
+            timestamps.read,
+        ) = (wait_started, finish_seen, read);
+        self.wall_ms =
+            ms((timestamps.submitted - timestamps.started) + (finish_seen - wait_started));
     }
 }
 
@@ -124,17 +133,17 @@ pub(crate) fn ms(duration: Duration) -> f64 {
 }
 
 /// Times of the driver's steps for a frame, on the host's clock, in order. Other frames may run between `submitted` and
-/// `waited`.
+/// `wait_started`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct FrameMoments {
+pub struct FrameTimestamps {
     /// The driver started the frame.
-    pub begun: Instant,
+    pub started: Instant,
     /// The driver had submitted the frame.
     pub submitted: Instant,
     /// The driver started to wait for the frame.
-    pub waited: Instant,
+    pub wait_started: Instant,
     /// The driver saw that the frame was finished.
-    pub seen: Instant,
+    pub finish_seen: Instant,
     /// Results were copied, if requested.
     pub read: Instant,
 }
@@ -143,9 +152,9 @@ pub struct FrameMoments {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TimedSubmission {
     /// The host started to submit it. The device started later.
-    pub handed_in: Instant,
+    pub submit_started: Instant,
     /// The host saw that it was finished. The device had finished earlier.
-    pub seen: Instant,
+    pub finish_seen: Instant,
 }
 
 /// Statistics of a tree that a frame adopted.
@@ -158,18 +167,18 @@ pub struct Adopted {
     /// Pose that it was built for.
     pub built_for: Pose,
     /// Times of the steps from the request to the adoption.
-    pub moments: TreeMoments,
+    pub timestamps: TreeTimestamps,
 }
 
 /// Times of the steps from a tree's request to its adoption, on the host's clock, in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct TreeMoments {
+pub struct TreeTimestamps {
     /// A frame requested it.
     pub requested: Instant,
     /// The vertices were on the host. A build from key frames reaches this step immediately.
     pub arrived: Instant,
     /// Times of the build.
-    pub build: BuildMoments,
+    pub build: BuildTimestamps,
     /// The driver started to pass it to the backend.
     pub taken: Instant,
     /// The backend had adopted it.

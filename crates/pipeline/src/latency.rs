@@ -124,7 +124,7 @@ impl LatencyPredictor {
     /// Returns whether a tree with target time `new` should be evaluated. `costlier_at` is the distance at which it was
     /// last found to cost too much, if it was evaluated before. It is evaluated again once the distance has halved, or
     /// if time does not approach `new`.
-    pub(crate) fn has_halved(&self, new: f64, costlier_at: Option<f64>) -> bool {
+    pub(crate) fn should_evaluate(&self, new: f64, costlier_at: Option<f64>) -> bool {
         match self.approach(new).zip(costlier_at) {
             Some((left, before)) => left <= 0.5 * before,
             None => true,
@@ -145,7 +145,7 @@ impl LatencyPredictor {
     }
 
     /// Returns the middles of the first and of the second half of the time in which a tree requested now is used.
-    pub(crate) fn halves_of_use(&self) -> [f64; 2] {
+    pub(crate) fn half_midpoints_of_use(&self) -> [f64; 2] {
         [0.25, 0.75].map(|share| self.in_use(share))
     }
 
@@ -157,7 +157,7 @@ impl LatencyPredictor {
 
     /// Returns the middles of the first and of the second half of the interval that the first tree is built for. The
     /// length of the interval is fixed, because the time of use is unknown. Returns `None` at the end of the range.
-    pub(crate) fn halves_of_first_use(&self) -> Option<[f64; 2]> {
+    pub(crate) fn half_midpoints_of_first_use(&self) -> Option<[f64; 2]> {
         let left = FIRST_USE.min(self.range[1] - self.time);
         (left > 0.0).then(|| [0.25, 0.75].map(|share| self.time + share * left))
     }
@@ -205,7 +205,10 @@ mod tests {
         f.observe_latency(4, BuildStrategy::Scratch);
         // The tree is adopted after 4 frames and used for frames 4 to 7 from now.
         assert_eq!(f.target_time(), 1.0 + 5.5 * 0.5);
-        assert_eq!(f.halves_of_use(), [1.0 + 4.75 * 0.5, 1.0 + 6.25 * 0.5]);
+        assert_eq!(
+            f.half_midpoints_of_use(),
+            [1.0 + 4.75 * 0.5, 1.0 + 6.25 * 0.5]
+        );
         // The mean latency is 6: the tree is used for frames 6 to 11.
         f.observe_latency(8, BuildStrategy::Scratch);
         assert_eq!(f.target_time(), 1.0 + 8.5 * 0.5);
@@ -266,7 +269,7 @@ mod tests {
 
     #[test]
     fn first_use_is_clamped_to_range() {
-        let at = |time| watching([0.0, 9.0], None, &[time]).halves_of_first_use();
+        let at = |time| watching([0.0, 9.0], None, &[time]).half_midpoints_of_first_use();
         assert_eq!(at(2.0), Some([2.25, 2.75]));
         let left = [0.25, 0.75].map(|share| 8.8 + share * (9.0 - 8.8));
         assert_eq!(at(8.8), Some(left));
@@ -319,6 +322,6 @@ mod tests {
             assert_eq!(f.target_time(), middle, "{times:?}");
         }
         let back = watching([2.0, 9.0], Some(10), &[4.0, 3.0]);
-        assert_eq!(back.halves_of_use(), [2.0; 2]);
+        assert_eq!(back.half_midpoints_of_use(), [2.0; 2]);
     }
 }

@@ -29,11 +29,12 @@ pub use driver::{
 };
 pub use error::PipelineError;
 pub use frame::{
-    Adopted, Frame, FrameMoments, FrameRecord, FrameTreeStats, TimedSubmission, TreeMoments,
+    Adopted, Frame, FrameRecord, FrameTimestamps, FrameTreeStats, TimedSubmission, TreeTimestamps,
 };
 pub use motion::{
-    CountRange, Decay, MotionStats, RefitDecay, decay, motion, unhittable, unhittable_at,
+    CountRange, MotionStats, RefitCosts, RefitDegradation, inactive_and_degenerate,
+    inactive_and_degenerate_at, motion, refit_costs,
 };
 pub use policy::RunFacts;
 pub use resources::{ExpectedMemory, TREE_BYTES, Threads, trees_bytes};
-pub use tree_builder::BuildMoments;
+pub use tree_builder::BuildTimestamps;

@@ -27,7 +27,7 @@ pub struct CountRange {
 
 /// Costs of the first tree and of a fresh tree at one time.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Decay {
+pub struct RefitCosts {
     /// Time in key frames.
     pub time: f64,
     /// Cost of the first tree, refitted.
@@ -76,13 +76,13 @@ pub fn motion(animation: &Animation) -> Result<MotionStats, KeyFrameError> {
 ///
 /// # Errors
 /// A key frame cannot be read.
-pub fn unhittable(animation: &Animation) -> Result<[CountRange; 2], KeyFrameError> {
+pub fn inactive_and_degenerate(animation: &Animation) -> Result<[CountRange; 2], KeyFrameError> {
     let count = |key: usize| -> Result<_, KeyFrameError> {
         let pose = Pose {
             key: key as u32,
             alpha: 0.0,
         };
-        Ok(unhittable_at(&animation.moment(pose)?))
+        Ok(inactive_and_degenerate_at(&animation.moment(pose)?))
     };
     let counts = (0..animation.key_count()).map(count);
     let counts = counts.collect::<Result<Vec<[usize; 2]>, _>>()?;
@@ -93,7 +93,7 @@ pub fn unhittable(animation: &Animation) -> Result<[CountRange; 2], KeyFrameErro
 }
 
 /// Returns the numbers of inactive and of degenerate triangles at a moment.
-pub fn unhittable_at(moment: &Moment<'_>) -> [usize; 2] {
+pub fn inactive_and_degenerate_at(moment: &Moment<'_>) -> [usize; 2] {
     let triangles = (0..moment.animation().triangle_count() as u32).into_par_iter();
     let each = triangles.map(|t| {
         let corners = moment.corners(t);
@@ -108,18 +108,18 @@ pub fn unhittable_at(moment: &Moment<'_>) -> [usize; 2] {
 ///
 /// # Errors
 /// Those of the builder.
-pub fn decay(animation: &Animation, samples: usize) -> Result<Vec<Decay>, BuildError> {
+pub fn refit_costs(animation: &Animation, samples: usize) -> Result<Vec<RefitCosts>, BuildError> {
     let last = if animation.end() > 0.0 { samples } else { 1 };
     let time = |i| animation.end() * i as f64 / (samples.max(2) - 1) as f64;
-    decay_at(animation, (0..last).map(time), 1)
+    refit_costs_at(animation, (0..last).map(time), 1)
 }
 
 /// Compares the first time's tree, refitted, with a fresh tree at each time. Uses every `step`-th triangle.
-fn decay_at(
+fn refit_costs_at(
     animation: &Animation,
     times: impl Iterator<Item = f64>,
     step: usize,
-) -> Result<Vec<Decay>, BuildError> {
+) -> Result<Vec<RefitCosts>, BuildError> {
     let (mut builder, cancel) = (SahBuilder::default(), Cancel::new());
     let (mut first, mut tree) = (None, BinaryTree::default());
     let triangles = (0..animation.triangle_count())
@@ -132,7 +132,7 @@ fn decay_at(
         builder.build(&boxes[..], &cancel, &mut tree)?;
         let first = first.get_or_insert_with(|| tree.clone());
         let [refitted, fresh] = [&*first, &tree].map(|tree| sah_cost(tree, &boxes[..]));
-        Ok(Decay {
+        Ok(RefitCosts {
             time,
             refitted,
             fresh,
@@ -142,21 +142,21 @@ fn decay_at(
     times.map(&mut compare).collect()
 }
 
-/// Maximum number of triangles that [`RefitDecay`] samples.
+/// Maximum number of triangles that [`RefitDegradation`] samples.
 const TRIANGLES: usize = 1 << 13;
 /// Number of times that it samples, including both ends of the run.
 const MOMENTS: usize = 5;
 
 /// SAH cost of the first frame's tree, refitted, divided by that of a fresh tree.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RefitDecay {
+pub struct RefitDegradation {
     /// Mean over the run.
     pub mean: f64,
     /// Maximum over the run.
     pub worst: f64,
 }
 
-impl RefitDecay {
+impl RefitDegradation {
     /// The first tree stays as good as a fresh one.
     pub const NONE: Self = Self {
         mean: 1.0,
@@ -173,9 +173,9 @@ impl RefitDecay {
         };
         let step = animation.triangle_count().div_ceil(TRIANGLES).max(1);
         let time = |i| first + (last - first) * i as f64 / (MOMENTS - 1) as f64;
-        let decay = decay_at(animation, (0..MOMENTS).map(time), step)?;
-        let ratio = |d: &Decay| d.ratio.filter(|r| r.is_finite()).unwrap_or(1.0);
-        let ratios = decay.iter().map(ratio);
+        let costs = refit_costs_at(animation, (0..MOMENTS).map(time), step)?;
+        let ratio = |d: &RefitCosts| d.ratio.filter(|r| r.is_finite()).unwrap_or(1.0);
+        let ratios = costs.iter().map(ratio);
         Ok(Self {
             mean: ratios.clone().sum::<f64>() / MOMENTS as f64,
             worst: ratios.fold(1.0, f64::max),
@@ -208,7 +208,10 @@ mod tests {
         let m = motion(&a).unwrap();
         assert_eq!((m.moving, m.max_step), (0.25, 0.2));
         assert!((m.mean_step - 1.0 / 6.0 / 5.0).abs() < 1e-12);
-        assert_eq!(unhittable(&a).unwrap(), [CountRange { min: 1, max: 1 }; 2]);
+        assert_eq!(
+            inactive_and_degenerate(&a).unwrap(),
+            [CountRange { min: 1, max: 1 }; 2]
+        );
     }
 
     #[test]
@@ -222,8 +225,8 @@ mod tests {
         row(64, 2, |key, i| [i, places(i)][key] as f32)
     }
 
-    fn sample(places: fn(u32) -> u32, times: &[f64]) -> RefitDecay {
-        RefitDecay::sample(&moved(places), times).unwrap()
+    fn sample(places: fn(u32) -> u32, times: &[f64]) -> RefitDegradation {
+        RefitDegradation::sample(&moved(places), times).unwrap()
     }
 
     #[test]
@@ -231,9 +234,9 @@ mod tests {
         let shuffled = sample(|i| i * 37 % 64, &[0.0, 0.5, 1.0]);
         assert!(shuffled.worst > 1.5 && shuffled.mean > 1.2, "{shuffled:?}");
         assert!(shuffled.mean < shuffled.worst, "{shuffled:?}");
-        let decay = decay(&moved(|i| i * 37 % 64), 3).unwrap();
-        let ratios: Vec<f64> = decay.iter().map(|d| d.ratio.unwrap()).collect();
-        assert_eq!((decay.len(), ratios[0], decay[2].time), (3, 1.0, 1.0));
+        let costs = refit_costs(&moved(|i| i * 37 % 64), 3).unwrap();
+        let ratios: Vec<f64> = costs.iter().map(|d| d.ratio.unwrap()).collect();
+        assert_eq!((costs.len(), ratios[0], costs[2].time), (3, 1.0, 1.0));
         assert!(ratios[2] > 1.5, "{ratios:?}");
     }
 
@@ -242,9 +245,12 @@ mod tests {
         let times = [0.0, 0.5, 1.0];
         let moved = sample(|i| i + 5, &times);
         assert!(moved.worst < 1.01, "{moved:?}");
-        assert_eq!(sample(|i| i, &times), RefitDecay::NONE);
-        assert_eq!(sample(|i| i * 37 % 64, &[1.0]), RefitDecay::NONE);
+        assert_eq!(sample(|i| i, &times), RefitDegradation::NONE);
+        assert_eq!(sample(|i| i * 37 % 64, &[1.0]), RefitDegradation::NONE);
         let empty = Animation::new(vec![vec![[1.0; 3]]; 2], vec![]).unwrap();
-        assert_eq!(RefitDecay::sample(&empty, &times), Ok(RefitDecay::NONE));
+        assert_eq!(
+            RefitDegradation::sample(&empty, &times),
+            Ok(RefitDegradation::NONE)
+        );
     }
 }

@@ -4,7 +4,7 @@
 //! few terms and was fitted to measurements (the tables in this file's tests). The lowest estimate wins.
 
 use crate::latency::LATER_BUILD;
-use crate::motion::RefitDecay;
+use crate::motion::RefitDegradation;
 use backend::DeviceKind;
 use backend::Policy;
 
@@ -22,7 +22,7 @@ pub struct RunFacts {
     /// Number of primary rays per frame.
     pub rays: usize,
     /// Cost of the first tree, refitted, relative to fresh trees.
-    pub decay: RefitDecay,
+    pub degradation: RefitDegradation,
     /// Kind of the device that traces.
     pub device: DeviceKind,
     /// Device memory of the whole run in bytes, if the device builds the trees ([`Policy::DeviceRebuild`]). `None` if
@@ -55,7 +55,7 @@ impl RunFacts {
         } else if self.step >= FAR_APART {
             let why = "consecutive frames are far apart, so each frame needs its own tree";
             (self.rebuild(), why)
-        } else if self.decay.worst <= LASTS {
+        } else if self.degradation.worst <= LASTS {
             (Policy::Refit, "the first tree is as good as a fresh one")
         } else {
             return self.least();
@@ -83,7 +83,7 @@ impl RunFacts {
             "estimated seconds for {} frames: {}; the refitted first tree costs {:.2} times as much as a fresh one",
             self.frames,
             words.collect::<Vec<_>>().join(", "),
-            self.decay.mean
+            self.degradation.mean
         );
         if let Some(bytes) = self.rebuild_bytes.filter(|&b| b >= LARGE_REBUILD_BYTES) {
             let gigabytes = bytes as f64 * 1e-9;
@@ -97,7 +97,7 @@ impl RunFacts {
         let [build, frame, device_build, beside_builder] = self.times();
         let frames = self.frames as f64;
         let tracing = frames * frame;
-        let slower = TREE_SHARE * (self.decay.mean - 1.0);
+        let slower = TREE_SHARE * (self.degradation.mean - 1.0);
         // Duration of a build, as a share of the run.
         let age = (LATER_BUILD * build / tracing).min(1.0);
         let aged = 1.0 + slower * age * age;
@@ -158,8 +158,8 @@ const HOST_TRIANGLE: f64 = 40e-6;
 mod tests {
     use super::*;
 
-    /// A scene with its triangles and decay, the number of frames, and the seconds of the whole run, including the
-    /// first tree, by `refit`, `async` and a tree per frame.
+    /// A scene with its triangles and degradation, the number of frames, and the seconds of the whole run, including
+    /// the first tree, by `refit`, `async` and a tree per frame.
     type Measured = (Scene, usize, [f64; 3]);
     type Scene = (&'static str, usize, f64);
 
@@ -217,7 +217,7 @@ mod tests {
     ];
 
     fn facts(measured: &Measured, device: DeviceKind, cores: usize, rays: usize) -> RunFacts {
-        let ((_, triangles, decay), frames, _) = *measured;
+        let ((_, triangles, degradation), frames, _) = *measured;
         let is_gpu = device == DeviceKind::Gpu;
         let quarter = (cores / 4).max(1);
         RunFacts {
@@ -226,9 +226,9 @@ mod tests {
             moves: true,
             triangles,
             rays,
-            decay: RefitDecay {
-                mean: decay,
-                worst: 2.0 * decay - 1.0,
+            degradation: RefitDegradation {
+                mean: degradation,
+                worst: 2.0 * degradation - 1.0,
             },
             device,
             rebuild_bytes: is_gpu.then_some(260 * triangles as u64),
@@ -285,7 +285,7 @@ mod tests {
             ..apart
         };
         let [mut still, mut one, mut lasting] = [moving; 3];
-        (still.moves, one.frames, lasting.decay) = (false, 1, RefitDecay::NONE);
+        (still.moves, one.frames, lasting.degradation) = (false, 1, RefitDegradation::NONE);
         // A long run of a scene whose trees degrade fast.
         let mut long = facts(&TWO_CORES[3], Cpu, 2, 640 * 360);
         long.frames = 20_000;

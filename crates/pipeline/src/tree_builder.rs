@@ -42,18 +42,18 @@ pub(crate) struct Built {
     pub(crate) next: BuildStrategy,
     /// Whether it was built for the last observed positions instead of the requested time.
     pub(crate) gave_up_extrapolation: bool,
-    pub(crate) moments: BuildMoments,
+    pub(crate) timestamps: BuildTimestamps,
 }
 
 /// Times of the stages of a build, on the host's clock, in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct BuildMoments {
+pub struct BuildTimestamps {
     /// The builder received the vertices, or key frames to blend.
-    pub begun: Instant,
+    pub started: Instant,
     /// The binary tree was complete.
     pub built: Instant,
     /// The tree's cost was known, and the current tree's cost if both are compared.
-    pub weighed: Instant,
+    pub costs_known: Instant,
     /// The topology was complete.
     pub ended: Instant,
 }
@@ -66,7 +66,7 @@ pub(crate) struct TreeBuilder {
     /// The tree being built. Between builds, the one before the last.
     tree: BinaryTree,
     /// The last built tree.
-    in_use: BinaryTree,
+    last: BinaryTree,
     converter: Converter,
     positions: Vec<Point>,
     boxes: Vec<Aabb>,
@@ -107,23 +107,23 @@ impl TreeBuilder {
 
     /// Restores the tree before the last one, because the last one was never used.
     pub(crate) fn revert(&mut self) {
-        std::mem::swap(&mut self.tree, &mut self.in_use);
+        std::mem::swap(&mut self.tree, &mut self.last);
     }
 
-    /// Builds a tree from scratch and converts it. If `input` has halves, the tree is built over boxes that contain
-    /// each triangle at both poses. Its cost is always measured at the vertices of `input`.
+    /// Builds a tree from scratch and converts it. If `input` has half midpoints, the tree is built over boxes that
+    /// contain each triangle at both poses. Its cost is always measured at the vertices of `input`.
     pub(crate) fn build(
         &mut self,
         animation: &Animation,
         input: BuildInput,
         cancel: &Cancel,
     ) -> Result<Built, BuildError> {
-        let begun = Instant::now();
+        let started = Instant::now();
         let strategy = BuildStrategy::Scratch;
         self.build_tree(&PoseSource::of(animation), &input, strategy, cancel)?;
         let built = Instant::now();
         let cost = sah_cost(&self.tree, &self.boxes[..]);
-        Ok(self.finish(animation, [begun, built], cost, strategy))
+        Ok(self.finish(animation, [started, built], cost, strategy))
     }
 
     /// Builds a tree for a job. See [`TreeBuilder::rebuild`].
@@ -158,15 +158,15 @@ impl TreeBuilder {
     ///
     /// A tree that is compared with the last tree is built from subtrees of the last tree, which is faster. It is built
     /// from scratch if trees degrade so slowly that build time does not matter. If trees degrade fast, the tree is
-    /// built over boxes that contain each triangle at both poses of [`BuildInput::halves`]. The tree then separates
-    /// triangles that move apart.
+    /// built over boxes that contain each triangle at both poses of [`BuildInput::half_midpoints`]. The tree then
+    /// separates triangles that move apart.
     pub(crate) fn rebuild(
         &mut self,
         animation: &Animation,
         mut input: BuildInput,
         cancel: &Cancel,
     ) -> Result<Built, BuildError> {
-        let begun = Instant::now();
+        let started = Instant::now();
         let times = input.observed.as_ref().map(|observed| observed.times);
         let observed = input.observed.take().map(|seen| self.store(seen));
         let source = &PoseSource {
@@ -181,7 +181,7 @@ impl TreeBuilder {
             BuildStrategy::Scratch
         };
         if !self.degradation.is_fast {
-            input.halves = None;
+            input.half_midpoints = None;
         }
         let costs = self.build_tree(source, &input, strategy, cancel)?;
         let built = Instant::now();
@@ -192,7 +192,7 @@ impl TreeBuilder {
         } else {
             sah_cost(&self.tree, &self.boxes[..])
         };
-        let built = self.finish(animation, [begun, built], cost, strategy);
+        let built = self.finish(animation, [started, built], cost, strategy);
         Ok(Built {
             gave_up_extrapolation,
             ..built
@@ -217,20 +217,20 @@ impl TreeBuilder {
         if self.extrapolation.observe(seen.key_frames(), times) {
             return Ok(false);
         }
-        (pose.alpha, input.halves) = (1.0, None);
+        (pose.alpha, input.half_midpoints) = (1.0, None);
         Ok(true)
     }
 
     /// Returns whether the last tree contains all live triangles, so that the next one can be built from its subtrees.
     fn has_all_triangles_of(&self, animation: &Animation) -> bool {
-        let leaves = self.in_use.leaf_count();
+        let leaves = self.last.leaf_count();
         leaves > 0 && leaves == animation.live_count()
     }
 
-    /// Builds a tree from the vertices of `input`. If `input` has halves, builds the tree over boxes that contain each
-    /// triangle at both poses, and then computes the boxes at the vertices. A build from subtrees does not update the
-    /// boxes, unless the format is [`TreeFormat::WideBlocks`]. Returns the costs at the vertices if the build computed
-    /// them.
+    /// Builds a tree from the vertices of `input`. If `input` has half midpoints, builds the tree over boxes that
+    /// contain each triangle at both poses, and then computes the boxes at the vertices. A build from subtrees does not
+    /// update the boxes, unless the format is [`TreeFormat::WideBlocks`]. Returns the costs at the vertices if the
+    /// build computed them.
     fn build_tree(
         &mut self,
         source: &PoseSource<'_>,
@@ -239,8 +239,8 @@ impl TreeBuilder {
         cancel: &Cancel,
     ) -> Result<Option<TreeCosts>, BuildError> {
         let vertices = &input.vertices;
-        if let Some(halves) = input.halves {
-            self.compute_swept_boxes(source, halves)?;
+        if let Some(half_midpoints) = input.half_midpoints {
+            self.compute_swept_boxes(source, half_midpoints)?;
             self.build_over_boxes(strategy, cancel)?;
             self.compute_boxes(source, vertices)?;
             return Ok(None);
@@ -260,18 +260,18 @@ impl TreeBuilder {
         cancel: &Cancel,
     ) -> Result<TreeCosts, BuildError> {
         let positions = source.positions(vertices, &mut self.positions)?;
-        let last = MovedTree {
-            tree: &self.in_use,
+        let previous = MovedTree {
+            tree: &self.last,
             boxes: &source.boxes(positions),
         };
         self.subtree_rebuilder
-            .build(&mut self.builder, last, cancel, &mut self.tree)
+            .build(&mut self.builder, previous, cancel, &mut self.tree)
     }
 
     /// Returns the costs of the last and the new tree with the current boxes.
     fn costs(&self) -> TreeCosts {
-        let [last, new] = [&self.in_use, &self.tree].map(|tree| sah_cost(tree, &self.boxes[..]));
-        TreeCosts { last, new }
+        let [previous, new] = [&self.last, &self.tree].map(|tree| sah_cost(tree, &self.boxes[..]));
+        TreeCosts { previous, new }
     }
 
     /// Computes boxes that contain each triangle at both poses.
@@ -308,11 +308,11 @@ impl TreeBuilder {
             self.builder.build(boxes, cancel, tree)?;
             return Ok(None);
         }
-        let last = MovedTree {
-            tree: &self.in_use,
+        let previous = MovedTree {
+            tree: &self.last,
             boxes,
         };
-        let costs = (self.subtree_rebuilder).build(&mut self.builder, last, cancel, tree)?;
+        let costs = (self.subtree_rebuilder).build(&mut self.builder, previous, cancel, tree)?;
         Ok(Some(costs))
     }
 
@@ -320,13 +320,13 @@ impl TreeBuilder {
     fn finish(
         &mut self,
         animation: &Animation,
-        [begun, built]: [Instant; 2],
+        [started, built]: [Instant; 2],
         cost: f64,
         strategy: BuildStrategy,
     ) -> Built {
-        let weighed = Instant::now();
+        let costs_known = Instant::now();
         let topology = self.convert(animation);
-        std::mem::swap(&mut self.tree, &mut self.in_use);
+        std::mem::swap(&mut self.tree, &mut self.last);
         let ended = Instant::now();
         Built {
             topology,
@@ -334,10 +334,10 @@ impl TreeBuilder {
             strategy,
             next: self.degradation.strategy(),
             gave_up_extrapolation: false,
-            moments: BuildMoments {
-                begun,
+            timestamps: BuildTimestamps {
+                started,
                 built,
-                weighed,
+                costs_known,
                 ended,
             },
         }

@@ -11,7 +11,7 @@ use backend::{
 };
 use geom::Animation;
 use output::FrameStats;
-use pipeline::{Frame, FrameTreeStats, WarmUp, Warmed, unhittable_at};
+use pipeline::{Frame, FrameTreeStats, WarmUp, Warmed, inactive_and_degenerate_at};
 use rivals::{Known, Rival, Upkeep};
 use std::fmt;
 use std::sync::Arc;
@@ -97,7 +97,8 @@ impl RunningRival {
             let moment = self.animation.at(frame.time).map_err(Stop::bad)?;
             // Rivals do not count inactive and degenerate triangles.
             let report = &mut frame.report;
-            [report.inactive, report.degenerate] = unhittable_at(&moment).map(|count| count as u64);
+            [report.inactive, report.degenerate] =
+                inactive_and_degenerate_at(&moment).map(|count| count as u64);
         }
         Ok(TimedFrames {
             warm_up: warmed,

@@ -48,7 +48,7 @@ impl AdoptionRule {
                 .newer_tree_arrives_first(current, target)
                 .then_some(Event::Superseded);
         }
-        let is_due = predictor.has_halved(target, tree.costlier_at);
+        let is_due = predictor.should_evaluate(target, tree.costlier_at);
         is_due.then_some(Event::BecameDue)
     }
 

@@ -18,7 +18,7 @@ pub(super) struct Request {
     /// Middle of the expected time of use, in key frames.
     pub(super) target_time: f64,
     /// Middles of the first and of the second half of the expected time of use, in key frames.
-    pub(super) halves: [f64; 2],
+    pub(super) half_midpoints: [f64; 2],
     pub(super) requested: Instant,
 }
 
@@ -266,7 +266,7 @@ mod tests {
             time: 1.0,
             pose: Pose { key: 5, alpha: 0.0 },
             target_time: TARGET,
-            halves: [4.0, 6.0],
+            half_midpoints: [4.0, 6.0],
             requested: Instant::now(),
         }
     }

@@ -110,7 +110,7 @@ impl Driver {
         let times = [request.time, second_time];
         let at = |time| pose_between(times, time);
         let input = BuildInput {
-            halves: Some(request.halves.map(at)),
+            half_midpoints: Some(request.half_midpoints.map(at)),
             observed: Some(Observed {
                 frames: [earlier, positions],
                 times,

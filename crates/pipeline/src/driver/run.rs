@@ -89,9 +89,9 @@ impl Driver {
         let Some(pending) = self.pending.pop_front() else {
             return Ok(None);
         };
-        let waited = Instant::now();
+        let wait_started = Instant::now();
         let report = self.backend.wait(pending.ticket)?;
-        let seen = Instant::now();
+        let finish_seen = Instant::now();
         self.process_costs(pending.ticket, &report);
         self.fetch(pending.ticket, selection, outputs)?;
         let read = Instant::now();
@@ -102,7 +102,7 @@ impl Driver {
             let before = pending.cost_before.filter(|&c| c > 0.0);
             before.map_or(1.0, |before| now / before)
         });
-        record.finish(report, [waited, seen, read]);
+        record.finish(report, [wait_started, finish_seen, read]);
         Ok(Some(record))
     }
 

@@ -276,8 +276,10 @@ fn frames_continue_during_slow_builds() {
         let Some(tree) = r.adopted else { continue };
         adopted += 1;
         assert!(r.tree.age_frames >= 20, "{r:?}");
-        let (handed_over, ended) = (tree.moments.arrived, tree.moments.build.ended);
-        let beside = |f: &&FrameRecord| handed_over < f.moments.begun && f.moments.seen < ended;
+        let (handed_over, ended) = (tree.timestamps.arrived, tree.timestamps.build.ended);
+        let beside = |f: &&FrameRecord| {
+            handed_over < f.timestamps.started && f.timestamps.finish_seen < ended
+        };
         assert!(records.iter().filter(beside).count() >= 17, "{r:?}");
     }
     assert!(adopted >= 2, "{adopted}");
@@ -313,21 +315,35 @@ fn frame_events_are_in_order() {
         for (i, r) in records.iter().enumerate() {
             let before = std::mem::replace(&mut newest, r.tree.generation);
             assert_eq!(newest > before, r.adopted.is_some(), "{update:?} {i}");
-            let m = r.moments;
-            let host = [m.begun, m.submitted, m.waited, m.seen, m.read];
+            let m = r.timestamps;
+            let host = [
+                m.started,
+                m.submitted,
+                m.wait_started,
+                m.finish_seen,
+                m.read,
+            ];
             assert!(host.is_sorted(), "{update:?} {i}");
-            let device = [m.begun, r.traced.handed_in, m.submitted, r.traced.seen];
-            assert!(device.is_sorted() && r.traced.seen == m.seen);
+            let device = [
+                m.started,
+                r.traced.submit_started,
+                m.submitted,
+                r.traced.finish_seen,
+            ];
+            assert!(device.is_sorted() && r.traced.finish_seen == m.finish_seen);
             let Some(tree) = r.adopted else { continue };
-            let (t, b) = (tree.moments, tree.moments.build);
+            let (t, b) = (tree.timestamps, tree.timestamps.build);
             let [before, after] = [[t.requested, t.arrived], [t.taken, t.adopted]];
-            let build = [b.begun, b.built, b.weighed, b.ended];
+            let build = [b.started, b.built, b.costs_known, b.ended];
             let way = [&before[..], &build, &after, &[m.submitted]].concat();
-            assert!(way.is_sorted() && m.begun <= t.taken, "{update:?} {i}");
+            assert!(way.is_sorted() && m.started <= t.taken, "{update:?} {i}");
             assert_eq!((tree.triangles, tree.snapshot_bytes), (2, 72));
             let asking = &records[i - r.tree.age_frames as usize];
             assert_eq!(asking.requested, Some(r.tree.generation));
-            assert!(asking.moments.begun <= t.requested && t.requested <= asking.moments.submitted);
+            assert!(
+                asking.timestamps.started <= t.requested
+                    && t.requested <= asking.timestamps.submitted
+            );
         }
     }
 }

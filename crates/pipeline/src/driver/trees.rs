@@ -7,7 +7,7 @@ use super::next_tree::{
 use super::pause::RequestPause;
 use crate::builder_thread::BuildResult;
 use crate::error::PipelineError;
-use crate::frame::{Adopted, TreeMoments, ms};
+use crate::frame::{Adopted, TreeTimestamps, ms};
 use crate::schedule::{FramePlan, InFlight, plan};
 use crate::tree_builder::{BuildInput, Built, Vertices};
 use backend::{FrameReport, Generation, Ticket};
@@ -214,14 +214,17 @@ impl Driver {
         let mut request = self.request(FIRST, pose);
         // With a prediction, the first tree is built for a time interval instead of one frame.
         let ahead = self.predicts() && self.adoption_rule().by_cost;
-        let halves = self.predictor.halves_of_first_use().filter(|_| ahead);
-        if let Some([a, b]) = halves {
+        let half_midpoints = self
+            .predictor
+            .half_midpoints_of_first_use()
+            .filter(|_| ahead);
+        if let Some([a, b]) = half_midpoints {
             request.target_time = f64::midpoint(a, b);
         }
-        let built = self.build_now(request, halves.map(|times| self.poses(times)))?;
+        let built = self.build_now(request, half_midpoints.map(|times| self.poses(times)))?;
         let tree = built.map_err(PipelineError::FirstTree)?;
-        let moments = &tree.built.moments;
-        let duration = moments.ended - moments.begun;
+        let timestamps = &tree.built.timestamps;
+        let duration = timestamps.ended - timestamps.started;
         self.predictor.observe_first_build(duration);
         self.adopt(tree)
     }
@@ -235,7 +238,7 @@ impl Driver {
             time: recording.record.frame.time,
             pose,
             target_time: self.predictor.target_time(),
-            halves: self.predictor.halves_of_use(),
+            half_midpoints: self.predictor.half_midpoints_of_use(),
             requested: Instant::now(),
         }
     }
@@ -247,10 +250,10 @@ impl Driver {
         read_back: u64,
     ) -> Result<(), PipelineError> {
         let request = self.trees.next.request();
-        let halves = request.map(|request| request.halves);
-        let halves = halves.filter(|_| self.predicts());
+        let half_midpoints = request.map(|request| request.half_midpoints);
+        let half_midpoints = half_midpoints.filter(|_| self.predicts());
         let input = BuildInput {
-            halves: halves.map(|times| self.poses(times)),
+            half_midpoints: half_midpoints.map(|times| self.poses(times)),
             ..BuildInput::of(vertices)
         };
         self.start_build_of(input, read_back)
@@ -328,12 +331,12 @@ impl Driver {
         }
     }
 
-    /// Builds a tree while the frame waits, from the backend's positions at the request's pose. With `halves`, the tree
-    /// is built over boxes that contain each triangle at both poses.
+    /// Builds a tree while the frame waits, from the backend's positions at the request's pose. With `half_midpoints`,
+    /// the tree is built over boxes that contain each triangle at both poses.
     fn build_now(
         &mut self,
         request: Request,
-        halves: Option<[Pose; 2]>,
+        half_midpoints: Option<[Pose; 2]>,
     ) -> Result<BuildResult<CandidateTree>, PipelineError> {
         let positions = self.read_now(request.pose)?;
         self.recording.pose = Some(request.pose);
@@ -343,7 +346,7 @@ impl Driver {
             last_time: request.time,
         };
         let input = BuildInput {
-            halves,
+            half_midpoints,
             ..BuildInput::of(Vertices::ReadBack(positions))
         };
         let built = self.builder.build_now(input, self.recording.light);
@@ -360,7 +363,7 @@ impl Driver {
         } = tree;
         let taken = Instant::now();
         self.backend.adopt(&built.topology, request.generation)?;
-        let (adopted, moments) = (Instant::now(), built.moments);
+        let (adopted, timestamps) = (Instant::now(), built.timestamps);
         self.trees.current = Some(CurrentTree {
             generation: request.generation,
             frame: request.frame,
@@ -370,17 +373,17 @@ impl Driver {
         });
         let record = &mut self.recording.record;
         record.tree.adopted = true;
-        record.tree.build_ms = Some(ms(moments.built - moments.begun));
-        record.tree.convert_ms = Some(ms(moments.ended - moments.weighed));
+        record.tree.build_ms = Some(ms(timestamps.built - timestamps.started));
+        record.tree.convert_ms = Some(ms(timestamps.ended - timestamps.costs_known));
         record.tree.upload_bytes = built.topology.upload_bytes() as u64;
         record.adopted = Some(Adopted {
             snapshot_bytes: vertices.bytes,
             triangles: built.topology.leaf_count(),
             built_for: request.pose,
-            moments: TreeMoments {
+            timestamps: TreeTimestamps {
                 requested: request.requested,
                 arrived: vertices.at,
-                build: moments,
+                build: timestamps,
                 taken,
                 adopted,
             },

@@ -14,15 +14,15 @@ use std::time::Instant;
 
 /// Default seconds of warm-up on a GPU. After ten idle seconds of kernel compilation, an H200 was still four times
 /// slower than usual after 60 frames, which took 0.25 s.
-const USUAL: f64 = 0.7;
+const DEFAULT_SECONDS: f64 = 0.7;
 /// Seconds in each of the two consecutive windows whose medians are compared.
 const WINDOW: f64 = 0.1;
 /// Minimum number of frames in a window.
-const FEWEST: usize = 3;
+const MIN_FRAMES: usize = 3;
 /// Largest relative difference between medians that are considered equal.
-const AGREE: f64 = 0.03;
+const TOLERANCE: f64 = 0.03;
 /// Maximum additional seconds of warm-up while the medians differ.
-const PATIENCE: f64 = 0.5;
+const MAX_EXTRA_SECONDS: f64 = 0.5;
 
 /// Result of a warm-up.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -39,7 +39,7 @@ pub struct Warmed {
 fn seconds(asked: Option<f64>, kind: DeviceKind) -> f64 {
     match kind {
         DeviceKind::Cpu => 0.0,
-        DeviceKind::Gpu => asked.unwrap_or(USUAL),
+        DeviceKind::Gpu => asked.unwrap_or(DEFAULT_SECONDS),
         DeviceKind::Software => asked.unwrap_or(0.0),
     }
 }
@@ -72,7 +72,7 @@ impl WarmUp {
             finished: now,
             device_ms,
         });
-        now < self.seconds || (now < self.seconds + PATIENCE && !is_steady(&self.seen))
+        now < self.seconds || (now < self.seconds + MAX_EXTRA_SECONDS && !is_steady(&self.seen))
     }
 
     /// Ends the warm-up.
@@ -100,7 +100,7 @@ fn is_steady(seen: &[TimedTrace]) -> bool {
     let (earlier, last) = window(seen);
     let (_, before) = window(earlier);
     let [a, b] = [before, last].map(median);
-    before.len().min(last.len()) >= FEWEST && (a - b).abs() <= AGREE * a.max(b)
+    before.len().min(last.len()) >= MIN_FRAMES && (a - b).abs() <= TOLERANCE * a.max(b)
 }
 
 /// Returns the median of the frames' times; of an even number, the larger of the middle two.
@@ -115,7 +115,7 @@ fn window(all: &[TimedTrace]) -> (&[TimedTrace], &[TimedTrace]) {
     let end = all.last().map_or(0.0, |trace| trace.finished);
     let is_within = |trace: &&TimedTrace| end - trace.finished < WINDOW;
     let within = all.iter().rev().take_while(is_within);
-    let count = within.count().max(FEWEST).min(all.len());
+    let count = within.count().max(MIN_FRAMES).min(all.len());
     all.split_at(all.len() - count)
 }
 
@@ -305,7 +305,7 @@ mod tests {
     fn warm_up_time_depends_on_device() {
         use DeviceKind::{Cpu, Gpu, Software};
         let of = |asked| [Gpu, Software, Cpu].map(|kind| seconds(asked, kind));
-        assert_eq!(of(None), [USUAL, 0.0, 0.0]);
+        assert_eq!(of(None), [DEFAULT_SECONDS, 0.0, 0.0]);
         assert_eq!(of(Some(2.0)), [2.0, 2.0, 0.0]);
         assert_eq!(of(Some(0.0)), [0.0; 3]);
     }

@@ -40,7 +40,7 @@ impl DegradationMonitor {
     }
 
     pub(super) fn observe(&mut self, costs: TreeCosts) {
-        let over = |times: f64| costs.last > times * costs.new;
+        let over = |times: f64| costs.previous > times * costs.new;
         self.is_fast = over(Self::FAST);
         self.is_slow = !over(Self::NOT_SLOW) && (self.is_slow || !over(Self::SLOW));
     }

@@ -10,7 +10,7 @@ pub(crate) struct BuildInput {
     /// Source of the vertices.
     pub(crate) vertices: Vertices,
     /// Poses at the middles of the first and of the second half of the tree's expected use, if known.
-    pub(crate) halves: Option<[Pose; 2]>,
+    pub(crate) half_midpoints: Option<[Pose; 2]>,
     /// Positions that all poses refer to, if they do not refer to key frames.
     pub(crate) observed: Option<Observed>,
     /// Whether the tree is compared with the last one, because it is adopted only if it costs less.
@@ -22,7 +22,7 @@ impl BuildInput {
     pub(crate) fn of(vertices: Vertices) -> Self {
         Self {
             vertices,
-            halves: None,
+            half_midpoints: None,
             observed: None,
             is_compared: false,
         }

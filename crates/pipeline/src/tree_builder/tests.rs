@@ -76,20 +76,20 @@ impl Course {
     }
 
     /// Builds a tree for a key frame or over two times, without comparison.
-    fn build(&mut self, key: usize, halves: Option<[f64; 2]>) -> Built {
+    fn build(&mut self, key: usize, half_midpoints: Option<[f64; 2]>) -> Built {
         let (a, pose) = (&self.animation, |time| self.animation.pose(time));
         let input = BuildInput {
-            halves: halves.map(|h| h.map(pose)),
+            half_midpoints: half_midpoints.map(|h| h.map(pose)),
             ..BuildInput::of(Vertices::KeyFrames(pose(key as f64)))
         };
         self.builder.build(a, input, &Cancel::new()).unwrap()
     }
 
     /// Builds a tree for one time or over two times.
-    fn rebuild(&mut self, time: f64, halves: Option<[f64; 2]>, is_compared: bool) -> Built {
+    fn rebuild(&mut self, time: f64, half_midpoints: Option<[f64; 2]>, is_compared: bool) -> Built {
         let pose = |time| self.animation.pose(time);
         let input = BuildInput {
-            halves: halves.map(|h| h.map(pose)),
+            half_midpoints: half_midpoints.map(|h| h.map(pose)),
             is_compared,
             ..BuildInput::of(Vertices::KeyFrames(pose(time)))
         };
@@ -100,9 +100,9 @@ impl Course {
 
     /// Returns the last tree and a new one for `time`, whose use begins 0.375 key frames earlier.
     fn next(&mut self, time: f64) -> [BinaryTree; 2] {
-        let last = self.builder.in_use.clone();
+        let last = self.builder.last.clone();
         self.rebuild(time, Some([time - 0.375, time]), true);
-        [last, self.builder.in_use.clone()]
+        [last, self.builder.last.clone()]
     }
 
     fn boxes(&self, time: f64) -> Vec<Aabb> {
@@ -170,16 +170,16 @@ fn optional_forms_do_not_change_trees() {
 #[test]
 fn cost_is_measured_at_the_pose() {
     let mut course = Course::over(clumps(), TreeFormat::Binary);
-    let halves = [0.25, 0.75];
-    let built = course.build(0, Some(halves));
-    let in_use = &course.builder.in_use;
-    let boxes = swept(&course.animation, halves);
-    assert_eq!(*in_use, BinaryTree::over(&boxes[..]));
-    assert_eq!(built.cost, sah_cost(in_use, &course.boxes(0.0)[..]));
+    let half_midpoints = [0.25, 0.75];
+    let built = course.build(0, Some(half_midpoints));
+    let last = &course.builder.last;
+    let boxes = swept(&course.animation, half_midpoints);
+    assert_eq!(*last, BinaryTree::over(&boxes[..]));
+    assert_eq!(built.cost, sah_cost(last, &course.boxes(0.0)[..]));
     for time in [1.0, 2.0] {
-        let halves = Some([time - 0.375, time]);
-        let cost = course.rebuild(time, halves, true).cost;
-        let found = sah_cost(&course.builder.in_use, &course.boxes(time)[..]);
+        let half_midpoints = Some([time - 0.375, time]);
+        let cost = course.rebuild(time, half_midpoints, true).cost;
+        let found = sah_cost(&course.builder.last, &course.boxes(time)[..]);
         assert!((cost / found - 1.0).abs() < 1e-9, "{cost} {found}");
     }
 }
@@ -212,7 +212,7 @@ fn observed(course: &mut Course, times: [f64; 2], middle: f64) -> Built {
     let pose = pose_between(times, middle);
     let input = BuildInput {
         vertices: Vertices::KeyFrames(pose),
-        halves: Some([pose; 2]),
+        half_midpoints: Some([pose; 2]),
         observed: Some(Observed {
             frames: seen,
             times,
@@ -255,7 +255,7 @@ fn reversed_motion_uses_last_positions() {
     let pose = pose_between(times, 2.5);
     let input = BuildInput {
         vertices: Vertices::KeyFrames(pose),
-        halves: Some([pose; 2]),
+        half_midpoints: Some([pose; 2]),
         observed: Some(Observed {
             frames: seen,
             times,
@@ -274,11 +274,11 @@ fn reversed_motion_uses_last_positions() {
 fn revert_restores_the_used_tree() {
     let courses = [(); 2].map(|()| Course::over(shuffled(), TreeFormat::Binary));
     let [mut course, mut other] = courses;
-    let used = course.builder.in_use.clone();
+    let used = course.builder.last.clone();
     course.rebuild(1.0, None, true);
-    assert_ne!(course.builder.in_use, used);
+    assert_ne!(course.builder.last, used);
     course.builder.revert();
-    assert_eq!(course.builder.in_use, used);
+    assert_eq!(course.builder.last, used);
     // The next tree is compared with the current one.
     let [one, other] = [&mut course, &mut other].map(|c| c.rebuild(0.7, None, true));
     assert_eq!(one.topology, other.topology);

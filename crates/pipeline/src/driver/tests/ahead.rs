@@ -106,9 +106,9 @@ fn distant_tree_yields_to_newer_request() {
 #[test]
 fn first_tree_spans_a_key_interval() {
     let animation = shuffled(30, 64);
-    let halves = [0.25, 0.75].map(|time| animation.pose(time));
+    let half_midpoints = [0.25, 0.75].map(|time| animation.pose(time));
     let own = BuildInput {
-        halves: Some(halves),
+        half_midpoints: Some(half_midpoints),
         ..BuildInput::of(at(&animation, 0.0))
     };
     let swept = words(TreeBuilder::default().build(&animation, own, &Cancel::new()));
@@ -147,7 +147,7 @@ fn measuring() -> Fake {
 }
 
 /// Renders frames of a shuffled row with a fake that measures costs. The driver may know the key frames.
-fn weighed(by: Config, frames: u64, knows_key_frames: bool) -> Run {
+fn play_measured(by: Config, frames: u64, knows_key_frames: bool) -> Run {
     let (animation, fake) = (shuffled(200, 64), measuring());
     let log = Arc::clone(&fake.log);
     let mut driver = driver(fake, &animation, by).unwrap();
@@ -169,7 +169,7 @@ fn weighed(by: Config, frames: u64, knows_key_frames: bool) -> Run {
 fn only_cheaper_trees_are_adopted() {
     for (predict, knows_key_frames) in [(false, true), (true, true), (false, false), (true, false)]
     {
-        let run = weighed((FREE.0, predict), 199, knows_key_frames);
+        let run = play_measured((FREE.0, predict), 199, knows_key_frames);
         let rejected: Vec<Generation> = run.records.iter().filter_map(|r| r.rejected).collect();
         // If the time of use is known and predicted exactly, all trees may be better.
         let is_met = predict && knows_key_frames;
@@ -199,12 +199,12 @@ fn only_cheaper_trees_are_adopted() {
 #[test]
 fn lockstep_adopts_trees_without_evaluation() {
     for knows_key_frames in [true, false] {
-        let run = weighed((lockstep(2), false), 59, knows_key_frames);
+        let run = play_measured((lockstep(2), false), 59, knows_key_frames);
         assert!(run.records.iter().all(|r| r.rejected.is_none()));
         assert_eq!(run.log.adopted.len(), 29);
         assert!(run.log.evaluated.is_empty());
         assert_eq!(
-            weighed((lockstep(2), false), 59, knows_key_frames)
+            play_measured((lockstep(2), false), 59, knows_key_frames)
                 .log
                 .trees,
             run.log.trees
