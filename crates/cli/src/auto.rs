@@ -1,6 +1,6 @@
 //! Chooses the update policy for `auto`. The choice uses estimates and never traces a frame. It affects only the speed.
 
-use crate::stop::Stop;
+use crate::error::CliError;
 use crate::tracer_settings::{ChosenPolicy, TracerSettings, Workload};
 use backend::{Backend, DeviceKind, Policy};
 use geom::Animation;
@@ -40,7 +40,7 @@ pub(crate) fn choose_policy(
     animation: &Animation,
     settings: &TracerSettings,
     workload: Workload<'_>,
-) -> Result<ChosenPolicy, Stop> {
+) -> Result<ChosenPolicy, CliError> {
     if !settings.is_open() || workload.frames.is_empty() {
         return Ok(settings.policy());
     }
@@ -54,7 +54,7 @@ fn facts(
     animation: &Animation,
     settings: &TracerSettings,
     workload: Workload<'_>,
-) -> Result<RunFacts, Stop> {
+) -> Result<RunFacts, CliError> {
     let device = capabilities.device;
     let times: Vec<f64> = workload.frames.iter().map(|f| f.time).collect();
     let rays = workload.rays;
@@ -76,7 +76,7 @@ fn facts(
         moves: animation.moving_count() > 0,
         triangles: animation.live_count(),
         rays,
-        degradation: RefitDegradation::sample(animation, &times).map_err(Stop::failed)?,
+        degradation: RefitDegradation::sample(animation, &times).map_err(CliError::failed)?,
         device,
         rebuild_bytes: memory
             .device_bytes

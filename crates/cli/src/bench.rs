@@ -6,6 +6,7 @@ mod results;
 use crate::command::{Requirement, RunCommand};
 use crate::console::{self, ProgressLine};
 use crate::devices::{BackendChoice, DeviceSettings, Opening, backend_name, builds_trees};
+use crate::error::{self, CliError};
 use crate::file_checks::CommandFiles;
 use crate::machine::{self, VERSION};
 use crate::measure::rival::RivalDevice;
@@ -13,7 +14,6 @@ use crate::measure::{
     Contender, Contenders, MeasureSettings, MeasuredRays, MeasuredRow, Measuring,
 };
 use crate::parsers;
-use crate::stop::{self, Stop};
 use crate::tracer_settings::{PolicyChoice, TracerSettings, needs_host_builds, policy_name};
 use backend::{Intersector, Policy};
 use clap::Args;
@@ -56,7 +56,7 @@ pub(crate) struct BenchSettings {
 }
 
 impl RunCommand for BenchSettings {
-    fn run(&self) -> Result<(), Stop> {
+    fn run(&self) -> Result<(), CliError> {
         let files = CommandFiles::written(&[("--json", &self.json), ("--csv", &self.csv)]);
         files.check(&self.measure.scenes)?;
         let results = self.measure_all()?;
@@ -68,7 +68,7 @@ impl RunCommand for BenchSettings {
         console::print(&(head + &results::text(&results)))?;
         match results.failures.len() {
             0 => Ok(()),
-            n => Err(Stop::failed(format!(
+            n => Err(CliError::failed(format!(
                 "{n} of {} runs failed; their rows give the reason",
                 n + results.rows.len()
             ))),
@@ -95,7 +95,7 @@ struct Results {
 
 impl BenchSettings {
     /// Writes the files that were requested.
-    fn write(&self, results: &Results) -> Result<(), Stop> {
+    fn write(&self, results: &Results) -> Result<(), CliError> {
         if let Some(file) = &self.json {
             let report = json!({
                 "schema": output::SCHEMA,
@@ -114,22 +114,24 @@ impl BenchSettings {
         Ok(())
     }
 
-    fn measure_all(&self) -> Result<Results, Stop> {
+    fn measure_all(&self) -> Result<Results, CliError> {
         let Contenders { all, skipped } = self.contenders();
         if all.is_empty() {
             let why = skipped.join("; ");
-            return Err(Stop::bad(format!("nothing is left to measure: {why}")));
+            return Err(CliError::invalid(format!(
+                "nothing is left to measure: {why}"
+            )));
         }
         let each = |&rays: &MeasuredRays| all.iter().map(move |contender| (rays, contender));
         let runs: Vec<_> = self.rays.iter().flat_map(each).collect();
         let steps = self.measure.scenes.len() * runs.len();
         let mut progress = ProgressLine::new(steps as u64, self.measure.quiet);
         skipped.iter().for_each(|remark| progress.say(remark));
-        let (mut rows, mut failures, mut stops) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut rows, mut failures, mut errors) = (Vec::new(), Vec::new(), Vec::new());
         for name in &self.measure.scenes {
             let opened = self.measure.open(name);
             for &(rays, contender) in &runs {
-                let measured = opened.as_ref().map_err(Stop::clone).and_then(|scene| {
+                let measured = opened.as_ref().map_err(CliError::clone).and_then(|scene| {
                     let measuring = Measuring {
                         scene,
                         rays,
@@ -149,17 +151,17 @@ impl BenchSettings {
                         progress.step(&words.join(" "));
                         rows.push(row);
                     }
-                    Err(stop) => {
-                        let failure = FailedRun::new(name, rays, contender, &stop);
+                    Err(error) => {
+                        let failure = FailedRun::new(name, rays, contender, &error);
                         progress.step(&failure.to_string());
                         failures.push(failure);
-                        stops.push(stop);
+                        errors.push(error);
                     }
                 }
             }
         }
         if rows.is_empty() {
-            Err(stop::all_failed(stops))
+            Err(error::all_failed(errors))
         } else {
             Ok(Results { rows, failures })
         }

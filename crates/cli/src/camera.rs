@@ -1,7 +1,7 @@
 //! Options of the camera and the point light, and the view of a scene that they select.
 
+use crate::error::CliError;
 use crate::parsers;
-use crate::stop::Stop;
 use abvh::frames::LitView;
 use backend::Query;
 use clap::Args;
@@ -82,7 +82,7 @@ impl CameraSettings {
 
     /// Returns the default view of the whole motion, with the requested points and directions instead of the computed
     /// ones.
-    pub(crate) fn view(&self, scene: &Scene) -> Result<Viewpoint, Stop> {
+    pub(crate) fn view(&self, scene: &Scene) -> Result<Viewpoint, CliError> {
         let framed = Viewpoint::framing(&scene.animation, self.fov, self.size);
         let point = |option, requested: Option<[f64; 3]>, framed| match requested {
             Some(point) => in_scene(option, point, scene),
@@ -98,7 +98,7 @@ impl CameraSettings {
     }
 
     /// Returns the camera and the point light for a scene.
-    pub(crate) fn aim(&self, scene: &Scene) -> Result<LitCamera, Stop> {
+    pub(crate) fn aim(&self, scene: &Scene) -> Result<LitCamera, CliError> {
         let view = self.view(scene)?;
         let camera = view.camera(self.size).ok_or_else(|| no_camera(&view))?;
         let light = view.light;
@@ -107,11 +107,11 @@ impl CameraSettings {
 }
 
 /// Returns the error for a view that defines no camera.
-fn no_camera(view: &Viewpoint) -> Stop {
+fn no_camera(view: &Viewpoint) -> CliError {
     let Viewpoint {
         eye, look_at, up, ..
     } = view;
-    Stop::bad(if eye == look_at {
+    CliError::invalid(if eye == look_at {
         format!("--eye and --look-at are the same point, {eye:?}: choose different points")
     } else if *up == [0.0; 3] {
         "--up must not be zero".to_owned()
@@ -123,12 +123,14 @@ fn no_camera(view: &Viewpoint) -> Stop {
 }
 
 /// Converts a point from the scene's original coordinates to those of its key frames, which may be recentred.
-fn in_scene(option: &str, point: [f64; 3], scene: &Scene) -> Result<Point, Stop> {
+fn in_scene(option: &str, point: [f64; 3], scene: &Scene) -> Result<Point, CliError> {
     let offset = scene.facts.offset.unwrap_or_default();
     let moved: Point = std::array::from_fn(|i| (point[i] - offset[i]) as f32);
     if moved.iter().all(|x| x.is_finite()) {
         Ok(moved)
     } else {
-        Err(Stop::bad(format!("{option} {point:?} is out of range")))
+        Err(CliError::invalid(format!(
+            "{option} {point:?} is out of range"
+        )))
     }
 }

@@ -19,6 +19,7 @@ mod plan;
 use crate::command::{Requirement, RunCommand};
 use crate::console::{self, ProgressLine};
 use crate::devices::{BackendChoice, DeviceRequest, Opening};
+use crate::error::{self, CliError};
 use crate::machine::{self, VERSION};
 use crate::measure::rival::RivalDevice;
 use crate::measure::{
@@ -27,7 +28,6 @@ use crate::measure::{
 };
 use crate::parsers;
 use crate::scene_source::is_demo;
-use crate::stop::{self, Stop};
 use crate::table::table;
 use accuracy::{RaySampler, STAGES, Tally};
 use backend::{Backend, BackendName, DeviceKind, Hits, Intersector};
@@ -67,7 +67,7 @@ pub(crate) struct ChartSettings {
 }
 
 impl RunCommand for ChartSettings {
-    fn run(&self) -> Result<(), Stop> {
+    fn run(&self) -> Result<(), CliError> {
         let Contenders { all, skipped } = plan::contenders(self)?;
         let scenes = plan::unique(&self.measure.scenes);
         if !self.measure.quiet {
@@ -89,7 +89,7 @@ impl RunCommand for ChartSettings {
                 },
                 ..Chart::default()
             },
-            stops: Vec::new(),
+            errors: Vec::new(),
             idle: None,
         };
         let mut entries = Vec::new();
@@ -98,20 +98,20 @@ impl RunCommand for ChartSettings {
         }
         run.count_hard_rays(&mut entries);
         for (name, entries) in scenes.iter().zip(&mut entries) {
-            if let Err(stop) = run.compare_scene(name, entries) {
-                run.fail_all(entries, &stop, |_| true);
+            if let Err(error) = run.compare_scene(name, entries) {
+                run.fail_all(entries, &error, |_| true);
             }
         }
         let points = entries.into_iter().flatten().map(|entry| entry.point);
         run.chart.points = points.collect();
         if run.chart.points.is_empty() {
-            return Err(stop::all_failed(run.stops));
+            return Err(error::all_failed(run.errors));
         }
         drop(run.progress);
         self.write(&run.chart)?;
         match run.chart.failures.len() {
             0 => Ok(()),
-            n => Err(Stop::failed(format!(
+            n => Err(CliError::failed(format!(
                 "{n} of {} points could not be measured; chart.html and points.csv give the reasons",
                 n + run.chart.points.len()
             ))),
@@ -126,7 +126,7 @@ impl RunCommand for ChartSettings {
 impl ChartSettings {
     /// Writes the four files and prints the table. Stops at the first file that cannot be written. Replaces links at
     /// the files' paths.
-    fn write(&self, chart: &Chart) -> Result<(), Stop> {
+    fn write(&self, chart: &Chart) -> Result<(), CliError> {
         let mut text = table(chart.points.iter().map(plot::row), 5) + LEGEND;
         text.extend(chart.failures.iter().map(|failure| format!("{failure}\n")));
         for (name, content) in [
@@ -136,7 +136,7 @@ impl ChartSettings {
             ("points.json", plot::json(chart)),
         ] {
             let path = self.out.join(name);
-            let content = content.map_err(Stop::failed)?;
+            let content = content.map_err(CliError::failed)?;
             output::remove_special_file(&path)?;
             output::write_whole(&path, content.as_bytes())?;
             text += &format!("{}\n", path.display());
@@ -171,7 +171,7 @@ struct ChartRun<'a> {
     progress: ProgressLine,
     chart: Chart,
     /// Reasons of all failures.
-    stops: Vec<Stop>,
+    errors: Vec<CliError>,
     /// Backend of the latest run, which is ready for another scene.
     idle: Option<IdleBackend>,
 }
@@ -187,19 +187,19 @@ impl ChartRun<'_> {
         &mut self,
         name: &str,
         contenders: &[Contender],
-    ) -> Result<Vec<ChartEntry>, Stop> {
+    ) -> Result<Vec<ChartEntry>, CliError> {
         let scene = match self.settings.measure.open(name) {
             Ok(scene) => scene,
-            Err(stop) => {
+            Err(error) => {
                 for contender in contenders {
-                    self.fail(name, contender, stop.clone());
+                    self.fail(name, contender, error.clone());
                 }
                 self.progress.skip(contenders.len() as u64);
                 return Ok(Vec::new());
             }
         };
         if self.chart.scenes.is_empty() {
-            output::prepare_dir(&self.settings.out).map_err(Stop::bad)?;
+            output::prepare_dir(&self.settings.out).map_err(CliError::invalid)?;
         }
         let title = self.add_scene(&scene);
         let mut entries = Vec::new();
@@ -215,10 +215,10 @@ impl ChartRun<'_> {
                         group: 0,
                     });
                 }
-                Err(stop) => {
+                Err(error) => {
                     self.progress
-                        .step(&format!("{title} {contender} failed: {stop}"));
-                    self.fail(&title, contender, stop);
+                        .step(&format!("{title} {contender} failed: {error}"));
+                    self.fail(&title, contender, error);
                 }
             }
         }
@@ -254,7 +254,7 @@ impl ChartRun<'_> {
         &mut self,
         scene: &MeasuredScene,
         contender: &Contender,
-    ) -> Result<(MeasuredRow, Vec<Hits>), Stop> {
+    ) -> Result<(MeasuredRow, Vec<Hits>), CliError> {
         let (opening, is_warm) = self.opening(contender);
         let later = is_warm.then_some(LATER_WARM_UP);
         let measuring = Measuring {
@@ -269,7 +269,7 @@ impl ChartRun<'_> {
         Ok((row, probe))
     }
 
-    fn sampler<'s>(&self, scene: &'s Scene) -> Result<RaySampler<'s>, Stop> {
+    fn sampler<'s>(&self, scene: &'s Scene) -> Result<RaySampler<'s>, CliError> {
         Ok(RaySampler {
             animation: &scene.animation,
             view: self.settings.measure.camera.view(scene)?,
@@ -308,21 +308,21 @@ impl ChartRun<'_> {
         idle.map(|idle| idle.backend)
     }
 
-    fn fail(&mut self, scene: &str, contender: &Contender, stop: Stop) {
-        let failure = plan::failure(scene, contender, &stop);
+    fn fail(&mut self, scene: &str, contender: &Contender, error: CliError) {
+        let failure = plan::failure(scene, contender, &error);
         self.chart.failures.push(failure);
-        self.stops.push(stop);
+        self.errors.push(error);
     }
 
     /// Turns the selected entries into failures.
     fn fail_all(
         &mut self,
         entries: &mut Vec<ChartEntry>,
-        stop: &Stop,
+        error: &CliError,
         is_failed: impl Fn(&ChartEntry) -> bool,
     ) {
         for failed in entries.extract_if(.., |entry| is_failed(entry)) {
-            self.fail(&failed.point.scene, &failed.contender, stop.clone());
+            self.fail(&failed.point.scene, &failed.contender, error.clone());
         }
     }
 
@@ -361,9 +361,9 @@ impl ChartRun<'_> {
                         entry.point.mixed_range.clone_from(&counts);
                     }
                 }
-                Err(stop) => {
+                Err(error) => {
                     for entries in entries.iter_mut() {
-                        self.fail_all(entries, &stop, is_of);
+                        self.fail_all(entries, &error, is_of);
                     }
                 }
             }
@@ -371,7 +371,7 @@ impl ChartRun<'_> {
     }
 
     /// Compares every method's answers over one scene with exact answers, until the methods' rates differ clearly.
-    fn compare_scene(&mut self, name: &str, entries: &mut Vec<ChartEntry>) -> Result<(), Stop> {
+    fn compare_scene(&mut self, name: &str, entries: &mut Vec<ChartEntry>) -> Result<(), CliError> {
         let Some(title) = entries.first().map(|entry| entry.point.scene.clone()) else {
             return Ok(());
         };
@@ -408,10 +408,10 @@ impl ChartRun<'_> {
                         self.progress.step(&format!("{part} compared {contender}"));
                         tallies.push(tally);
                     }
-                    Err(stop) => {
+                    Err(error) => {
                         self.progress
-                            .step(&format!("{part} {contender} failed: {stop}"));
-                        self.fail_all(entries, &stop, |entry| entry.group == tally.group);
+                            .step(&format!("{part} {contender} failed: {error}"));
+                        self.fail_all(entries, &error, |entry| entry.group == tally.group);
                     }
                 }
             }

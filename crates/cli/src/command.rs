@@ -1,11 +1,11 @@
 //! The interface that every command implements.
 
-use crate::stop::Stop;
+use crate::error::CliError;
 
 /// A command with its settings.
 pub(crate) trait RunCommand {
     /// Runs the command.
-    fn run(&self) -> Result<(), Stop>;
+    fn run(&self) -> Result<(), CliError>;
 
     /// Returns the conditions under which options have an effect. If the user gives an option whose condition is not
     /// met, the command fails before it runs.

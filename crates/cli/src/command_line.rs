@@ -9,12 +9,12 @@ use crate::chart::ChartSettings;
 use crate::command::{Requirement, RunCommand};
 use crate::conform::ConformSettings;
 use crate::console;
+use crate::error::CliError;
 use crate::info::{DoctorSettings, InfoSettings};
 use crate::inspect::InspectSettings;
 use crate::merge::MergeSettings;
 use crate::render::RenderSettings;
 use crate::stability::StabilitySettings;
-use crate::stop::Stop;
 use crate::stress::StressSettings;
 use crate::trace::TraceSettings;
 use clap::error::{ContextKind, ContextValue};
@@ -86,13 +86,15 @@ struct Parsed {
 }
 
 /// Parses a command line. Without arguments, the command is `render`.
-pub(crate) fn parse(args: impl IntoIterator<Item = OsString>) -> Result<CommandSettings, Stop> {
+pub(crate) fn parse(args: impl IntoIterator<Item = OsString>) -> Result<CommandSettings, CliError> {
     let mut args: Vec<_> = args.into_iter().collect();
     if args.len() < 2 {
         args = ["abvh", "render"].map(OsString::from).to_vec();
     }
     let Parsed { line, matches } = parse_with_clap(&args).map_err(|e| refused(&args, &e))?;
-    let settings = line.command.ok_or_else(|| Stop::bad("no command"))?;
+    let settings = line
+        .command
+        .ok_or_else(|| CliError::invalid("no command"))?;
     if let Some((_, matches)) = matches.subcommand() {
         check_requirements(settings.command().requirements(), matches)?;
     }
@@ -108,7 +110,7 @@ fn parse_with_clap(args: &[OsString]) -> Result<Parsed, clap::Error> {
 }
 
 /// Refuses an option that was given but has no effect.
-fn check_requirements(all: Vec<Requirement>, matches: &ArgMatches) -> Result<(), Stop> {
+fn check_requirements(all: Vec<Requirement>, matches: &ArgMatches) -> Result<(), CliError> {
     let is_given = |option| matches.value_source(option) == Some(ValueSource::CommandLine);
     let mut broken = all.iter().filter(|r| !r.is_met && is_given(r.option));
     let Some(Requirement { option, text, .. }) = broken.next() else {
@@ -118,23 +120,23 @@ fn check_requirements(all: Vec<Requirement>, matches: &ArgMatches) -> Result<(),
         "scene" | "scenes" => "SCENE".to_owned(),
         _ => format!("--{}", option.replace('_', "-")),
     };
-    Err(Stop::bad(format!("{name} {text}")))
+    Err(CliError::invalid(format!("{name} {text}")))
 }
 
 /// Prints help to standard output. Reduces any other clap error to one line.
-fn refused(args: &[OsString], e: &clap::Error) -> Stop {
+fn refused(args: &[OsString], e: &clap::Error) -> CliError {
     if !e.use_stderr() {
         // Printing fails if the reader has closed the pipe, which is no error here.
         let _ = e.print();
-        return Stop::Shown;
+        return CliError::HelpShown;
     }
     if let Some(removed) = removed::find(e) {
-        return Stop::bad(removed);
+        return CliError::invalid(removed);
     }
     if let Some(rival) = rival_as_backend(e) {
         let why =
             format!("{rival} is a rival, not a backend: use bench or chart with --rival {rival}");
-        return Stop::bad(why);
+        return CliError::invalid(why);
     }
     // clap drops escape sequences from arguments that it quotes. So parse the escaped arguments again: the error is the
     // same, and its text is complete.
@@ -148,7 +150,7 @@ fn refused(args: &[OsString], e: &clap::Error) -> Stop {
         _ => e.to_string(),
     };
     let first = text.split("\n\n").next().unwrap_or(&text);
-    Stop::bad(first.strip_prefix("error: ").unwrap_or(first))
+    CliError::invalid(first.strip_prefix("error: ").unwrap_or(first))
 }
 
 /// Returns the string that clap attached to an error as `kind`.

@@ -4,8 +4,8 @@ mod oracle;
 
 use crate::command::RunCommand;
 use crate::console::{self, ProgressLine};
+use crate::error::CliError;
 use crate::file_checks::CommandFiles;
-use crate::stop::Stop;
 use crate::table::{Cells, counted, table};
 use crate::tested_backends::{OpenedBackends, TestSettings, TestedBackends};
 use backend::Backend;
@@ -45,7 +45,7 @@ fn property_names() -> BTreeSet<&'static str> {
 }
 
 impl RunCommand for ConformSettings {
-    fn run(&self) -> Result<(), Stop> {
+    fn run(&self) -> Result<(), CliError> {
         CommandFiles::written(&[("--json", &self.test.json)]).check(&[])?;
         let OpenedBackends {
             mut backends,
@@ -68,14 +68,20 @@ impl RunCommand for ConformSettings {
         console::print(&report.text())?;
         match report.failures() {
             0 => Ok(()),
-            n => Err(Stop::failed(counted(n, ["disagreement", "disagreements"]))),
+            n => Err(CliError::failed(counted(
+                n,
+                ["disagreement", "disagreements"],
+            ))),
         }
     }
 }
 
 impl ConformSettings {
     /// Tests every property on every backend, against the host on one thread.
-    fn test_properties(&self, backends: &mut [Box<dyn Backend>]) -> Result<Vec<PropertyRow>, Stop> {
+    fn test_properties(
+        &self,
+        backends: &mut [Box<dyn Backend>],
+    ) -> Result<Vec<PropertyRow>, CliError> {
         let named =
             |p: &&Property| self.property.is_empty() || self.property.iter().any(|n| n == p.name);
         let properties = || PROPERTIES.iter().filter(named);
@@ -87,7 +93,8 @@ impl ConformSettings {
         };
         let cases = Cases::new(self.seed, numbers);
         let reference = abvh::backends::open_reference();
-        let mut reference = Reference::new(reference.map_err(|e| Stop::bad(e.to_string()))?);
+        let mut reference =
+            Reference::new(reference.map_err(|e| CliError::invalid(e.to_string()))?);
         let mut progress = ProgressLine::new(total as u64, self.test.quiet);
         let mut rows = Vec::new();
         for backend in &mut *backends {

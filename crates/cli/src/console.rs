@@ -1,27 +1,27 @@
 //! Writes to the terminal: results to standard output, remarks to standard error. All text passes through this
 //! module, except the help that clap prints.
 
-use crate::stop::Stop;
+use crate::error::CliError;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::borrow::Cow;
 use std::io::{self, IsTerminal, Write};
 use std::process::ExitCode;
 
 /// Prints a result. A closed pipe is not an error.
-pub(crate) fn print(text: &str) -> Result<(), Stop> {
+pub(crate) fn print(text: &str) -> Result<(), CliError> {
     let mut out = io::stdout().lock();
     let text = plain(text, &['\n']);
     let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
     match written {
-        Err(e) if e.kind() != io::ErrorKind::BrokenPipe => Err(Stop::failed(format!(
+        Err(e) if e.kind() != io::ErrorKind::BrokenPipe => Err(CliError::failed(format!(
             "cannot write to standard output: {e}"
         ))),
         _ => Ok(()),
     }
 }
 
-pub(crate) fn print_json(value: &impl serde::Serialize) -> Result<(), Stop> {
-    let text = serde_json::to_string_pretty(value).map_err(Stop::failed)?;
+pub(crate) fn print_json(value: &impl serde::Serialize) -> Result<(), CliError> {
+    let text = serde_json::to_string_pretty(value).map_err(CliError::failed)?;
     print(&format!("{text}\n"))
 }
 
@@ -42,12 +42,12 @@ pub(crate) fn say(text: &str) {
 }
 
 /// Prints in one line why a command ended early. Returns the exit code.
-pub(crate) fn complain(stop: &Stop) -> ExitCode {
-    let text = stop.to_string();
+pub(crate) fn complain(error: &CliError) -> ExitCode {
+    let text = error.to_string();
     if !text.is_empty() {
         say(&format!("abvh: {}", plain(&text, &[])));
     }
-    stop.code()
+    error.code()
 }
 
 /// Returns whether a character is an invisible format character: a soft hyphen, a bidirectional control, a joiner, a

@@ -1,7 +1,7 @@
 //! Devices: their options, and how they are listed and opened.
 
+use crate::error::CliError;
 use crate::parsers::{self, AUTO};
-use crate::stop::Stop;
 use abvh::backends::{BACKENDS, find_backend, open_best};
 use backend::{AdapterInfo, Backend, BackendName};
 use clap::Args;
@@ -71,8 +71,8 @@ impl<T> Selected<T> {
     /// Replaces the value by the result of `ready`.
     pub(crate) fn and_then<U>(
         self,
-        ready: impl FnOnce(T) -> Result<U, Stop>,
-    ) -> Result<Selected<U>, Stop> {
+        ready: impl FnOnce(T) -> Result<U, CliError>,
+    ) -> Result<Selected<U>, CliError> {
         let (value, why) = (ready(self.value)?, self.why);
         Ok(Selected { value, why })
     }
@@ -92,13 +92,16 @@ impl DeviceRequest {
     /// that cannot be opened or for which `ready` fails.
     pub(crate) fn open_and<T>(
         &self,
-        ready: impl Fn(Box<dyn Backend>) -> Result<T, Stop>,
-    ) -> Result<Selected<T>, Stop> {
+        ready: impl Fn(Box<dyn Backend>) -> Result<T, CliError>,
+    ) -> Result<Selected<T>, CliError> {
         let adapter = self.adapter.as_deref();
         if let Some(name) = self.backend {
-            let absent = || Stop::bad(format!("this program was built without backend {name}"));
+            let absent =
+                || CliError::invalid(format!("this program was built without backend {name}"));
             let entry = find_backend(name).ok_or_else(absent)?;
-            let opened = entry.open(adapter, self.threads).map_err(Stop::bad)?;
+            let opened = entry
+                .open(adapter, self.threads)
+                .map_err(CliError::invalid)?;
             let value = ready(opened)?;
             return Ok(Selected { value, why: None });
         }
@@ -108,14 +111,14 @@ impl DeviceRequest {
                 why: Some(why),
             }),
             Err(none) => Err(match none.last_error {
-                Some(Stop::Failed(_)) => Stop::failed(none.reason),
-                _ => Stop::bad(none.reason),
+                Some(CliError::Failed(_)) => CliError::failed(none.reason),
+                _ => CliError::invalid(none.reason),
             }),
         }
     }
 
     /// Opens the backend without further preparation.
-    pub(crate) fn open(&self) -> Result<Box<dyn Backend>, Stop> {
+    pub(crate) fn open(&self) -> Result<Box<dyn Backend>, CliError> {
         Ok(self.open_and(Ok)?.value)
     }
 }
@@ -127,7 +130,7 @@ type SelectedBackend = Selected<Box<dyn Backend>>;
 /// value has not begun to open a backend.
 #[derive(Default)]
 pub(crate) struct Opening {
-    opened: Option<Receiver<Result<SelectedBackend, Stop>>>,
+    opened: Option<Receiver<Result<SelectedBackend, CliError>>>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -160,7 +163,7 @@ impl Opening {
     }
 
     /// Waits for the result. Returns `None` if opening never began or the result was taken before.
-    pub(crate) fn wait(&mut self) -> Option<Result<SelectedBackend, Stop>> {
+    pub(crate) fn wait(&mut self) -> Option<Result<SelectedBackend, CliError>> {
         let opened = self.opened.take()?.recv();
         // Receiving fails only if the thread panicked. The panic then continues here.
         if opened.is_err() {

@@ -1,6 +1,6 @@
 //! Checks that written files differ from read files and from each other, and that they can be written.
 
-use crate::stop::Stop;
+use crate::error::CliError;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -28,7 +28,7 @@ impl<'a> CommandFiles<'a> {
     }
 
     /// Checks, before any work on these scenes, that all files can be written and no file overwrites another.
-    pub(crate) fn check(mut self, scenes: &[String]) -> Result<(), Stop> {
+    pub(crate) fn check(mut self, scenes: &[String]) -> Result<(), CliError> {
         if self.written.is_empty() && self.folders.is_empty() {
             return Ok(());
         }
@@ -38,21 +38,21 @@ impl<'a> CommandFiles<'a> {
         }
         self.check_apart()?;
         for (_, folder) in &self.folders {
-            output::check_dir(folder).map_err(Stop::bad)?;
+            output::check_dir(folder).map_err(CliError::invalid)?;
         }
         for (_, file) in &self.written {
             // An output folder may not exist yet.
             let will_be = |dir: &Path| self.folders.iter().any(|(_, folder)| folder == dir);
             let dir = host::parent(file);
             if dir.exists() || !will_be(dir) {
-                output::check_writable(file).map_err(Stop::bad)?;
+                output::check_writable(file).map_err(CliError::invalid)?;
             }
         }
         Ok(())
     }
 
     /// Refuses an output file that is also an input or another output.
-    pub(crate) fn check_apart(&self) -> Result<(), Stop> {
+    pub(crate) fn check_apart(&self) -> Result<(), CliError> {
         for (i, (option, file)) in self.written.iter().enumerate() {
             let Some(place) = place(file) else { continue };
             let is_same = |other: &&NamedFile<'_>| self::place(&other.1).as_ref() == Some(&place);
@@ -66,12 +66,14 @@ impl<'a> CommandFiles<'a> {
                 continue;
             };
             let file = file.display();
-            return Err(Stop::bad(format!("{option} {file} would overwrite {what}")));
+            return Err(CliError::invalid(format!(
+                "{option} {file} would overwrite {what}"
+            )));
         }
         for (_, file) in &self.read {
             if let Some(folder) = place(file).and_then(|place| self.folder_of(&place)) {
                 let file = format!("{}, which is read", file.display());
-                return Err(Stop::bad(format!("{folder} may overwrite {file}")));
+                return Err(CliError::invalid(format!("{folder} may overwrite {file}")));
             }
         }
         Ok(())

@@ -1,7 +1,7 @@
 //! Options that select frames, and the frames and times of a run and of each shard.
 
+use crate::error::CliError;
 use crate::parsers::finite;
-use crate::stop::Stop;
 use crate::table::{KEY_FRAMES, counted};
 use pipeline::Frame;
 use std::str::FromStr;
@@ -171,29 +171,31 @@ pub(crate) fn list(
     range: Option<TimeRange>,
     keys: usize,
     is_demo: bool,
-) -> Result<Vec<Frame>, Stop> {
+) -> Result<Vec<Frame>, CliError> {
     if let Some(FrameChoice::Keys(list)) = frames {
         let why = "--frames already lists key times: remove --time-range";
-        return range.map_or_else(|| at_keys(list, keys), |_| Err(Stop::bad(why)));
+        return range.map_or_else(|| at_keys(list, keys), |_| Err(CliError::invalid(why)));
     }
     let end = (keys - 1) as f64;
     let even = EvenFrames::of(frames, range, keys, is_demo);
     let TimeRange { from, to } = even.range;
     if from < 0.0 || to > end {
         let why = format!("is outside the motion, which lasts from 0 to {end} key frames");
-        return Err(Stop::bad(format!("--time-range {from}..{to} {why}")));
+        return Err(CliError::invalid(format!(
+            "--time-range {from}..{to} {why}"
+        )));
     }
     let numbered = (0..).zip(even.times());
     let frames = numbered.map(|(index, time)| Frame { index, time });
     Ok(frames.collect())
 }
 
-fn at_keys(list: &[usize], keys: usize) -> Result<Vec<Frame>, Stop> {
+fn at_keys(list: &[usize], keys: usize) -> Result<Vec<Frame>, CliError> {
     let most = list.iter().max().copied().unwrap_or_default();
     if most >= keys {
         let verb = if keys == 1 { "is" } else { "are" };
         let (count, keys) = (list.len(), counted(keys, KEY_FRAMES));
-        return Err(Stop::bad(format!(
+        return Err(CliError::invalid(format!(
             "--frames lists {count} key times up to {most}, but there {verb} {keys}"
         )));
     }
@@ -214,12 +216,12 @@ pub(crate) fn of_shard(frames: &[Frame], shard: Option<Shard>) -> Vec<Frame> {
 }
 
 /// Checks that a time is within the motion.
-pub(crate) fn check_time(option: &str, time: f64, keys: usize) -> Result<f64, Stop> {
+pub(crate) fn check_time(option: &str, time: f64, keys: usize) -> Result<f64, CliError> {
     let end = (keys - 1) as f64;
     if (0.0..=end).contains(&time) {
         return Ok(time);
     }
-    Err(Stop::bad(format!(
+    Err(CliError::invalid(format!(
         "{option} {time} lies outside the motion, which lasts from 0 to {end} key frames"
     )))
 }

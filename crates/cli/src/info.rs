@@ -4,8 +4,8 @@ use crate::auto;
 use crate::command::RunCommand;
 use crate::console;
 use crate::devices::{BackendPresence, DeviceRequest, presences};
+use crate::error::CliError;
 use crate::machine::{VERSION, cpu_model};
-use crate::stop::Stop;
 use crate::table::counted;
 use clap::Args;
 use comfy_table::{ContentArrangement, Table, presets};
@@ -32,7 +32,7 @@ struct MachineReport {
 }
 
 impl RunCommand for InfoSettings {
-    fn run(&self) -> Result<(), Stop> {
+    fn run(&self) -> Result<(), CliError> {
         let report = MachineReport {
             schema: SCHEMA,
             version: VERSION,
@@ -54,7 +54,7 @@ pub(crate) struct DoctorSettings {}
 
 impl RunCommand for DoctorSettings {
     /// Fails with exit code 1 if no GPU can be used.
-    fn run(&self) -> Result<(), Stop> {
+    fn run(&self) -> Result<(), CliError> {
         let found = abvh::doctor();
         if !found.gpus.is_empty() {
             return console::print(&format!("can be used: {}\n", found.gpus.join(", ")));
@@ -63,13 +63,13 @@ impl RunCommand for DoctorSettings {
         let lines = each.map(|p| format!("missing: {}\n  mend: {}\n", p.what, p.fix));
         console::print(&lines.collect::<String>())?;
         let why = "no GPU can be used here; the host's cores can";
-        Err(Stop::failed(why))
+        Err(CliError::failed(why))
     }
 }
 
 /// Returns the backend that `auto` chooses. Opens backends to find it, because `auto` skips a GPU that fails its
 /// self-test.
-fn choice_of_auto() -> Result<Option<Taken>, Stop> {
+fn choice_of_auto() -> Result<Option<Taken>, CliError> {
     let request = DeviceRequest {
         threads: 1,
         ..DeviceRequest::of(None)

@@ -4,11 +4,11 @@ use crate::camera::CameraSettings;
 use crate::command::{Requirement, RunCommand};
 use crate::console;
 use crate::devices::Opening;
+use crate::error::CliError;
 use crate::frame_list;
 use crate::parsers;
 use crate::scene_source::{self, SceneSettings, is_demo, scene_facts};
 use crate::setup;
-use crate::stop::Stop;
 use crate::table::{KEY_FRAMES, TRIANGLES, counted, grouped, table};
 use crate::tracer_settings::{TracerSettings, Workload};
 use backend::Intersector;
@@ -46,20 +46,20 @@ struct Inspection {
 }
 
 impl RunCommand for InspectSettings {
-    fn run(&self) -> Result<(), Stop> {
+    fn run(&self) -> Result<(), CliError> {
         let scene = self.source.open(&self.scene, 0)?;
         setup::check_trees(scene.animation.triangle_count(), 0)?;
         let animation = &scene.animation;
         let [inactive, degenerate] =
-            pipeline::inactive_and_degenerate(animation).map_err(Stop::bad)?;
+            pipeline::inactive_and_degenerate(animation).map_err(CliError::invalid)?;
         let bounds = animation.bounds();
         let inspection = Inspection {
             scene: scene_facts(&scene),
             bounds: (!bounds.is_empty()).then(|| json!({ "min": bounds.min, "max": bounds.max })),
-            motion: pipeline::motion(animation).map_err(Stop::bad)?,
+            motion: pipeline::motion(animation).map_err(CliError::invalid)?,
             inactive,
             degenerate,
-            decay: pipeline::refit_costs(animation, SAMPLES).map_err(Stop::failed)?,
+            decay: pipeline::refit_costs(animation, SAMPLES).map_err(CliError::failed)?,
             auto: choices_of_auto(&self.scene, &scene)?,
         };
         if self.json {
@@ -75,7 +75,7 @@ impl RunCommand for InspectSettings {
 }
 
 /// Returns what `render` would choose if everything were `auto`.
-fn choices_of_auto(name: &str, scene: &Scene) -> Result<Vec<Taken>, Stop> {
+fn choices_of_auto(name: &str, scene: &Scene) -> Result<Vec<Taken>, CliError> {
     let animation = &scene.animation;
     let frames = frame_list::list(None, None, animation.key_count(), is_demo(name))?;
     let settings = TracerSettings::of(None, Intersector::Watertight, None);

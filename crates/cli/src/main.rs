@@ -12,7 +12,7 @@
 //! | `measure` | measurements of frames on a backend or on a rival: a third-party ray tracer |
 //! | `file_checks` | refuses outputs that overwrite inputs or each other |
 //! | `console`, `table`, `machine` | output to the terminal; tables of results; facts about the machine |
-//! | `stop`, `signals`, `threads` | errors with exit codes; SIGINT and SIGTERM; threads outside the backend |
+//! | `error`, `signals`, `threads` | errors with exit codes; SIGINT and SIGTERM; threads outside the backend |
 //!
 //! Imports between these modules have no cycles.
 //!
@@ -30,6 +30,7 @@ mod command_line;
 mod conform;
 mod console;
 mod devices;
+mod error;
 mod file_checks;
 mod frame_list;
 mod info;
@@ -43,7 +44,6 @@ mod scene_source;
 mod setup;
 mod signals;
 mod stability;
-mod stop;
 mod stress;
 mod table;
 mod tested_backends;
@@ -51,18 +51,18 @@ mod threads;
 mod trace;
 mod tracer_settings;
 
+use error::CliError;
 use std::process::ExitCode;
-use stop::Stop;
 
 fn main() -> ExitCode {
     signals::handle();
     match run() {
         Ok(()) => ExitCode::SUCCESS,
-        Err(stop) => console::complain(&stop),
+        Err(error) => console::complain(&error),
     }
 }
 
-fn run() -> Result<(), Stop> {
+fn run() -> Result<(), CliError> {
     let settings = command_line::parse(std::env::args_os())?;
     let command = settings.command();
     threads::start(command.threads());

@@ -7,11 +7,11 @@ mod timing;
 use crate::camera::{CameraSettings, LitCamera};
 use crate::command::Requirement;
 use crate::devices::{BackendChoice, Opening, backend_name};
+use crate::error::CliError;
 use crate::frame_list::{self, FrameChoice, TimeRange};
 use crate::parsers;
 use crate::scene_source::{self, SceneSettings};
 use crate::setup::{self, Setup, Started};
-use crate::stop::Stop;
 use crate::tracer_settings::{PolicyChoice, TracerSettings, Workload, policy_name};
 use backend::{DeviceBytes, Hits, Intersector, Query, QueryKind, Rays};
 use clap::Args;
@@ -86,7 +86,7 @@ pub(crate) struct MeasuredScene {
 
 impl MeasureSettings {
     /// Opens a scene, and lists the frames to measure.
-    pub(crate) fn open(&self, name: &str) -> Result<MeasuredScene, Stop> {
+    pub(crate) fn open(&self, name: &str) -> Result<MeasuredScene, CliError> {
         let scene = self.source.open(name, self.camera.pixels())?;
         let keys = scene.animation.key_count();
         Ok(MeasuredScene {
@@ -202,7 +202,7 @@ impl LoadedScene {
         contender: &Contender,
         animation: &Arc<Animation>,
         opening: Opening,
-    ) -> Result<Self, Stop> {
+    ) -> Result<Self, CliError> {
         match contender {
             Contender::Ours(tracer) => {
                 let workload = Workload::default();
@@ -221,7 +221,7 @@ impl LoadedScene {
         &mut self,
         kind: QueryKind,
         lists: impl IntoIterator<Item = (f64, &'a [Ray])>,
-    ) -> Result<Vec<Hits>, Stop> {
+    ) -> Result<Vec<Hits>, CliError> {
         let trace = |(index, (time, rays))| {
             let rays = Rays::List(rays);
             let (frame, query) = (Frame { index, time }, Query { rays, kind });
@@ -240,7 +240,7 @@ impl Measuring<'_> {
         &self,
         contender: &Contender,
         opening: Opening,
-    ) -> Result<Measurement, Stop> {
+    ) -> Result<Measurement, CliError> {
         let MeasuredScene {
             scene,
             frames,

@@ -2,10 +2,10 @@
 
 use crate::command::RunCommand;
 use crate::console;
+use crate::error::CliError;
 use crate::file_checks::CommandFiles;
 use crate::parsers;
 use crate::render::statistics;
-use crate::stop::Stop;
 use clap::Args;
 use output::{Finished, Manifest};
 use std::collections::BTreeSet;
@@ -25,7 +25,7 @@ pub(crate) struct MergeSettings {
 }
 
 impl RunCommand for MergeSettings {
-    fn run(&self) -> Result<(), Stop> {
+    fn run(&self) -> Result<(), CliError> {
         let folders = self.folders.iter().map(|dir| ("DIR", dir.clone()));
         let files = CommandFiles {
             folders: folders.collect(),
@@ -36,7 +36,7 @@ impl RunCommand for MergeSettings {
         let lists = parts.iter().flat_map(|part| &part.finished.list);
         let list: BTreeSet<u64> = lists.copied().collect();
         if list.is_empty() {
-            return Err(Stop::failed("no run has begun: no folder lists frames"));
+            return Err(CliError::failed("no run has begun: no folder lists frames"));
         }
         let (mut rows, mut missing) = (Vec::new(), Vec::new());
         for &frame in &list {
@@ -47,7 +47,7 @@ impl RunCommand for MergeSettings {
             }
         }
         if !missing.is_empty() {
-            return Err(Stop::failed(absent(&missing, list.len())));
+            return Err(CliError::failed(absent(&missing, list.len())));
         }
         let stats = parts.iter().filter_map(|part| part.finished.stats.as_ref());
         // Prefer statistics that name a device. Those of shards without frames do not.
@@ -70,20 +70,20 @@ struct MergedFolder<'a> {
 }
 
 impl<'a> MergedFolder<'a> {
-    fn read(folder: &'a Path) -> Result<Self, Stop> {
+    fn read(folder: &'a Path) -> Result<Self, CliError> {
         let name = folder.display();
-        let no_manifest = || Stop::bad(format!("{name} holds no run: it has no manifest"));
-        let manifest = Manifest::in_folder(folder).map_err(Stop::bad)?;
+        let no_manifest = || CliError::invalid(format!("{name} holds no run: it has no manifest"));
+        let manifest = Manifest::in_folder(folder).map_err(CliError::invalid)?;
         Ok(Self {
             folder,
             manifest: manifest.ok_or_else(no_manifest)?,
-            finished: Finished::in_folder(folder).map_err(Stop::bad)?,
+            finished: Finished::in_folder(folder).map_err(CliError::invalid)?,
         })
     }
 }
 
 /// Reads folders, which must belong to one run.
-fn read(folders: &[PathBuf]) -> Result<Vec<MergedFolder<'_>>, Stop> {
+fn read(folders: &[PathBuf]) -> Result<Vec<MergedFolder<'_>>, CliError> {
     let mut all: Vec<MergedFolder<'_>> = Vec::new();
     for folder in folders {
         let part = MergedFolder::read(folder)?;
@@ -91,7 +91,7 @@ fn read(folders: &[PathBuf]) -> Result<Vec<MergedFolder<'_>>, Stop> {
             && let Some(difference) = part.manifest.difference(&first.manifest)
         {
             let [folder, first] = [folder, first.folder].map(Path::display);
-            return Err(Stop::bad(format!(
+            return Err(CliError::invalid(format!(
                 "{folder} does not belong to the run in {first}: {difference} (in {first})"
             )));
         }

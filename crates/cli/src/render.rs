@@ -8,6 +8,7 @@ pub(crate) mod statistics;
 use crate::camera::{CameraSettings, LitCamera};
 use crate::command::{Requirement, RunCommand};
 use crate::console::{self, ProgressLine};
+use crate::error::CliError;
 use crate::file_checks::CommandFiles;
 use crate::frame_list::{self, FrameChoice, Shard, TimeRange};
 use crate::machine::VERSION;
@@ -15,7 +16,6 @@ use crate::parsers;
 use crate::scene_source::{self, SceneSettings};
 use crate::setup::{self, Setup, Started};
 use crate::signals;
-use crate::stop::Stop;
 use crate::table;
 use crate::tracer_settings::{TracerSettings, Workload};
 use abvh::Tracer;
@@ -90,7 +90,7 @@ pub(crate) struct RenderSettings {
 }
 
 impl RunCommand for RenderSettings {
-    fn run(&self) -> Result<(), Stop> {
+    fn run(&self) -> Result<(), CliError> {
         run(self)
     }
 
@@ -119,7 +119,7 @@ impl RenderSettings {
     }
 
     /// Refuses to write files that would overwrite others or that cannot be written.
-    fn check_files(&self) -> Result<(), Stop> {
+    fn check_files(&self) -> Result<(), CliError> {
         let pictures = (!self.no_images).then(|| ("--out", self.out.clone()));
         let hits = self.hits.clone().map(|dir| ("--hits", dir));
         let files = CommandFiles {
@@ -135,7 +135,7 @@ impl RenderSettings {
     }
 
     /// Prints results to standard output, or to standard error if statistics or a video use standard output.
-    fn print(&self, text: &str) -> Result<(), Stop> {
+    fn print(&self, text: &str) -> Result<(), CliError> {
         let files = [&self.stats, &self.y4m].map(Option::as_deref);
         if !files.contains(&Some(Path::new("-"))) {
             return console::print(text);
@@ -147,7 +147,7 @@ impl RenderSettings {
     }
 
     /// Writes the primary rays, if requested.
-    fn write_rays(&self, scene: &Scene, shot: &LitCamera) -> Result<(), Stop> {
+    fn write_rays(&self, scene: &Scene, shot: &LitCamera) -> Result<(), CliError> {
         if let Some(file) = &self.rays_out {
             let (camera, offset) = (&shot.camera, scene.facts.offset);
             output::write_rays(file, camera.pixels(), camera.rays(), offset)?;
@@ -178,7 +178,7 @@ impl RenderSettings {
         progress
     }
 
-    fn write_stats(&self, stats: Value, rows: &[FrameStats]) -> Result<(), Stop> {
+    fn write_stats(&self, stats: Value, rows: &[FrameStats]) -> Result<(), CliError> {
         match &self.stats {
             Some(file) => statistics::write(file, &statistics::with_rows(stats, rows)),
             None => Ok(()),
@@ -186,7 +186,7 @@ impl RenderSettings {
     }
 }
 
-fn run(settings: &RenderSettings) -> Result<(), Stop> {
+fn run(settings: &RenderSettings) -> Result<(), CliError> {
     settings.check_files()?;
     let files = FrameFiles::of(settings);
     let earlier = EarlierRun::find(settings, &files)?;
@@ -213,7 +213,7 @@ fn run(settings: &RenderSettings) -> Result<(), Stop> {
         y4m: settings.y4m.as_deref(),
     };
     let video = Video::begin(videos, settings.camera.size, settings.source.fps);
-    let video = video.map_err(Stop::bad)?;
+    let video = video.map_err(CliError::invalid)?;
     let workload = Workload {
         frames: &frames,
         rays,
@@ -261,7 +261,7 @@ fn finish_complete(
     settings: &RenderSettings,
     earlier: &EarlierRun,
     rows: &[FrameStats],
-) -> Result<(), Stop> {
+) -> Result<(), CliError> {
     if let Some(stats) = earlier.statistics() {
         settings.write_stats(stats, rows)?;
     }
@@ -279,7 +279,7 @@ fn finish_empty_shard(
     files: &FrameFiles,
     scene: &Scene,
     plan: &RunPlan,
-) -> Result<(), Stop> {
+) -> Result<(), CliError> {
     files.create_folders()?;
     earlier.begin(settings, plan, &Value::Null)?;
     let scene = scene_source::scene_facts(scene);
@@ -294,12 +294,12 @@ fn render_frames(
     frames: &[Frame],
     rendered: Rendered<'_>,
     log: FrameLog<'_>,
-) -> Result<Vec<FrameStats>, Stop> {
+) -> Result<Vec<FrameStats>, CliError> {
     let (view, wanted) = (rendered.shot.view(), rendered.wanted);
     let writer = FrameWriter::new(rendered, log);
     let mut places = 0..;
     rayon::in_place_scope(|scope| {
-        tracer.render_frames::<Stop>(frames, view, wanted, |frame, answers| {
+        tracer.render_frames::<CliError>(frames, view, wanted, |frame, answers| {
             writer.write(scope, places.next().unwrap_or_default(), frame, answers)
         })
     })?;

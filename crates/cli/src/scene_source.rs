@@ -1,8 +1,8 @@
 //! Options that control how scenes are read, and the description of a scene in statistics.
 
 use crate::command::Requirement;
+use crate::error::CliError;
 use crate::parsers;
-use crate::stop::Stop;
 use clap::Args;
 use pipeline::{TREE_BYTES, trees_bytes};
 use scene::{Scene, SceneOptions};
@@ -33,7 +33,7 @@ pub(crate) struct SceneSettings {
 impl SceneSettings {
     /// Opens a scene for a run that builds trees and traces `rays` rays at a time. The memory for both counts towards
     /// the limit that is checked before key frames are read.
-    pub(crate) fn open(&self, name: &str, rays: usize) -> Result<Scene, Stop> {
+    pub(crate) fn open(&self, name: &str, rays: usize) -> Result<Scene, CliError> {
         let options = SceneOptions {
             // Only the memory of the rays: `triangle_bytes` covers the trees.
             more_bytes: trees_bytes(0, rays),

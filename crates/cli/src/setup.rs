@@ -4,7 +4,7 @@
 
 use crate::auto::{self, Capabilities};
 use crate::devices::{DeviceRequest, Opening};
-use crate::stop::Stop;
+use crate::error::CliError;
 use crate::tracer_settings::{ChosenPolicy, TracerSettings, Workload};
 use abvh::{Mesh, Tracer};
 use backend::{Backend, BackendName, DeviceKind};
@@ -66,7 +66,7 @@ pub(crate) fn start_tracer(
     settings: &TracerSettings,
     workload: Workload<'_>,
     opening: Opening,
-) -> Result<Started<Tracer>, Stop> {
+) -> Result<Started<Tracer>, CliError> {
     let load = |resolved: Resolved| {
         let mut scene_of_one = abvh::Scene::new();
         scene_of_one.add(Mesh::from(scene));
@@ -88,7 +88,7 @@ pub(crate) fn start_driver(
     settings: &TracerSettings,
     workload: Workload<'_>,
     opening: Opening,
-) -> Result<Started<Driver>, Stop> {
+) -> Result<Started<Driver>, CliError> {
     let load = |resolved: Resolved| {
         let threads = BuilderThreads::new(resolved.setup.builder_threads)?;
         let animation = Arc::clone(animation);
@@ -105,8 +105,8 @@ fn start<T>(
     settings: &TracerSettings,
     workload: Workload<'_>,
     mut opening: Opening,
-    load: impl Fn(Resolved) -> Result<T, Stop>,
-) -> Result<Started<T>, Stop> {
+    load: impl Fn(Resolved) -> Result<T, CliError>,
+) -> Result<Started<T>, CliError> {
     check_trees(animation.triangle_count(), workload.rays)?;
     let ready = |backend: Box<dyn Backend>| {
         let resolved = resolve(backend, animation, settings, workload)?;
@@ -140,7 +140,7 @@ fn resolve(
     animation: &Animation,
     settings: &TracerSettings,
     workload: Workload<'_>,
-) -> Result<Resolved, Stop> {
+) -> Result<Resolved, CliError> {
     let capabilities = Capabilities::of(backend.as_ref());
     let ChosenPolicy {
         policy,
@@ -217,9 +217,9 @@ impl Setup {
 }
 
 /// Refuses scenes whose trees and rays exceed the host's free memory. Key frames do not count: they are loaded already.
-pub(crate) fn check_trees(triangles: usize, rays: usize) -> Result<(), Stop> {
+pub(crate) fn check_trees(triangles: usize, rays: usize) -> Result<(), CliError> {
     let checked = host::check_memory(trees_bytes(triangles, rays));
-    checked.map_err(|e| Stop::bad(format!("trees over {triangles} triangles: {e}")))
+    checked.map_err(|e| CliError::invalid(format!("trees over {triangles} triangles: {e}")))
 }
 
 /// Refuses scenes that exceed the device's free memory, if its driver reports it. On a software device, the scene must
@@ -228,7 +228,7 @@ fn check_device(
     backend: &dyn Backend,
     triangles: usize,
     memory: ExpectedMemory,
-) -> Result<(), Stop> {
+) -> Result<(), CliError> {
     let Some(need) = memory.device_bytes else {
         return Ok(());
     };
@@ -242,6 +242,6 @@ fn check_device(
     let checked = host::check_against(need, free).and_then(|()| host::check_against(need, on_host));
     checked.map_err(|e| {
         let name = &backend.device().adapter;
-        Stop::bad(format!("{triangles} triangles on {name}: {e}"))
+        CliError::invalid(format!("{triangles} triangles on {name}: {e}"))
     })
 }

@@ -1,6 +1,6 @@
 //! On SIGINT and SIGTERM the program exits with 130 or 143, and leaves only complete files.
 
-use crate::stop::Stop;
+use crate::error::CliError;
 use std::sync::atomic::{AtomicI32, Ordering};
 
 /// The signal that arrived. Before a signal: [`WAITS`] if the run handles the first signal, or [`ENDS`] if a signal
@@ -65,10 +65,10 @@ pub(crate) fn defer() {
     ARRIVED.store(WAITS, Ordering::Relaxed);
 }
 
-/// Returns [`Stop::Signal`] if a signal arrived.
-pub(crate) fn check() -> Result<(), Stop> {
+/// Returns [`CliError::Signal`] if a signal arrived.
+pub(crate) fn check() -> Result<(), CliError> {
     match ARRIVED.load(Ordering::Relaxed) {
         WAITS | ENDS => Ok(()),
-        signal => Err(Stop::Signal(signal as u8)),
+        signal => Err(CliError::Signal(signal as u8)),
     }
 }

@@ -2,9 +2,9 @@
 
 use crate::command::RunCommand;
 use crate::console::{self, ProgressLine};
+use crate::error::CliError;
 use crate::file_checks::CommandFiles;
 use crate::parsers;
-use crate::stop::Stop;
 use crate::table::{grouped, table};
 use crate::tested_backends::{OpenedBackends, TestSettings, TestedBackends};
 use backend::{Backend, Intersector};
@@ -42,7 +42,7 @@ pub(crate) struct StabilitySettings {
 }
 
 impl RunCommand for StabilitySettings {
-    fn run(&self) -> Result<(), Stop> {
+    fn run(&self) -> Result<(), CliError> {
         let written = [("--json", &self.test.json), ("--record", &self.record)];
         CommandFiles::written(&written).check(&[])?;
         let OpenedBackends {
@@ -66,19 +66,21 @@ impl RunCommand for StabilitySettings {
         console::print(&report.text(&intersectors))?;
         match report.failures() {
             0 => Ok(()),
-            1 => Err(Stop::failed("1 cell is out of its bound")),
-            n => Err(Stop::failed(format!("{n} cells are out of their bounds"))),
+            1 => Err(CliError::failed("1 cell is out of its bound")),
+            n => Err(CliError::failed(format!(
+                "{n} cells are out of their bounds"
+            ))),
         }
     }
 }
 
 impl StabilitySettings {
     /// Measures error rates as a baseline. Fails unless exactly one backend is given.
-    fn record_rates(&self, backends: &mut [Box<dyn Backend>], file: &Path) -> Result<(), Stop> {
+    fn record_rates(&self, backends: &mut [Box<dyn Backend>], file: &Path) -> Result<(), CliError> {
         let [backend] = backends else {
             let names: Vec<_> = backends.iter().map(|b| b.device().backend).collect();
             let there = format!("there are {}; name one with --backend", names.join(", "));
-            return Err(Stop::bad(format!(
+            return Err(CliError::invalid(format!(
                 "--record measures one backend, but {there}"
             )));
         };
@@ -101,7 +103,7 @@ impl StabilitySettings {
         &self,
         intersectors: &[Intersector],
         backends: &mut [Box<dyn Backend>],
-    ) -> Result<Vec<StabilityRow>, Stop> {
+    ) -> Result<Vec<StabilityRow>, CliError> {
         let plan = Plan {
             seed: self.seed,
             rays: self.rays,

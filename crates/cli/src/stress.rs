@@ -4,12 +4,12 @@ use crate::camera::{CameraSettings, LitCamera};
 use crate::command::{Requirement, RunCommand};
 use crate::console::{self, ProgressLine};
 use crate::devices::{BackendChoice, backend_name};
+use crate::error::CliError;
 use crate::file_checks::CommandFiles;
 use crate::machine::{self, VERSION};
 use crate::measure::{MeasuredRays, random_rays};
 use crate::parsers;
 use crate::scene_source::{self, SceneSettings};
-use crate::stop::Stop;
 use crate::table::{Cells, TRIANGLES, counted, ms, table};
 use crate::tested_backends::TestSettings;
 use abvh::{
@@ -61,7 +61,7 @@ pub(crate) struct StressSettings {
 }
 
 impl RunCommand for StressSettings {
-    fn run(&self) -> Result<(), Stop> {
+    fn run(&self) -> Result<(), CliError> {
         let scenes = std::slice::from_ref(&self.scene);
         CommandFiles::written(&[("--json", &self.test.json)]).check(scenes)?;
         let scene = (self.source).open(&self.scene, self.camera.pixels())?;
@@ -94,7 +94,9 @@ impl RunCommand for StressSettings {
         console::print(&(head + &table(rows.iter().map(StressRow::cells), 3)))?;
         match rows.iter().map(|row| row.wrong).sum::<u64>() {
             0 => Ok(()),
-            wrong => Err(Stop::failed(format!("{wrong} hits differ from the host's"))),
+            wrong => Err(CliError::failed(format!(
+                "{wrong} hits differ from the host's"
+            ))),
         }
     }
 
@@ -104,7 +106,7 @@ impl RunCommand for StressSettings {
 }
 
 impl StressSettings {
-    fn runs(&self) -> Result<Vec<StressRun>, Stop> {
+    fn runs(&self) -> Result<Vec<StressRun>, CliError> {
         let mut runs = Vec::new();
         for &name in &self.test.backend {
             let device = device(name, self.test.adapter.as_deref())?;
@@ -155,7 +157,7 @@ impl StepRays {
 }
 
 impl<'a> StreamedMotion<'a> {
-    fn new(scene: &'a Scene, settings: &StressSettings) -> Result<Self, Stop> {
+    fn new(scene: &'a Scene, settings: &StressSettings) -> Result<Self, CliError> {
         let animation = &*scene.animation;
         let rays = match settings.rays {
             MeasuredRays::Random => {
@@ -165,9 +167,9 @@ impl<'a> StreamedMotion<'a> {
             MeasuredRays::Camera => StepRays::Camera(Box::new(settings.camera.aim(scene)?)),
         };
         let last = (settings.poses - 1).max(1) as f64;
-        let pose = |i: usize| -> Result<Vec<Point>, Stop> {
+        let pose = |i: usize| -> Result<Vec<Point>, CliError> {
             let time = animation.end() * i as f64 / last;
-            let moment = animation.at(time).map_err(Stop::failed)?;
+            let moment = animation.at(time).map_err(CliError::failed)?;
             let vertices = 0..animation.vertex_count() as u32;
             Ok(vertices.map(|v| moment.vertex(v)).collect())
         };
@@ -198,7 +200,7 @@ impl<'a> StreamedMotion<'a> {
         &self,
         builder: TracerBuilder,
         source: VertexSource,
-    ) -> Result<StreamedTracer<'_>, Stop> {
+    ) -> Result<StreamedTracer<'_>, CliError> {
         let mut scene = abvh::Scene::new();
         let mesh = scene.add(Mesh::streamed(&self.poses[0], self.animation.triangles())?);
         Ok(StreamedTracer {
@@ -210,7 +212,7 @@ impl<'a> StreamedMotion<'a> {
     }
 
     /// Returns the hits of the checked poses, traced on the host with a new tree for each pose.
-    fn expected_hits(&self) -> Result<Vec<Vec<SceneHit>>, Stop> {
+    fn expected_hits(&self) -> Result<Vec<Vec<SceneHit>>, CliError> {
         let host = Tracer::builder().device(Device::Cpu);
         let mut tracer = self.start(host.update(Policy::Rebuild), VertexSource::Copied)?;
         self.checked().map(|pose| tracer.hits(pose)).collect()
@@ -227,7 +229,7 @@ struct StreamedTracer<'a> {
 
 impl StreamedTracer<'_> {
     /// Submits one step that moves the mesh to a pose.
-    fn step(&mut self, pose: usize) -> Result<SubmittedStep, Stop> {
+    fn step(&mut self, pose: usize) -> Result<SubmittedStep, CliError> {
         let vertices = &self.motion.poses[pose];
         let begun = Instant::now();
         let mut writing = Duration::ZERO;
@@ -251,7 +253,7 @@ impl StreamedTracer<'_> {
     }
 
     /// Traces one step and returns its hits.
-    fn hits(&mut self, pose: usize) -> Result<Vec<SceneHit>, Stop> {
+    fn hits(&mut self, pose: usize) -> Result<Vec<SceneHit>, CliError> {
         let SubmittedStep { id, query, .. } = self.step(pose)?;
         Ok(self.tracer.hits(id, query)?.in_scene().to_vec())
     }
@@ -288,7 +290,7 @@ struct StressRun {
     not(any(feature = "vulkan", feature = "wgpu")),
     allow(unused_variables, reason = "only GPUs have adapters to choose from")
 )]
-fn device(name: BackendChoice, adapter: Option<&str>) -> Result<Device, Stop> {
+fn device(name: BackendChoice, adapter: Option<&str>) -> Result<Device, CliError> {
     match name {
         None => Ok(Device::Auto),
         Some(BackendName::Cpu) => Ok(Device::Cpu),
@@ -298,7 +300,7 @@ fn device(name: BackendChoice, adapter: Option<&str>) -> Result<Device, Stop> {
         #[cfg(feature = "wgpu")]
         Some(BackendName::Wgpu) => Ok(Device::Wgpu(adapter.map(str::to_owned))),
         #[cfg(not(all(feature = "vulkan", feature = "wgpu")))]
-        other => Err(Stop::bad(format!(
+        other => Err(CliError::invalid(format!(
             "{} is not in this build",
             backend_name(other)
         ))),
@@ -345,7 +347,7 @@ impl StressRun {
         motion: &StreamedMotion<'_>,
         expected: &[Vec<SceneHit>],
         steps: usize,
-    ) -> Result<StressRow, Stop> {
+    ) -> Result<StressRow, CliError> {
         let builder = Tracer::builder()
             .device(self.device.clone())
             .update(self.update)
@@ -368,7 +370,7 @@ impl StressRun {
         times.sort_by(f64::total_cmp);
         let summary = Summary::of(times.iter().copied());
         let Summary { median, worst, .. } =
-            summary.ok_or_else(|| Stop::failed("no step is timed"))?;
+            summary.ok_or_else(|| CliError::failed("no step is timed"))?;
         Ok(StressRow {
             backend: self.backend,
             device: tracer.tracer.device().to_owned(),

@@ -1,9 +1,9 @@
 //! The backends that `conform`, `stability` and `stress` test, and their description in reports.
 
 use crate::devices::{BackendChoice, DeviceRequest};
+use crate::error::CliError;
 use crate::machine::{self, VERSION};
 use crate::parsers;
-use crate::stop::Stop;
 use backend::{Backend, BackendName};
 use clap::Args;
 use serde::Serialize;
@@ -99,7 +99,7 @@ pub(crate) struct OpenedBackends {
 
 impl TestSettings {
     /// Opens the named backends. `auto` stands for all available backends except the reference.
-    pub(crate) fn open(&self) -> Result<OpenedBackends, Stop> {
+    pub(crate) fn open(&self) -> Result<OpenedBackends, CliError> {
         let (mut backends, mut absent) = (Vec::new(), Vec::new());
         let takes_all = self.backend.contains(&None);
         for one in BackendName::ALL {
@@ -113,16 +113,16 @@ impl TestSettings {
             };
             match request.open() {
                 Ok(backend) => backends.push(backend),
-                Err(stop) if is_named => return Err(stop),
-                Err(stop) => absent.push(AbsentBackend {
+                Err(error) if is_named => return Err(error),
+                Err(error) => absent.push(AbsentBackend {
                     backend: one.name(),
-                    reason: stop.to_string(),
+                    reason: error.to_string(),
                 }),
             }
         }
         if backends.is_empty() {
             let reasons: Vec<_> = absent.into_iter().map(|absent| absent.reason).collect();
-            return Err(Stop::bad(reasons.join("; ")));
+            return Err(CliError::invalid(reasons.join("; ")));
         }
         let tested = TestedBackends::new(&backends, &absent);
         Ok(OpenedBackends { backends, tested })

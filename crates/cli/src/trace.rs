@@ -3,12 +3,12 @@
 use crate::command::{Requirement, RunCommand};
 use crate::console;
 use crate::devices::DeviceSettings;
+use crate::error::CliError;
 use crate::file_checks::CommandFiles;
 use crate::frame_list;
 use crate::parsers;
 use crate::scene_source::{self, SceneSettings};
 use crate::setup::{self, Started};
-use crate::stop::Stop;
 use crate::table::counted;
 use crate::tracer_settings::{PolicyChoice, TracerSettings, Workload, needs_host_builds};
 use abvh::Query;
@@ -54,7 +54,7 @@ pub(crate) struct TraceSettings {
 }
 
 impl RunCommand for TraceSettings {
-    fn run(&self) -> Result<(), Stop> {
+    fn run(&self) -> Result<(), CliError> {
         run(self)
     }
 
@@ -88,7 +88,7 @@ impl TraceSettings {
     }
 }
 
-fn run(settings: &TraceSettings) -> Result<(), Stop> {
+fn run(settings: &TraceSettings) -> Result<(), CliError> {
     let files = CommandFiles {
         read: vec![("--rays", settings.rays.clone())],
         written: vec![("--out", settings.out.clone())],
@@ -97,10 +97,12 @@ fn run(settings: &TraceSettings) -> Result<(), Stop> {
     files.check(std::slice::from_ref(&settings.scene))?;
     let tracer = settings.tracer();
     let opening = setup::begin(&tracer);
-    let file = output::RayFile::open(&settings.rays).map_err(Stop::bad)?;
+    let file = output::RayFile::open(&settings.rays).map_err(CliError::invalid)?;
     let scene = settings.source.open(&settings.scene, file.count())?;
     let offset = scene.facts.offset;
-    let rays = file.read(offset.unwrap_or_default()).map_err(Stop::bad)?;
+    let rays = file
+        .read(offset.unwrap_or_default())
+        .map_err(CliError::invalid)?;
     let keys = scene.animation.key_count();
     let time = frame_list::check_time("--time", settings.time, keys)?;
     let tree_time = match settings.update {

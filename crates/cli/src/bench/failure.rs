@@ -1,7 +1,7 @@
 //! A combination that could not be measured, with the reason.
 
+use crate::error::CliError;
 use crate::measure::{Contender, ContenderNames, MeasuredRays};
-use crate::stop::Stop;
 use serde::Serialize;
 use std::fmt;
 
@@ -20,7 +20,12 @@ pub(super) struct FailedRun {
 }
 
 impl FailedRun {
-    pub(super) fn new(scene: &str, rays: MeasuredRays, contender: &Contender, stop: &Stop) -> Self {
+    pub(super) fn new(
+        scene: &str,
+        rays: MeasuredRays,
+        contender: &Contender,
+        error: &CliError,
+    ) -> Self {
         let ContenderNames {
             backend,
             update,
@@ -32,7 +37,7 @@ impl FailedRun {
             update,
             intersector,
             rays: rays.unless_camera(),
-            error: stop.to_string(),
+            error: error.to_string(),
         }
     }
 }

@@ -1,8 +1,8 @@
 //! Formats the results of a bench: as JSON, as CSV and as text.
 
 use super::{FailedRun, Results};
+use crate::error::CliError;
 use crate::measure::MeasuredRow;
-use crate::stop::Stop;
 use crate::table::{Cells, grouped, ms, table};
 use output::plot::csv_table;
 use serde_json::{Value, json};
@@ -21,7 +21,7 @@ pub(super) fn json(results: &Results) -> Vec<Value> {
 }
 
 /// Returns a table with one row per run. Unknown cells are empty.
-pub(super) fn csv(results: &Results) -> Result<String, Stop> {
+pub(super) fn csv(results: &Results) -> Result<String, CliError> {
     let columns = || COLUMNS.split(',');
     let record = |mut json: Value| -> Vec<String> {
         if json["rays"].is_null() {
@@ -35,7 +35,7 @@ pub(super) fn csv(results: &Results) -> Result<String, Stop> {
         columns().map(cell).collect()
     };
     let rows = json(results).into_iter().map(record);
-    csv_table(columns(), rows).map_err(Stop::failed)
+    csv_table(columns(), rows).map_err(CliError::failed)
 }
 
 /// Returns one row per run, the reasons of failures, and the device of each backend.

@@ -7,8 +7,8 @@
 
 use super::plan::HitMethod;
 use crate::devices::Opening;
+use crate::error::CliError;
 use crate::measure::{Contender, LoadedScene};
-use crate::stop::Stop;
 use crate::tracer_settings::TracerSettings;
 use backend::{BackendName, Hits, Intersector, Policy, QueryKind};
 use conformance::oracle::Oracle;
@@ -71,7 +71,7 @@ pub(super) struct Tally {
 
 impl RaySampler<'_> {
     /// Traces a few plain and aimed rays.
-    pub(super) fn probe(&self, loaded: &mut LoadedScene) -> Result<Vec<Hits>, Stop> {
+    pub(super) fn probe(&self, loaded: &mut LoadedScene) -> Result<Vec<Hits>, CliError> {
         let mut batches = Vec::new();
         for time in moments(self.animation, 2) {
             let [plain, aimed] = rays_at(self.animation, &self.view, time, PROBE);
@@ -113,12 +113,12 @@ impl RaySampler<'_> {
         &self,
         stage: &Range<usize>,
         tallies: &[Tally],
-    ) -> Result<AnsweredStage, Stop> {
+    ) -> Result<AnsweredStage, CliError> {
         let sorts = [0, 1].map(|sort| tallies.iter().any(|tally| tally.goes_on[sort]));
         let mut oracle: Option<(f64, Oracle)> = None;
         let mut all = Vec::new();
         for batch in self.batches(stage, sorts) {
-            let moment = self.animation.at(batch.time).map_err(Stop::bad)?;
+            let moment = self.animation.at(batch.time).map_err(CliError::invalid)?;
             let known = oracle.take().filter(|(time, _)| *time == batch.time);
             let (_, of_moment) =
                 oracle.insert(known.unwrap_or_else(|| (batch.time, Oracle::at(&moment))));
@@ -152,11 +152,11 @@ impl RaySampler<'_> {
         }
     }
 
-    fn trace(&self, loaded: &mut LoadedScene, batch: &RayBatch) -> Result<Hits, Stop> {
+    fn trace(&self, loaded: &mut LoadedScene, batch: &RayBatch) -> Result<Hits, CliError> {
         let list = [(batch.time, &batch.rays[..])];
         let mut hits = loaded.trace_lists(self.kind(batch.is_aimed), list)?;
         hits.pop()
-            .ok_or_else(|| Stop::failed("a trace has no result"))
+            .ok_or_else(|| CliError::failed("a trace has no result"))
     }
 
     /// Traces the rays of a stage by one method, and counts wrong answers.
@@ -165,7 +165,7 @@ impl RaySampler<'_> {
         loaded: &mut LoadedScene,
         stage: &AnsweredStage,
         tally: &mut Tally,
-    ) -> Result<(), Stop> {
+    ) -> Result<(), CliError> {
         // Trace an empty list of rays at time 0, so that the first tree is built at the beginning of the motion.
         loaded.trace_lists(QueryKind::Closest, [(0.0, &[][..])])?;
         for answered in &stage.0 {

@@ -1,6 +1,6 @@
 //! Rays in scenes of mixed range, for every method.
 
-use crate::stop::Stop;
+use crate::error::CliError;
 use backend::{Backend, Intersector};
 use conformance::stress::{Family, Plan, StressTest};
 use output::plot::FamilyCounts;
@@ -22,7 +22,7 @@ pub(super) fn count(
     backend: &mut dyn Backend,
     intersector: Intersector,
     tests: &[StressTest],
-) -> Result<Vec<FamilyCounts>, Stop> {
+) -> Result<Vec<FamilyCounts>, CliError> {
     let mut counts = Vec::new();
     for test in tests {
         let cell = test.ask(backend, intersector)?;

@@ -2,8 +2,8 @@
 
 use super::ChartSettings;
 use crate::devices::{BackendChoice, BackendPresence, backend_name, presences};
+use crate::error::CliError;
 use crate::measure::{Contender, Contenders};
-use crate::stop::Stop;
 use crate::tracer_settings::TracerSettings;
 use backend::{AdapterInfo, DeviceKind, Intersector};
 use output::plot::Failure;
@@ -37,7 +37,7 @@ impl HitMethod {
 
 /// Returns all combinations of the requested backends, intersectors and policies, then the rivals with the policies
 /// that they support. The list has no duplicates. It may contain policies that a backend does not support.
-pub(super) fn contenders(settings: &ChartSettings) -> Result<Contenders, Stop> {
+pub(super) fn contenders(settings: &ChartSettings) -> Result<Contenders, CliError> {
     let measure = &settings.measure;
     let mut contenders = Contenders::default();
     for backend in backends(&measure.backend, &mut contenders.skipped) {
@@ -51,7 +51,9 @@ pub(super) fn contenders(settings: &ChartSettings) -> Result<Contenders, Stop> {
     contenders.add_rivals(measure);
     if contenders.all.is_empty() {
         let why = contenders.skipped.join("; ");
-        return Err(Stop::bad(format!("there is nothing to chart: {why}")));
+        return Err(CliError::invalid(format!(
+            "there is nothing to chart: {why}"
+        )));
     }
     contenders.all = unique(&contenders.all);
     Ok(contenders)
@@ -85,14 +87,14 @@ pub(super) fn methods<'a>(contenders: impl IntoIterator<Item = &'a Contender>) -
 }
 
 /// Returns the row of a contender that could not be measured.
-pub(super) fn failure(scene: &str, contender: &Contender, stop: &Stop) -> Failure {
+pub(super) fn failure(scene: &str, contender: &Contender, error: &CliError) -> Failure {
     let names = contender.names();
     Failure {
         scene: scene.to_owned(),
         backend: names.backend.to_owned(),
         intersector: names.intersector.to_owned(),
         update: names.update.to_owned(),
-        error: stop.to_string(),
+        error: error.to_string(),
     }
 }
 

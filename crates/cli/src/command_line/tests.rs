@@ -5,14 +5,14 @@ use crate::frame_list::FrameChoice;
 use backend::{Intersector, Policy};
 use std::path::PathBuf;
 
-fn parse_line(line: &str) -> Result<CommandSettings, Stop> {
+fn parse_line(line: &str) -> Result<CommandSettings, CliError> {
     let words = line.split_whitespace().map(std::ffi::OsString::from);
     parse(std::iter::once("abvh".into()).chain(words))
 }
 
 fn refused(line: &str) -> String {
     match parse_line(line) {
-        Err(Stop::Bad(e)) => {
+        Err(CliError::InvalidRequest(e)) => {
             let text = e.to_string();
             assert!(!text.starts_with("error"), "{text}");
             text

@@ -2,7 +2,7 @@
 
 use super::{ConformReport, ConformSettings};
 use crate::console::ProgressLine;
-use crate::stop::Stop;
+use crate::error::CliError;
 use crate::table::{Cells, grouped, table};
 use backend::{Backend, Intersector};
 use conformance::stress::audit::{Audit, AuditBatch, AuditCounts, BatchSpec};
@@ -19,7 +19,7 @@ pub(super) fn compare(
     settings: &ConformSettings,
     backends: &mut [Box<dyn Backend>],
     report: &mut ConformReport,
-) -> Result<(), Stop> {
+) -> Result<(), CliError> {
     let audit = Audit {
         seed: settings.seed,
         rays: settings.oracle_rays,
@@ -65,7 +65,7 @@ fn trace(
     backend: &mut dyn Backend,
     batches: &[AuditBatch],
     report: &mut ConformReport,
-) -> Result<(), Stop> {
+) -> Result<(), CliError> {
     let name = backend.device().backend;
     let rest = format!("--cases 0 --oracle-rays {}", settings.oracle_rays);
     let command = settings.command(name, &rest);

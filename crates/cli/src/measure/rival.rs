@@ -2,8 +2,8 @@
 
 use super::timing::{TimedFrames, TimingPlan, trace_frame};
 use crate::devices::Opening;
+use crate::error::CliError;
 use crate::setup::{self, Setup, Started};
-use crate::stop::Stop;
 use crate::tracer_settings::{TracerSettings, Workload};
 use backend::{
     BackendError, BackendName, DeviceBytes, FrameReport, Generation, Hits, Intersector, Policy,
@@ -53,15 +53,15 @@ impl RunningRival {
         RivalPolicy { rival, upkeep }: RivalPolicy,
         device: RivalDevice<'_>,
         animation: &Arc<Animation>,
-    ) -> Result<Self, Stop> {
+    ) -> Result<Self, CliError> {
         let name = rival.name;
-        let absent = |e: BackendError| Stop::bad(format!("rival {name} cannot run: {e}"));
+        let absent = |e: BackendError| CliError::invalid(format!("rival {name} cannot run: {e}"));
         let index = match device.adapter {
             None => None,
             Some(part) => {
                 let list = rival.adapters().map_err(absent)?;
                 let found = abvh::backends::find_adapter(name, &list, part);
-                Some(found.map_err(Stop::bad)?.index)
+                Some(found.map_err(CliError::invalid)?.index)
             }
         };
         let threads = device.threads.unwrap_or_else(host::cores);
@@ -75,7 +75,7 @@ impl RunningRival {
     }
 
     /// Times the frames of a plan, with a warm-up after the first frame.
-    pub(super) fn time(&mut self, plan: TimingPlan<'_>) -> Result<TimedFrames, Stop> {
+    pub(super) fn time(&mut self, plan: TimingPlan<'_>) -> Result<TimedFrames, CliError> {
         let TimingPlan { frames, query, .. } = plan;
         let (mut stats, mut held, mut warmed) = (Vec::new(), None::<DeviceBytes>, None);
         for (number, &frame) in frames.iter().enumerate() {
@@ -94,7 +94,7 @@ impl RunningRival {
             }
         }
         for frame in &mut stats {
-            let moment = self.animation.at(frame.time).map_err(Stop::bad)?;
+            let moment = self.animation.at(frame.time).map_err(CliError::invalid)?;
             // Rivals do not count inactive and degenerate triangles.
             let report = &mut frame.report;
             [report.inactive, report.degenerate] =
@@ -107,7 +107,7 @@ impl RunningRival {
         })
     }
 
-    fn frame(&mut self, time: f64, query: Query<'_>) -> Result<FrameReport, Stop> {
+    fn frame(&mut self, time: f64, query: Query<'_>) -> Result<FrameReport, CliError> {
         Ok(self.rival.frame(self.animation.pose(time), query)?)
     }
 
@@ -116,7 +116,7 @@ impl RunningRival {
         mut warm_up: WarmUp,
         time: f64,
         query: Query<'_>,
-    ) -> Result<Warmed, Stop> {
+    ) -> Result<Warmed, CliError> {
         while warm_up.goes_on(self.frame(time, query)?.times.device_ms) {}
         Ok(warm_up.end())
     }
@@ -157,14 +157,18 @@ impl RunningRival {
     }
 
     /// Traces one frame and returns its hits.
-    pub(super) fn hits(&mut self, time: f64, query: Query<'_>) -> Result<Hits, Stop> {
+    pub(super) fn hits(&mut self, time: f64, query: Query<'_>) -> Result<Hits, CliError> {
         self.frame(time, query)?;
         Ok(self.rival.hits()?.clone())
     }
 
     /// Returns the share of rays whose triangle or shadow differs from that of backend `cpu`, over the first, a middle
     /// and the last frame. Backend `cpu` uses `watertight` and a new tree in each frame.
-    pub(super) fn differing(&mut self, frames: &[Frame], query: Query<'_>) -> Result<f64, Stop> {
+    pub(super) fn differing(
+        &mut self,
+        frames: &[Frame],
+        query: Query<'_>,
+    ) -> Result<f64, CliError> {
         let tracer = TracerSettings::of(
             Some(BackendName::Cpu),
             Intersector::Watertight,

@@ -1,6 +1,6 @@
 //! Times and hits of frames that a driver traces.
 
-use crate::stop::Stop;
+use crate::error::CliError;
 use backend::{DeviceBytes, Hits, Query};
 use output::FrameStats;
 use pipeline::{Driver, Frame, FrameOutputs, FrameRecord, OutputSelection, Warmed};
@@ -22,14 +22,17 @@ pub(super) struct TimedFrames {
     pub(super) held: Option<DeviceBytes>,
 }
 
-pub(super) fn time_frames(driver: &mut Driver, plan: TimingPlan<'_>) -> Result<TimedFrames, Stop> {
+pub(super) fn time_frames(
+    driver: &mut Driver,
+    plan: TimingPlan<'_>,
+) -> Result<TimedFrames, CliError> {
     let TimingPlan { frames, query, .. } = plan;
     let (mut stats, mut held) = (Vec::new(), None::<DeviceBytes>);
     let mut note = |frame: &FrameRecord| {
         stats.push(FrameStats::of(frame));
         let both = held.into_iter().chain(frame.device_bytes);
         held = both.max_by_key(|bytes| bytes.total());
-        Ok::<(), Stop>(())
+        Ok::<(), CliError>(())
     };
     let (warm_up, rest) = driver.warm_up(plan.warm_up, frames, query, &mut note)?;
     let rest = rest.iter().copied();
@@ -48,7 +51,7 @@ pub(super) fn trace_frame(
     driver: &mut Driver,
     frame: Frame,
     query: Query<'_>,
-) -> Result<Hits, Stop> {
+) -> Result<Hits, CliError> {
     let mut found = FrameOutputs::default();
     driver.begin(frame, &[query])?;
     driver.finish(OutputSelection::HITS, &mut found)?;

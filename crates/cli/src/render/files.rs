@@ -1,8 +1,8 @@
 //! Paths of the files of each frame, and their contents.
 
 use super::RenderSettings;
+use crate::error::CliError;
 use crate::file_checks::absolute;
-use crate::stop::Stop;
 use output::HitArrays;
 use std::path::{Path, PathBuf};
 
@@ -31,12 +31,12 @@ impl FrameFiles {
     }
 
     /// Creates the folders and their parents. Returns the created folders, each before its parent.
-    pub(super) fn create_folders(&self) -> Result<Vec<PathBuf>, Stop> {
+    pub(super) fn create_folders(&self) -> Result<Vec<PathBuf>, CliError> {
         let mut all = Vec::new();
         for dir in self.folders() {
             let above = dir.ancestors().filter(|d| !d.as_os_str().is_empty());
             all.extend(above.take_while(|d| !d.exists()).map(Path::to_owned));
-            output::prepare_dir(&dir).map_err(Stop::bad)?;
+            output::prepare_dir(&dir).map_err(CliError::invalid)?;
         }
         Ok(all)
     }
@@ -75,7 +75,7 @@ impl FrameFiles {
         size: [u32; 2],
         hits: &HitArrays<'_>,
         rgb: &[u8],
-    ) -> Result<(), Stop> {
+    ) -> Result<(), CliError> {
         if let Some(file) = self.hits(frame) {
             output::remove_special_file(&file)?;
             hits.write(&file)?;

@@ -4,8 +4,8 @@
 use super::files::FrameFiles;
 use crate::camera::LitCamera;
 use crate::console::ProgressLine;
+use crate::error::CliError;
 use crate::signals;
-use crate::stop::Stop;
 use abvh::frames::{Frame, FrameOutputs, FrameRecord, OutputSelection};
 use geom::lock;
 use output::{FrameStats, HitArrays, Journal, Video, VideoPlanes};
@@ -50,7 +50,7 @@ pub(super) struct FrameLog<'a> {
     pub(super) video: Option<Video<BorrowedBuffers>>,
     pub(super) rows: Vec<FrameStats>,
     /// The first failure.
-    pub(super) failed: Option<Stop>,
+    pub(super) failed: Option<CliError>,
 }
 
 /// Buffers of a frame that is being written.
@@ -118,15 +118,15 @@ impl<'a> FrameWriter<'a> {
         place: usize,
         frame: &FrameRecord,
         answers: &mut FrameOutputs,
-    ) -> Result<(), Stop> {
+    ) -> Result<(), CliError> {
         signals::check()?;
         self.check()?;
         let mut borrowed = self.borrow_buffers()?;
         std::mem::swap(answers, &mut borrowed.buffers.answers);
         let frame = frame.clone();
         let write = move || {
-            if let Err(stop) = self.write_files(&frame, &mut borrowed.buffers) {
-                self.lock().failed.get_or_insert(stop);
+            if let Err(error) = self.write_files(&frame, &mut borrowed.buffers) {
+                self.lock().failed.get_or_insert(error);
             } else if let Some(video) = &self.lock().video {
                 video.take(place, borrowed);
             }
@@ -144,7 +144,7 @@ impl<'a> FrameWriter<'a> {
     }
 
     /// Returns the rows of all frames, in any order. Fails if files of a frame could not be written.
-    pub(super) fn finish(self) -> Result<Vec<FrameStats>, Stop> {
+    pub(super) fn finish(self) -> Result<Vec<FrameStats>, CliError> {
         self.check()?;
         let video = self.lock().video.take();
         video.map_or(Ok(()), Video::finish)?;
@@ -152,9 +152,9 @@ impl<'a> FrameWriter<'a> {
     }
 
     /// Returns buffers for one more frame. Waits until some are free.
-    fn borrow_buffers(&self) -> Result<BorrowedBuffers, Stop> {
+    fn borrow_buffers(&self) -> Result<BorrowedBuffers, CliError> {
         let free = lock(&self.free);
-        let buffers = free.recv().map_err(Stop::failed)?;
+        let buffers = free.recv().map_err(CliError::failed)?;
         let returned = self.returned.clone();
         Ok(BorrowedBuffers { buffers, returned })
     }
@@ -163,14 +163,14 @@ impl<'a> FrameWriter<'a> {
         lock(&self.log)
     }
 
-    fn check(&self) -> Result<(), Stop> {
+    fn check(&self) -> Result<(), CliError> {
         let mut log = self.lock();
         let video = log.video.take_if(|video| video.has_failed());
         video.map_or(Ok(()), Video::finish)?;
         log.failed.take().map_or(Ok(()), Err)
     }
 
-    fn write_files(&self, frame: &FrameRecord, buffers: &mut FrameBuffers) -> Result<(), Stop> {
+    fn write_files(&self, frame: &FrameRecord, buffers: &mut FrameBuffers) -> Result<(), CliError> {
         let (row, Frame { index, time }) = (FrameStats::of(frame), frame.frame);
         let Rendered {
             scene, shot, files, ..

@@ -3,10 +3,10 @@
 use super::RenderSettings;
 use super::files::FrameFiles;
 use crate::devices::backend_name;
+use crate::error::CliError;
 use crate::frame_list::{self, EvenFrames, FrameChoice};
 use crate::machine::VERSION;
 use crate::scene_source::is_demo;
-use crate::stop::Stop;
 use output::{Finished, FrameStats, Journal, Manifest, SCHEMA, SceneId};
 use pipeline::Frame;
 use serde_json::{Value, json};
@@ -34,23 +34,25 @@ pub(super) struct Progressed {
 impl EarlierRun {
     /// Reads the output folders, before anything is loaded. Fails if a folder contains another run, unless
     /// `--overwrite` is set.
-    pub(super) fn find(settings: &RenderSettings, files: &FrameFiles) -> Result<Self, Stop> {
+    pub(super) fn find(settings: &RenderSettings, files: &FrameFiles) -> Result<Self, CliError> {
         let (mut folders, mut earlier) = (Vec::new(), None);
         for folder in files.folders() {
             let found = if settings.overwrite {
                 None
             } else {
-                Manifest::in_folder(&folder).map_err(Stop::bad)?
+                Manifest::in_folder(&folder).map_err(CliError::invalid)?
             };
             if let Some(found) = found {
                 if let Some(difference) = found.difference(&manifest(settings, found.key_times)?) {
                     let other = format!("{} holds another run: {difference}", folder.display());
-                    return Err(Stop::bad(format!("{other}; --overwrite replaces it")));
+                    return Err(CliError::invalid(format!(
+                        "{other}; --overwrite replaces it"
+                    )));
                 }
                 earlier = Some(found);
             }
             let finished = if settings.resume && earlier.is_some() {
-                Finished::in_folder(&folder).map_err(Stop::bad)?
+                Finished::in_folder(&folder).map_err(CliError::invalid)?
             } else {
                 Finished::default()
             };
@@ -90,7 +92,7 @@ impl EarlierRun {
         &self,
         settings: &RenderSettings,
         files: &FrameFiles,
-    ) -> Result<Option<Vec<FrameStats>>, Stop> {
+    ) -> Result<Option<Vec<FrameStats>>, CliError> {
         let rays = settings.rays_out.as_ref();
         let Some(found) = self.manifest.as_ref().filter(|_| settings.resume) else {
             return Ok(None);
@@ -115,15 +117,15 @@ impl EarlierRun {
         settings: &RenderSettings,
         plan: &RunPlan,
         stats: &Value,
-    ) -> Result<Vec<Journal>, Stop> {
+    ) -> Result<Vec<Journal>, CliError> {
         let shard = settings.shard.map(|shard| [shard.number, shard.of]);
         let begin = |(folder, _): (PathBuf, Finished)| {
             let found = Manifest::in_folder(&folder).ok().flatten();
             if settings.overwrite && found.as_ref() != Some(&plan.manifest) {
-                output::clear_run(&folder).map_err(Stop::bad)?;
+                output::clear_run(&folder).map_err(CliError::invalid)?;
             }
             plan.manifest.write_to(&folder)?;
-            let mut journal = Journal::open(&folder, shard).map_err(Stop::bad)?;
+            let mut journal = Journal::open(&folder, shard).map_err(CliError::invalid)?;
             journal.begin(plan.list.clone(), stats.clone())?;
             Ok(journal)
         };
@@ -132,7 +134,10 @@ impl EarlierRun {
 }
 
 /// Returns all frames of a run over a motion with `key_times` key frames.
-pub(super) fn all_frames(settings: &RenderSettings, key_times: usize) -> Result<Vec<Frame>, Stop> {
+pub(super) fn all_frames(
+    settings: &RenderSettings,
+    key_times: usize,
+) -> Result<Vec<Frame>, CliError> {
     let frames = settings.frames.as_ref();
     frame_list::list(
         frames,
@@ -143,15 +148,15 @@ pub(super) fn all_frames(settings: &RenderSettings, key_times: usize) -> Result<
 }
 
 /// Returns the manifest of a run over a motion with `key_times` key frames.
-pub(super) fn manifest(settings: &RenderSettings, key_times: usize) -> Result<Manifest, Stop> {
+pub(super) fn manifest(settings: &RenderSettings, key_times: usize) -> Result<Manifest, CliError> {
     let files = scene::files(&settings.scene)?;
     // The name is recorded for demos, which have no files, and for joined or placed inputs, because it contains their
     // placements. Other scenes are identified by the digests of their files, so their folder may change.
     let is_placed = settings.scene.contains(['+', '@']);
     let name = (files.is_empty() || is_placed).then(|| settings.scene.clone());
-    let files = output::digests(&files).map_err(Stop::bad)?;
+    let files = output::digests(&files).map_err(CliError::invalid)?;
     let camera = serde_json::from_value(json!(settings.camera));
-    let mut options: BTreeMap<_, _> = camera.map_err(Stop::failed)?;
+    let mut options: BTreeMap<_, _> = camera.map_err(CliError::failed)?;
     options.extend(other_options(settings, key_times));
     Ok(Manifest {
         schema: SCHEMA,

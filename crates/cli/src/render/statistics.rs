@@ -1,7 +1,7 @@
 //! The JSON of `--stats`.
 
 use crate::console;
-use crate::stop::Stop;
+use crate::error::CliError;
 use output::{FrameStats, overview};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -17,7 +17,7 @@ pub(crate) fn with_rows(mut stats: Value, rows: &[FrameStats]) -> Value {
 }
 
 /// Writes statistics to a file, or to standard output for `-`.
-pub(crate) fn write(file: &Path, stats: &Value) -> Result<(), Stop> {
+pub(crate) fn write(file: &Path, stats: &Value) -> Result<(), CliError> {
     if file.as_os_str() == "-" {
         console::print_json(stats)
     } else {

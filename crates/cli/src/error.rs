@@ -9,20 +9,20 @@ use std::process::ExitCode;
 
 /// Reason why a command ended early.
 #[derive(Clone, Debug)]
-pub(crate) enum Stop {
+pub(crate) enum CliError {
     /// The request is invalid: exit code 2.
-    Bad(String),
+    InvalidRequest(String),
     /// The command ran and failed: exit code 1.
     Failed(String),
     /// A signal ended the command: exit code 128 plus its number.
     Signal(u8),
     /// Help or version was printed: exit code 0.
-    Shown,
+    HelpShown,
 }
 
-impl Stop {
-    pub(crate) fn bad(message: impl Display) -> Self {
-        Self::Bad(unwrapped(&message.to_string()))
+impl CliError {
+    pub(crate) fn invalid(message: impl Display) -> Self {
+        Self::InvalidRequest(unwrapped(&message.to_string()))
     }
 
     pub(crate) fn failed(message: impl Display) -> Self {
@@ -31,41 +31,41 @@ impl Stop {
 
     pub(crate) fn code(&self) -> ExitCode {
         ExitCode::from(match self {
-            Self::Shown => 0,
+            Self::HelpShown => 0,
             Self::Failed(_) => 1,
-            Self::Bad(_) => 2,
+            Self::InvalidRequest(_) => 2,
             Self::Signal(signal) => 128 + signal,
         })
     }
 }
 
-/// Combines the errors of a command whose parts all failed. Returns [`Stop::Bad`] only if every part is.
-pub(crate) fn all_failed(parts: Vec<Stop>) -> Stop {
-    let (mut reasons, mut is_bad) = (Vec::new(), true);
+/// Combines the errors of a command whose parts all failed. Returns [`CliError::InvalidRequest`] only if every part is.
+pub(crate) fn all_failed(parts: Vec<CliError>) -> CliError {
+    let (mut reasons, mut is_invalid) = (Vec::new(), true);
     for part in parts {
         match part {
-            Stop::Bad(why) => reasons.push(why),
-            Stop::Failed(why) => {
-                is_bad = false;
+            CliError::InvalidRequest(why) => reasons.push(why),
+            CliError::Failed(why) => {
+                is_invalid = false;
                 reasons.push(why);
             }
-            end @ (Stop::Signal(_) | Stop::Shown) => return end,
+            end @ (CliError::Signal(_) | CliError::HelpShown) => return end,
         }
     }
     reasons.dedup();
     let why = reasons.join("; ");
-    if is_bad {
-        Stop::Bad(why)
+    if is_invalid {
+        CliError::InvalidRequest(why)
     } else {
-        Stop::Failed(why)
+        CliError::Failed(why)
     }
 }
 
-impl fmt::Display for Stop {
+impl fmt::Display for CliError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Shown | Self::Signal(_) => Ok(()),
-            Self::Bad(text) | Self::Failed(text) => f.write_str(text),
+            Self::HelpShown | Self::Signal(_) => Ok(()),
+            Self::InvalidRequest(text) | Self::Failed(text) => f.write_str(text),
         }
     }
 }
@@ -79,47 +79,48 @@ fn unwrapped(text: &str) -> String {
 }
 
 /// A scene that cannot be read is invalid input.
-impl From<SceneError> for Stop {
+impl From<SceneError> for CliError {
     fn from(e: SceneError) -> Self {
-        Self::bad(e)
+        Self::invalid(e)
     }
 }
 
-/// A file that cannot be written during the run is a failure. Checks before the run and read errors use [`Stop::bad`].
-impl From<OutputError> for Stop {
+/// A file that cannot be written during the run is a failure. Checks before the run and read errors use
+/// [`CliError::invalid`].
+impl From<OutputError> for CliError {
     fn from(e: OutputError) -> Self {
         Self::failed(e)
     }
 }
 
 /// A request that no device here supports is bad usage. An error during execution is a failure.
-impl From<BackendError> for Stop {
+impl From<BackendError> for CliError {
     fn from(e: BackendError) -> Self {
         match e {
             BackendError::NoDevice(_)
             | BackendError::Unsupported { .. }
-            | BackendError::Limit { .. } => Self::bad(e),
+            | BackendError::Limit { .. } => Self::invalid(e),
             _ => Self::failed(e),
         }
     }
 }
 
-impl From<abvh::Error> for Stop {
+impl From<abvh::Error> for CliError {
     fn from(e: abvh::Error) -> Self {
         match e {
             abvh::Error::NoDevice(_) | abvh::Error::Unsupported(_) | abvh::Error::Mesh(_) => {
-                Self::bad(e)
+                Self::invalid(e)
             }
             _ => Self::failed(e),
         }
     }
 }
 
-impl From<PipelineError> for Stop {
+impl From<PipelineError> for CliError {
     fn from(e: PipelineError) -> Self {
         match e {
             PipelineError::Backend(e) => e.into(),
-            PipelineError::Threads(_) => Self::bad(e),
+            PipelineError::Threads(_) => Self::invalid(e),
             e => Self::failed(e),
         }
     }
@@ -131,19 +132,19 @@ mod tests {
 
     #[test]
     fn message_is_one_line() {
-        let stop = Stop::failed("cannot write a:\n  disk full");
-        assert_eq!(stop.to_string(), "cannot write a: disk full");
-        let stop = Stop::bad("'a  b\n.obj' is no file");
-        assert_eq!(stop.to_string(), "'a  b\n.obj' is no file");
+        let error = CliError::failed("cannot write a:\n  disk full");
+        assert_eq!(error.to_string(), "cannot write a: disk full");
+        let error = CliError::invalid("'a  b\n.obj' is no file");
+        assert_eq!(error.to_string(), "'a  b\n.obj' is no file");
     }
 
     #[test]
     fn combines_reasons_and_worst_exit_code() {
-        let (bad, failed) = (Stop::bad("no device"), Stop::failed("lost"));
+        let (bad, failed) = (CliError::invalid("no device"), CliError::failed("lost"));
         let refused = all_failed(vec![bad.clone(), bad.clone()]);
-        assert!(matches!(&refused, Stop::Bad(why) if why == "no device"));
+        assert!(matches!(&refused, CliError::InvalidRequest(why) if why == "no device"));
         let broken = all_failed(vec![bad, failed]);
-        assert!(matches!(&broken, Stop::Failed(why) if why == "no device; lost"));
+        assert!(matches!(&broken, CliError::Failed(why) if why == "no device; lost"));
     }
 
     #[test]
@@ -152,10 +153,16 @@ mod tests {
             backend: "cpu",
             what: "x".to_owned(),
         };
-        assert!(matches!(Stop::from(unsupported), Stop::Bad(_)));
+        assert!(matches!(
+            CliError::from(unsupported),
+            CliError::InvalidRequest(_)
+        ));
         let threads = PipelineError::Threads("none".to_owned());
-        assert!(matches!(Stop::from(threads), Stop::Bad(_)));
+        assert!(matches!(
+            CliError::from(threads),
+            CliError::InvalidRequest(_)
+        ));
         let lost = PipelineError::Backend(BackendError::DeviceLost("gone".to_owned()));
-        assert!(matches!(Stop::from(lost), Stop::Failed(_)));
+        assert!(matches!(CliError::from(lost), CliError::Failed(_)));
     }
 }
