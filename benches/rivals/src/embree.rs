@@ -8,7 +8,7 @@ mod scene;
 
 pub use scene::{EmbreeScene, Made, Packet16};
 
-use crate::{Rival, Upkeep};
+use crate::{Rival, TreeUpdate};
 use backend::{
     AdapterInfo, Arithmetic, BackendError, Capabilities, Device, DeviceKind, FrameReport, Hits,
     Query, QueryKind, Rays, Result, StageTimes, TreeFormat,
@@ -38,7 +38,7 @@ pub struct Embree {
 /// A loaded animation. The first frame creates its Embree scene.
 struct Loaded {
     animation: Arc<Animation>,
-    upkeep: Upkeep,
+    tree_update: TreeUpdate,
     scene: Option<EmbreeScene>,
     /// Pose of the scene.
     pose: Option<Pose>,
@@ -107,10 +107,10 @@ impl Rival for Embree {
         &self.device
     }
 
-    fn load(&mut self, animation: Arc<Animation>, upkeep: Upkeep) -> Result<()> {
+    fn load(&mut self, animation: Arc<Animation>, tree_update: TreeUpdate) -> Result<()> {
         self.loaded = Some(Loaded {
             animation,
-            upkeep,
+            tree_update,
             scene: None,
             pose: None,
         });
@@ -168,9 +168,9 @@ impl Loaded {
             begun_tree = Instant::now();
             scene.rebuild();
         } else {
-            let made = match self.upkeep {
-                Upkeep::Rebuild => Made::Fast,
-                Upkeep::Refit => Made::Refitted,
+            let made = match self.tree_update {
+                TreeUpdate::Rebuild => Made::Fast,
+                TreeUpdate::Refit => Made::Refitted,
             };
             let mut vertices = vec![[0.0; 3]; self.animation.vertex_count()];
             times.interpolate_ms = pool.install(|| interpolate(&mut vertices));

@@ -16,7 +16,7 @@ use std::sync::Arc;
 
 named! {
     /// How a rival's tree follows the motion.
-    pub enum Upkeep {
+    pub enum TreeUpdate {
         /// A new tree for every frame.
         Rebuild = "rebuild",
         /// The first tree, refitted.
@@ -33,7 +33,7 @@ pub trait Rival {
     ///
     /// # Errors
     /// The scene does not fit the device.
-    fn load(&mut self, animation: Arc<Animation>, upkeep: Upkeep) -> Result<()>;
+    fn load(&mut self, animation: Arc<Animation>, tree_update: TreeUpdate) -> Result<()>;
 
     /// Moves the vertices and the tree to `pose`, unless they are there already, and traces `query`. Blocks until all is done.
     ///
@@ -68,7 +68,7 @@ type Open = fn(Option<usize>, usize) -> Result<Box<dyn Rival>>;
 
 /// A rival by its name.
 #[derive(Clone, Copy)]
-pub struct Known {
+pub struct RivalInfo {
     /// The name on the command line, in tables and in files.
     pub name: &'static str,
     list: List,
@@ -76,18 +76,18 @@ pub struct Known {
 }
 
 /// All rivals.
-pub const RIVALS: &[Known] = &[
-    Known {
+pub const RIVALS: &[RivalInfo] = &[
+    RivalInfo {
         name: "vulkan-rt",
         list: list_vulkan,
         open: |adapter, _| open_vulkan(adapter, false),
     },
-    Known {
+    RivalInfo {
         name: "vulkan-rt:fast-trace",
         list: list_vulkan,
         open: |adapter, _| open_vulkan(adapter, true),
     },
-    Known {
+    RivalInfo {
         name: embree::NAME,
         list: embree::adapters,
         open: |_, threads| Ok(Box::new(embree::Embree::new(threads)?)),
@@ -96,11 +96,11 @@ pub const RIVALS: &[Known] = &[
 
 /// Returns the rival with the given name.
 #[must_use]
-pub fn known(name: &str) -> Option<&'static Known> {
+pub fn known(name: &str) -> Option<&'static RivalInfo> {
     RIVALS.iter().find(|known| known.name == name)
 }
 
-impl Known {
+impl RivalInfo {
     /// Lists the devices that the rival can use on this machine.
     ///
     /// # Errors
@@ -118,13 +118,13 @@ impl Known {
     }
 }
 
-impl fmt::Debug for Known {
+impl fmt::Debug for RivalInfo {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name)
     }
 }
 
-impl PartialEq for Known {
+impl PartialEq for RivalInfo {
     fn eq(&self, other: &Self) -> bool {
         self.name == other.name
     }

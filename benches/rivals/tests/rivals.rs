@@ -11,7 +11,7 @@ use geom::{Animation, Camera, Point, Pose, Ray};
 use gpu_common::{Options, Validation};
 use integration::program;
 use rivals::vulkan_rt::{Prefer, VulkanRt};
-use rivals::{Known, RIVALS, Rival, Upkeep, known};
+use rivals::{RIVALS, Rival, RivalInfo, TreeUpdate, known};
 use scene::Viewpoint;
 use std::ffi::OsStr;
 use std::process::ExitCode;
@@ -21,7 +21,7 @@ use std::sync::Arc;
 const SHARE: f64 = 0.002;
 const SIZE: [u32; 2] = [160, 100];
 
-type Test = (&'static str, fn(&'static Known));
+type Test = (&'static str, fn(&'static RivalInfo));
 
 const TESTS: &[Test] = &[
     ("hits_match_ours_almost_everywhere", hits),
@@ -61,7 +61,7 @@ enum Subject {
 }
 
 impl Subject {
-    fn load(rival: &Known, animation: &Arc<Animation>, upkeep: Upkeep) -> Self {
+    fn load(rival: &RivalInfo, animation: &Arc<Animation>, tree_update: TreeUpdate) -> Self {
         let options = Options {
             validation: Validation::IfInstalled,
             ..Options::default()
@@ -72,7 +72,10 @@ impl Subject {
             Some(prefer) => Self::Vulkan(Box::new(VulkanRt::new(&options, prefer).unwrap())),
             None => Self::Other(rival.open(None, 2).unwrap()),
         };
-        subject.rival().load(Arc::clone(animation), upkeep).unwrap();
+        subject
+            .rival()
+            .load(Arc::clone(animation), tree_update)
+            .unwrap();
         subject
     }
 
@@ -150,7 +153,7 @@ fn count(hits: &Hits) -> (u64, u64) {
     (found as u64, blocked as u64)
 }
 
-fn hits(rival: &'static Known) {
+fn hits(rival: &'static RivalInfo) {
     let shot = Shot::demo();
     let times = [0.0, 1.5, 3.25];
     let ours = times.map(|time| shot.ours(time));
@@ -158,12 +161,12 @@ fn hits(rival: &'static Known) {
         ours.iter()
             .all(|hits| count(hits).0 > 1000 && count(hits).1 > 100)
     );
-    for upkeep in Upkeep::ALL {
-        let mut subject = Subject::load(rival, &shot.animation, upkeep);
+    for tree_update in TreeUpdate::ALL {
+        let mut subject = Subject::load(rival, &shot.animation, tree_update);
         for (&time, ours) in times.iter().zip(&ours) {
             let (hits, report) = subject.trace(shot.animation.pose(time), shot.query());
             let share = differing(&hits, ours);
-            assert!(share <= SHARE, "{upkeep} at {time}: {share}");
+            assert!(share <= SHARE, "{tree_update} at {time}: {share}");
             assert_eq!((report.hits, report.blocked), count(&hits));
         }
         // Hits of another time are recognised as wrong.
@@ -172,7 +175,7 @@ fn hits(rival: &'static Known) {
     }
 }
 
-fn not_finite(rival: &'static Known) {
+fn not_finite(rival: &'static RivalInfo) {
     let shot = Shot::demo();
     let keys = shot.animation.all_keys().unwrap();
     let mut keys: Vec<Vec<Point>> = keys.iter().map(|key| key.to_vec()).collect();
@@ -186,7 +189,7 @@ fn not_finite(rival: &'static Known) {
         animation: Arc::new(animation),
         ..shot
     };
-    let mut subject = Subject::load(rival, &damaged.animation, Upkeep::Rebuild);
+    let mut subject = Subject::load(rival, &damaged.animation, TreeUpdate::Rebuild);
     for time in [0.0, 1.0] {
         let (hits, _) = subject.trace(damaged.animation.pose(time), damaged.query());
         let share = differing(&hits, &damaged.ours(time));
@@ -194,10 +197,10 @@ fn not_finite(rival: &'static Known) {
     }
 }
 
-fn queries(rival: &'static Known) {
+fn queries(rival: &'static RivalInfo) {
     let shot = Shot::demo();
     let pose = shot.animation.pose(1.5);
-    let mut subject = Subject::load(rival, &shot.animation, Upkeep::Refit);
+    let mut subject = Subject::load(rival, &shot.animation, TreeUpdate::Refit);
     let (both, _) = subject.trace(pose, shot.query());
     let mut list: Vec<Ray> = shot.camera.rays().collect();
     // A ray that is not valid hits nothing.
@@ -217,9 +220,9 @@ fn queries(rival: &'static Known) {
     assert!(any.blocked.iter().copied().eq(met) && any.closest.is_empty());
 }
 
-fn times(rival: &'static Known) {
+fn times(rival: &'static RivalInfo) {
     let shot = Shot::demo();
-    let mut subject = Subject::load(rival, &shot.animation, Upkeep::Rebuild);
+    let mut subject = Subject::load(rival, &shot.animation, TreeUpdate::Rebuild);
     let (_, moved) = subject.trace(shot.animation.pose(0.5), shot.query());
     let (_, stayed) = subject.trace(shot.animation.pose(0.5), shot.query());
     for (times, is_moved) in [(moved.times, true), (stayed.times, false)] {
@@ -246,7 +249,7 @@ fn run(words: &str, file: &str, variables: &[(&str, &OsStr)]) -> (Option<i32>, S
     (output.status.code(), text, file)
 }
 
-fn rows(rival: &'static Known) {
+fn rows(rival: &'static RivalInfo) {
     let words = format!(
         "bench demo:collide:600 --backend cpu --rival {} --update refit,rebuild --rays camera,random --frames 3 --size 64x40 --quiet --json b.json",
         rival.name
@@ -277,7 +280,7 @@ fn rows(rival: &'static Known) {
     assert!(text.contains("of rays differ from backend cpu"), "{text}");
 }
 
-fn points(rival: &'static Known) {
+fn points(rival: &'static RivalInfo) {
     let words = format!(
         "chart demo:collide:300 --backend cpu --intersector watertight --rival {} --update refit --frames 3 --size 64x40 --rays 2000 --out c --quiet",
         rival.name

@@ -4,13 +4,13 @@ use crate::error::CliError;
 use crate::tracer_settings::{ChosenPolicy, TracerSettings, Workload};
 use backend::{Backend, DeviceKind, Policy};
 use geom::Animation;
-use output::Taken;
+use output::AutoChoice;
 use pipeline::{DriverOptions, ExpectedMemory, RefitDegradation, RunFacts};
 
 /// Describes the value that was chosen for an option that is `auto`. Returns `None` if `why` is `None`, which means
 /// that the user chose the value.
-pub(crate) fn choice(option: &str, value: &str, why: Option<String>) -> Option<Taken> {
-    Some(Taken {
+pub(crate) fn choice(option: &str, value: &str, why: Option<String>) -> Option<AutoChoice> {
+    Some(AutoChoice {
         what: option.to_owned(),
         takes: value.to_owned(),
         why: why?,
@@ -41,7 +41,7 @@ pub(crate) fn choose_policy(
     settings: &TracerSettings,
     workload: Workload<'_>,
 ) -> Result<ChosenPolicy, CliError> {
-    if !settings.is_open() || workload.frames.is_empty() {
+    if !settings.is_policy_auto() || workload.frames.is_empty() {
         return Ok(settings.policy());
     }
     let (policy, why) = facts(capabilities, animation, settings, workload)?.choose();

@@ -182,7 +182,7 @@ impl Drop for Opening {
 
 /// Availability of a backend on this machine.
 #[derive(Clone, Debug, Serialize)]
-pub(crate) struct BackendPresence {
+pub(crate) struct BackendAvailability {
     #[serde(serialize_with = "serialize_name")]
     pub(crate) backend: BackendName,
     /// Reason why the backend is unavailable; `None` if it can run.
@@ -211,10 +211,10 @@ fn serialize<S: Serializer>(all: &[AdapterInfo], to: S) -> Result<S::Ok, S::Erro
 }
 
 /// Returns all backends, available or not, in the order in which `auto` tries them.
-pub(crate) fn presences() -> impl DoubleEndedIterator<Item = BackendPresence> {
+pub(crate) fn availability() -> impl DoubleEndedIterator<Item = BackendAvailability> {
     BACKENDS.iter().map(|entry| {
         let found = entry.adapters();
-        BackendPresence {
+        BackendAvailability {
             backend: entry.name,
             absent: found.as_ref().err().map(ToString::to_string),
             adapters: found.unwrap_or_default(),

@@ -3,13 +3,13 @@
 use crate::auto;
 use crate::command::RunCommand;
 use crate::console;
-use crate::devices::{BackendPresence, DeviceRequest, presences};
+use crate::devices::{BackendAvailability, DeviceRequest, availability};
 use crate::error::CliError;
 use crate::machine::{VERSION, cpu_model};
 use crate::table::counted;
 use clap::Args;
 use comfy_table::{ContentArrangement, Table, presets};
-use output::{SCHEMA, Taken};
+use output::{AutoChoice, SCHEMA};
 use serde::Serialize;
 
 const WIDTH: usize = 100;
@@ -27,8 +27,8 @@ struct MachineReport {
     version: &'static str,
     cpu: Option<String>,
     threads: usize,
-    auto: Option<Taken>,
-    backends: Vec<BackendPresence>,
+    auto: Option<AutoChoice>,
+    backends: Vec<BackendAvailability>,
 }
 
 impl RunCommand for InfoSettings {
@@ -39,7 +39,7 @@ impl RunCommand for InfoSettings {
             cpu: cpu_model(),
             threads: host::cores(),
             auto: choice_of_auto()?,
-            backends: presences().collect(),
+            backends: availability().collect(),
         };
         if self.json {
             console::print_json(&report)
@@ -69,7 +69,7 @@ impl RunCommand for DoctorSettings {
 
 /// Returns the backend that `auto` chooses. Opens backends to find it, because `auto` skips a GPU that fails its
 /// self-test.
-fn choice_of_auto() -> Result<Option<Taken>, CliError> {
+fn choice_of_auto() -> Result<Option<AutoChoice>, CliError> {
     let request = DeviceRequest {
         threads: 1,
         ..DeviceRequest::of(None)
@@ -86,7 +86,7 @@ fn text(report: &MachineReport) -> String {
         row("abvh", VERSION),
         row("cpu", &format!("{cpu}, {threads}")),
     ];
-    if let Some(Taken { takes, why, .. }) = &report.auto {
+    if let Some(AutoChoice { takes, why, .. }) = &report.auto {
         rows.push(row("auto takes", &format!("{takes}: {why}")));
     }
     for backend in &report.backends {

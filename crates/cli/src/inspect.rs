@@ -13,7 +13,7 @@ use crate::table::{KEY_FRAMES, TRIANGLES, counted, grouped, table};
 use crate::tracer_settings::{TracerSettings, Workload};
 use backend::Intersector;
 use clap::Args;
-use output::Taken;
+use output::AutoChoice;
 use pipeline::{CountRange, MotionStats, RefitCosts};
 use scene::Scene;
 use serde::Serialize;
@@ -42,7 +42,7 @@ struct Inspection {
     inactive: CountRange,
     degenerate: CountRange,
     decay: Vec<RefitCosts>,
-    auto: Vec<Taken>,
+    auto: Vec<AutoChoice>,
 }
 
 impl RunCommand for InspectSettings {
@@ -75,7 +75,7 @@ impl RunCommand for InspectSettings {
 }
 
 /// Returns what `render` would choose if everything were `auto`.
-fn choices_of_auto(name: &str, scene: &Scene) -> Result<Vec<Taken>, CliError> {
+fn choices_of_auto(name: &str, scene: &Scene) -> Result<Vec<AutoChoice>, CliError> {
     let animation = &scene.animation;
     let frames = frame_list::list(None, None, animation.key_count(), is_demo(name))?;
     let settings = TracerSettings::of(None, Intersector::Watertight, None);

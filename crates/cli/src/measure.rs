@@ -17,12 +17,12 @@ use backend::{DeviceBytes, Hits, Intersector, Query, QueryKind, Rays};
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use geom::{Animation, Ray};
-use output::{FrameStats, Summary, TIMES, Time, mrays};
+use output::{FrameQuantity, FrameStats, Summary, TIMES, mrays};
 use pipeline::{Driver, Frame, Warmed};
 use rays::FrameRays;
 pub(crate) use rays::{MeasuredRays, random_rays};
 use rival::{OWN, RivalDevice, RivalPolicy, RunningRival};
-use rivals::{Known, Upkeep};
+use rivals::{RivalInfo, TreeUpdate};
 use scene::Scene;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -45,7 +45,7 @@ pub(crate) struct MeasureSettings {
     /// Third-party ray tracers to measure as well. Each builds its own trees, so only rebuild and refit apply
     #[arg(long, value_name = "LIST", value_delimiter = ',',
         value_parser = PossibleValuesParser::new(rivals::RIVALS.iter().map(|rival| rival.name)).map(known_rival))]
-    pub(crate) rival: Vec<&'static Known>,
+    pub(crate) rival: Vec<&'static RivalInfo>,
     /// Update policies
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "rebuild,refit,async", value_parser = parsers::update(|_| true))]
     pub(crate) update: Vec<PolicyChoice>,
@@ -71,7 +71,7 @@ pub(crate) struct MeasureSettings {
 }
 
 /// Returns the rival with this name.
-fn known_rival(name: String) -> &'static Known {
+fn known_rival(name: String) -> &'static RivalInfo {
     rivals::known(&name).expect("the parser admits names of rivals only")
 }
 
@@ -81,7 +81,7 @@ pub(crate) struct MeasuredScene {
     pub(crate) name: String,
     pub(crate) scene: Scene,
     pub(crate) frames: Vec<Frame>,
-    pub(crate) shot: LitCamera,
+    pub(crate) lit_camera: LitCamera,
 }
 
 impl MeasureSettings {
@@ -92,7 +92,7 @@ impl MeasureSettings {
         Ok(MeasuredScene {
             name: name.to_owned(),
             frames: frame_list::list(Some(&self.frames), self.time_range, keys, false)?,
-            shot: self.camera.aim(&scene)?,
+            lit_camera: self.camera.aim(&scene)?,
             scene,
         })
     }
@@ -121,9 +121,10 @@ impl Contenders {
     pub(crate) fn add_rivals(&mut self, settings: &MeasureSettings) {
         for &rival in &settings.rival {
             for policy in settings.update.iter().copied().map(policy_name) {
-                if let Some(upkeep) = Upkeep::ALL.into_iter().find(|u| u.name() == policy) {
+                if let Some(tree_update) = TreeUpdate::ALL.into_iter().find(|u| u.name() == policy)
+                {
                     self.all
-                        .push(Contender::Rival(RivalPolicy { rival, upkeep }));
+                        .push(Contender::Rival(RivalPolicy { rival, tree_update }));
                 } else {
                     let why = "is left out: it keeps its own tree, which it rebuilds or refits in each frame";
                     self.skipped
@@ -149,9 +150,9 @@ impl Contender {
                 update: policy_name(tracer.update),
                 intersector: tracer.intersector.name(),
             },
-            Self::Rival(RivalPolicy { rival, upkeep }) => ContenderNames {
+            Self::Rival(RivalPolicy { rival, tree_update }) => ContenderNames {
                 backend: rival.name,
-                update: upkeep.name(),
+                update: tree_update.name(),
                 intersector: OWN,
             },
         }
@@ -244,10 +245,10 @@ impl Measuring<'_> {
         let MeasuredScene {
             scene,
             frames,
-            shot,
+            lit_camera,
             ..
         } = self.scene;
-        let rays = FrameRays::of(self.rays, scene, shot);
+        let rays = FrameRays::of(self.rays, scene, lit_camera);
         let plan = TimingPlan {
             frames,
             query: rays.query(),
@@ -318,7 +319,7 @@ pub(crate) struct MeasuredRow {
 }
 
 /// Quantities that are summarized in addition to [`TIMES`]. `geometry_ms` covers all stages before tracing.
-const MORE: [(&str, Time); 4] = [
+const MORE: [(&str, FrameQuantity); 4] = [
     ("geometry_ms", geometry),
     ("tree_age_frames", |f| Some(f.tree.age_frames as f64)),
     ("sah_ratio", |f| f.tree.sah_ratio),
@@ -355,9 +356,13 @@ impl MeasuredRow {
             held,
         } = timed;
         let MeasuredScene {
-            name, scene, shot, ..
+            name,
+            scene,
+            lit_camera,
+            ..
         } = measuring.scene;
-        let median = |time: Time| Summary::of(stats.iter().filter_map(time)).map(|s| s.median);
+        let median =
+            |time: FrameQuantity| Summary::of(stats.iter().filter_map(time)).map(|s| s.median);
         let named = TIMES.iter().chain(&MORE);
         let medians: BTreeMap<_, _> = named.map(|&(name, time)| (name, median(time))).collect();
         let triangles = scene.animation.triangle_count();
@@ -366,7 +371,7 @@ impl MeasuredRow {
             let times = &f.report.times;
             let ms = times.trace_primary_ms? + times.trace_shadow_ms.unwrap_or(0.0);
             let shadows = if is_camera { f.report.hits as f64 } else { 0.0 };
-            mrays(shot.camera.pixels() as f64 + shadows, ms)
+            mrays(lit_camera.camera.pixels() as f64 + shadows, ms)
         });
         Self {
             scene: name.clone(),

@@ -7,7 +7,7 @@ use crate::file_checks::CommandFiles;
 use crate::parsers;
 use crate::render::statistics;
 use clap::Args;
-use output::{Finished, Manifest};
+use output::{JournalContents, Manifest};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -41,7 +41,7 @@ impl RunCommand for MergeSettings {
         let (mut rows, mut missing) = (Vec::new(), Vec::new());
         for &frame in &list {
             let mut parts = parts.iter();
-            match parts.find_map(|part| part.finished.all_whole(frame, part.folder)) {
+            match parts.find_map(|part| part.finished.all_unchanged(frame, part.folder)) {
                 Some(row) => rows.push(row.clone()),
                 None => missing.push(frame),
             }
@@ -66,7 +66,7 @@ impl RunCommand for MergeSettings {
 struct MergedFolder<'a> {
     folder: &'a Path,
     manifest: Manifest,
-    finished: Finished,
+    finished: JournalContents,
 }
 
 impl<'a> MergedFolder<'a> {
@@ -77,7 +77,7 @@ impl<'a> MergedFolder<'a> {
         Ok(Self {
             folder,
             manifest: manifest.ok_or_else(no_manifest)?,
-            finished: Finished::in_folder(folder).map_err(CliError::invalid)?,
+            finished: JournalContents::in_folder(folder).map_err(CliError::invalid)?,
         })
     }
 }

@@ -49,31 +49,31 @@ pub(crate) fn backend(help: &'static str) -> impl TypedValueParser<Value = Optio
     })
 }
 
-/// Parses the name of an intersector that `is_taken` accepts.
+/// Parses the name of an intersector that `is_accepted` accepts.
 pub(crate) fn intersector(
-    is_taken: fn(Intersector) -> bool,
+    is_accepted: fn(Intersector) -> bool,
 ) -> impl TypedValueParser<Value = Intersector> {
-    let taken = Intersector::ALL.into_iter().filter(|&i| is_taken(i));
+    let accepted = Intersector::ALL.into_iter().filter(|&i| is_accepted(i));
     let value = |i: Intersector| PossibleValue::new(i.name()).help(i.description());
-    PossibleValuesParser::new(taken.map(value)).try_map(|name| name.parse())
+    PossibleValuesParser::new(accepted.map(value)).try_map(|name| name.parse())
 }
 
-fn policy_names(is_taken: fn(Policy) -> bool) -> impl Iterator<Item = PossibleValue> {
-    let taken = Policy::ALL.into_iter().filter(move |&p| is_taken(p));
-    taken.map(|p| PossibleValue::new(p.name()).help(p.description()))
+fn policy_names(is_accepted: fn(Policy) -> bool) -> impl Iterator<Item = PossibleValue> {
+    let accepted = Policy::ALL.into_iter().filter(move |&p| is_accepted(p));
+    accepted.map(|p| PossibleValue::new(p.name()).help(p.description()))
 }
 
-/// Parses the name of an update policy that `is_taken` accepts.
-pub(crate) fn policy(is_taken: fn(Policy) -> bool) -> impl TypedValueParser<Value = Policy> {
-    PossibleValuesParser::new(policy_names(is_taken)).try_map(|name| name.parse())
+/// Parses the name of an update policy that `is_accepted` accepts.
+pub(crate) fn policy(is_accepted: fn(Policy) -> bool) -> impl TypedValueParser<Value = Policy> {
+    PossibleValuesParser::new(policy_names(is_accepted)).try_map(|name| name.parse())
 }
 
-/// Parses the name of an update policy that `is_taken` accepts. `auto` is `None`.
+/// Parses the name of an update policy that `is_accepted` accepts. `auto` is `None`.
 pub(crate) fn update(
-    is_taken: fn(Policy) -> bool,
+    is_accepted: fn(Policy) -> bool,
 ) -> impl TypedValueParser<Value = Option<Policy>> {
     let auto = PossibleValue::new(AUTO).help("The policy that is expected to finish the run first");
-    let all = [auto].into_iter().chain(policy_names(is_taken));
+    let all = [auto].into_iter().chain(policy_names(is_accepted));
     PossibleValuesParser::new(all).try_map(|name| match &*name {
         AUTO => Ok(None),
         name => name.parse().map(Some),

@@ -147,9 +147,9 @@ impl RenderSettings {
     }
 
     /// Writes the primary rays, if requested.
-    fn write_rays(&self, scene: &Scene, shot: &LitCamera) -> Result<(), CliError> {
+    fn write_rays(&self, scene: &Scene, lit_camera: &LitCamera) -> Result<(), CliError> {
         if let Some(file) = &self.rays_out {
-            let (camera, offset) = (&shot.camera, scene.facts.offset);
+            let (camera, offset) = (&lit_camera.camera, scene.facts.offset);
             output::write_rays(file, camera.pixels(), camera.rays(), offset)?;
         }
         Ok(())
@@ -206,7 +206,7 @@ fn run(settings: &RenderSettings) -> Result<(), CliError> {
     if frames.is_empty() {
         return finish_empty_shard(settings, earlier, &files, &scene, &plan);
     }
-    let shot = settings.camera.aim(&scene)?;
+    let lit_camera = settings.camera.aim(&scene)?;
     // The encoder starts while the device is opened.
     let videos = VideoFiles {
         encoded: settings.video.as_deref(),
@@ -224,11 +224,11 @@ fn run(settings: &RenderSettings) -> Result<(), CliError> {
         hits: files.has_hits(),
         pixels: files.has_pictures() || files.has_video,
     };
-    let on_device = tracer.prepare_frames(shot.view(), wanted)?;
+    let on_device = tracer.prepare_frames(lit_camera.view(), wanted)?;
     // If the host shades, it needs the hits of each frame. They count towards the memory limit of the frame writer.
     wanted.hits |= wanted.pixels && !on_device;
     let new_folders = files.create_folders()?;
-    settings.write_rays(&scene, &shot).inspect_err(|_| {
+    settings.write_rays(&scene, &lit_camera).inspect_err(|_| {
         // The run ends here, so remove the folders that it created.
         for folder in &new_folders {
             let _ = std::fs::remove_dir(folder);
@@ -240,7 +240,7 @@ fn run(settings: &RenderSettings) -> Result<(), CliError> {
     signals::defer();
     let rendered = Rendered {
         scene: &scene,
-        shot: &shot,
+        lit_camera: &lit_camera,
         files: &files,
         wanted,
     };
@@ -295,12 +295,12 @@ fn render_frames(
     rendered: Rendered<'_>,
     log: FrameLog<'_>,
 ) -> Result<Vec<FrameStats>, CliError> {
-    let (view, wanted) = (rendered.shot.view(), rendered.wanted);
+    let (view, wanted) = (rendered.lit_camera.view(), rendered.wanted);
     let writer = FrameWriter::new(rendered, log);
     let mut places = 0..;
     rayon::in_place_scope(|scope| {
-        tracer.render_frames::<CliError>(frames, view, wanted, |frame, answers| {
-            writer.write(scope, places.next().unwrap_or_default(), frame, answers)
+        tracer.render_frames::<CliError>(frames, view, wanted, |frame, outputs| {
+            writer.write(scope, places.next().unwrap_or_default(), frame, outputs)
         })
     })?;
     // Close the device while the video encoder finishes.

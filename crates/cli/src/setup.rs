@@ -10,7 +10,7 @@ use abvh::{Mesh, Tracer};
 use backend::{Backend, BackendName, DeviceKind};
 use geom::Animation;
 use host::FreeMemory;
-use output::Taken;
+use output::AutoChoice;
 use pipeline::{BuilderThreads, Driver, DriverOptions, ExpectedMemory, trees_bytes};
 use scene::Scene;
 use serde::Serialize;
@@ -32,7 +32,7 @@ pub(crate) struct Setup {
     pub(crate) predict: Option<bool>,
     pub(crate) intersector: &'static str,
     /// Choices of `auto`.
-    pub(crate) auto: Vec<Taken>,
+    pub(crate) auto: Vec<AutoChoice>,
     #[serde(skip)]
     pub(crate) memory: Option<ExpectedMemory>,
     /// The setup as one line of text.

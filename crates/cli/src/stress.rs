@@ -150,7 +150,7 @@ enum StepRays {
 impl StepRays {
     fn count(&self) -> usize {
         match self {
-            Self::Camera(shot) => shot.camera.pixels(),
+            Self::Camera(lit_camera) => lit_camera.camera.pixels(),
             Self::List(rays) => rays.len(),
         }
     }
@@ -244,7 +244,7 @@ impl StreamedTracer<'_> {
             }
         }
         let query = match &self.motion.rays {
-            StepRays::Camera(shot) => step.trace(&shot.camera, Query::Closest)?,
+            StepRays::Camera(lit_camera) => step.trace(&lit_camera.camera, Query::Closest)?,
             StepRays::List(rays) => step.trace(rays, Query::Closest)?,
         };
         let id = step.submit()?;

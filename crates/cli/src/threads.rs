@@ -10,22 +10,22 @@ use std::sync::mpsc::{Sender, channel};
 /// The global pool can be built only once. So the threads are started first, and the pool uses those that started.
 pub(crate) fn start(threads: Option<usize>) {
     let wanted = threads.unwrap_or_else(host::cores);
-    let crew = crew(wanted, |work| {
+    let worker_senders = worker_senders(wanted, |work| {
         std::thread::Builder::new().spawn(work).map(drop)
     });
-    if crew.len() < wanted {
-        let fewer = crew.len().max(1);
+    if worker_senders.len() < wanted {
+        let fewer = worker_senders.len().max(1);
         crate::console::say(&format!(
             "the system cannot start {wanted} threads: reading and shading use {fewer}"
         ));
     }
     // Building fails only if a pool exists already. Then that pool is used.
     let pool = rayon::ThreadPoolBuilder::new();
-    let _ = match &crew[..] {
+    let _ = match &worker_senders[..] {
         [] => pool.num_threads(1).use_current_thread().build_global(),
-        crew => pool
-            .num_threads(crew.len())
-            .spawn_handler(|worker| hand(crew, worker))
+        worker_senders => pool
+            .num_threads(worker_senders.len())
+            .spawn_handler(|worker| send_worker(worker_senders, worker))
             .build_global(),
     };
     // This program owns the process, so `geom` uses rayon's global pool instead of its own.
@@ -33,14 +33,14 @@ pub(crate) fn start(threads: Option<usize>) {
 }
 
 /// Runs a rayon worker on one of the started threads.
-fn hand(crew: &[Sender<ThreadBuilder>], worker: ThreadBuilder) -> io::Result<()> {
-    let handed = crew[worker.index()].send(worker);
+fn send_worker(worker_senders: &[Sender<ThreadBuilder>], worker: ThreadBuilder) -> io::Result<()> {
+    let handed = worker_senders[worker.index()].send(worker);
     handed.map_err(|_| io::ErrorKind::BrokenPipe.into())
 }
 
 /// Starts up to `wanted` threads. Each waits for a rayon worker to run, and ends if its sender is dropped. If the
 /// system refuses a thread, keeps only half of the threads, so that other code can start some.
-fn crew(
+fn worker_senders(
     wanted: usize,
     spawn: impl Fn(Box<dyn FnOnce() + Send>) -> io::Result<()>,
 ) -> Vec<Sender<ThreadBuilder>> {
@@ -49,11 +49,11 @@ fn crew(
         let work = move || inbox.recv().map(ThreadBuilder::run).unwrap_or_default();
         spawn(Box::new(work)).ok().map(|()| worker)
     };
-    let mut crew: Vec<_> = (0..wanted).map_while(start).collect();
-    if crew.len() < wanted {
-        crew.truncate(crew.len() / 2);
+    let mut worker_senders: Vec<_> = (0..wanted).map_while(start).collect();
+    if worker_senders.len() < wanted {
+        worker_senders.truncate(worker_senders.len() / 2);
     }
-    crew
+    worker_senders
 }
 
 #[cfg(test)]
@@ -71,7 +71,7 @@ mod tests {
                 Err(io::ErrorKind::WouldBlock.into())
             }
         };
-        assert_eq!(crew(16, five).len(), 2);
-        assert!(crew(4, |_| Err(io::ErrorKind::WouldBlock.into())).is_empty());
+        assert_eq!(worker_senders(16, five).len(), 2);
+        assert!(worker_senders(4, |_| Err(io::ErrorKind::WouldBlock.into())).is_empty());
     }
 }

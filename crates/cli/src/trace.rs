@@ -134,7 +134,7 @@ fn run(settings: &TraceSettings) -> Result<(), CliError> {
     let done = step.submit()?;
     let hits = tracer.hits(done, query)?;
     if settings.any_hit {
-        output::write_found(&settings.out, hits.any())?;
+        output::write_any_hits(&settings.out, hits.any())?;
     } else {
         let shape = [rays.len() as u64];
         let hits = HitArrays {

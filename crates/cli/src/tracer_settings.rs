@@ -66,7 +66,7 @@ impl TracerSettings {
         let (policy, why) = match self.update {
             Some(named) if named.builds_concurrently() => (at_pace, None),
             Some(named) => (named, None),
-            None if self.is_open() => (at_pace, Some("it suits most scenes that deform")),
+            None if self.is_policy_auto() => (at_pace, Some("it suits most scenes that deform")),
             None => (at_pace, Some("--lockstep requires it")),
         };
         let why = why.map(str::to_owned);
@@ -74,7 +74,7 @@ impl TracerSettings {
     }
 
     /// Returns whether the policy is left to `auto`. [`crate::auto`] chooses it once the backend is open.
-    pub(crate) fn is_open(&self) -> bool {
+    pub(crate) fn is_policy_auto(&self) -> bool {
         self.update.is_none() && self.lockstep.is_none()
     }
 
@@ -171,7 +171,7 @@ mod tests {
             let found = (chosen.policy, chosen.why.is_none());
             assert_eq!(found, (policy, is_named), "{settings:?}");
         }
-        assert!(settings(None, None).is_open() && !settings(None, Some(3)).is_open());
+        assert!(settings(None, None).is_policy_auto() && !settings(None, Some(3)).is_policy_auto());
     }
 
     #[test]

@@ -14,7 +14,7 @@ use zip::write::{FileOptions, ZipWriter};
 use zip::{CompressionMethod, DateTime};
 
 /// Upper bound of the bytes for the headers of all arrays and the archive's directory.
-const ROOM_FOR_HEADS: usize = 4096;
+const MAX_HEADER_BYTES: usize = 4096;
 
 /// Closest hits of a list or picture of rays, in the form in which they are written.
 #[derive(Clone, Copy, Debug)]
@@ -66,7 +66,7 @@ impl<'a> HitArrays<'a> {
 }
 
 /// Writes the single array `hit` u8 of shape (N,): 1 for rays that hit any triangle.
-pub fn write_found(path: &Path, found: &[u8]) -> Result<(), OutputError> {
+pub fn write_any_hits(path: &Path, found: &[u8]) -> Result<(), OutputError> {
     write_archive(path, found.len(), |zip| {
         add(zip, &[found.len() as u64], "hit", found.iter().copied())
     })
@@ -81,8 +81,8 @@ fn write_archive(
     bytes: usize,
     fill: impl FnOnce(&mut Archive) -> io::Result<()>,
 ) -> Result<(), OutputError> {
-    let room = Vec::with_capacity(bytes + ROOM_FOR_HEADS);
-    let mut zip = ZipWriter::new(Cursor::new(room));
+    let buffer = Vec::with_capacity(bytes + MAX_HEADER_BYTES);
+    let mut zip = ZipWriter::new(Cursor::new(buffer));
     let filled = fill(&mut zip).and_then(|()| Ok(zip.finish()?.into_inner()));
     write_whole(path, &filled.map_err(|e| OutputError::writing(path, e))?)
 }
@@ -184,7 +184,7 @@ mod tests {
         HitArrays::of(&hits(), &[6]).write(&path).unwrap();
         let again = fs::read(&path).unwrap();
         assert_eq!(again, bytes, "equal hits are equal files");
-        write_found(&path, &[1, 0, 1]).unwrap();
+        write_any_hits(&path, &[1, 0, 1]).unwrap();
         assert_eq!(names(), "hit.npy");
         assert_eq!(read::<u8>(&path, "hit").2, [1, 0, 1]);
     }

@@ -141,7 +141,7 @@ enum JournalLine {
 
 /// Combined contents of all journals of a folder.
 #[derive(Debug, Default)]
-pub struct Finished {
+pub struct JournalContents {
     /// Numbers of the frames of all runs, in ascending order without duplicates.
     pub list: Vec<u64>,
     /// Statistics of the last run that recorded any, except those of frames.
@@ -149,7 +149,7 @@ pub struct Finished {
     frames: BTreeMap<u64, (Vec<NamedDigest>, FrameStats)>,
 }
 
-impl Finished {
+impl JournalContents {
     /// Reads all journals of a folder. Truncated lines are ignored.
     pub fn in_folder(folder: &Path) -> Result<Self, OutputError> {
         let mut done = Self::default();
@@ -175,7 +175,7 @@ impl Finished {
 
     /// Returns the statistics of a frame if its file `name` in `folder` is unchanged. Returns `None` otherwise.
     #[must_use]
-    pub fn whole(&self, frame: u64, folder: &Path, name: &str) -> Option<&FrameStats> {
+    pub fn unchanged(&self, frame: u64, folder: &Path, name: &str) -> Option<&FrameStats> {
         let (files, row) = self.frames.get(&frame)?;
         let (_, digest) = files.iter().find(|(n, _)| n == name)?;
         let found = digest_of(&folder.join(name)).ok()?;
@@ -184,10 +184,10 @@ impl Finished {
 
     /// Returns the statistics of a frame if all of its files in `folder` are unchanged. Returns `None` otherwise.
     #[must_use]
-    pub fn all_whole(&self, frame: u64, folder: &Path) -> Option<&FrameStats> {
+    pub fn all_unchanged(&self, frame: u64, folder: &Path) -> Option<&FrameStats> {
         let (files, row) = self.frames.get(&frame)?;
-        let whole = |(name, _): &NamedDigest| self.whole(frame, folder, name).is_some();
-        files.iter().all(whole).then_some(row)
+        let unchanged = |(name, _): &NamedDigest| self.unchanged(frame, folder, name).is_some();
+        files.iter().all(unchanged).then_some(row)
     }
 }
 
@@ -224,7 +224,7 @@ fn journals(folder: &Path) -> Result<Vec<PathBuf>, OutputError> {
 
 /// Removes the journals of a folder and the files that they list. Fails if another run is writing one of the journals.
 pub fn clear_run(folder: &Path) -> Result<(), OutputError> {
-    let done = Finished::in_folder(folder)?;
+    let done = JournalContents::in_folder(folder)?;
     let journals = journals(folder)?;
     for journal in &journals {
         open_locked(journal)?;

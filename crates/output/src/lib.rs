@@ -18,13 +18,15 @@ pub use atomic::{
     OutputError, check_dir, check_writable, prepare_dir, remove_special_file, remove_unfinished,
     write_whole, write_with,
 };
-pub use hits::{HitArrays, write_found};
+pub use hits::{HitArrays, write_any_hits};
 pub use journal::{
-    Digest, Finished, Journal, Manifest, NamedDigest, SceneId, clear_run, digests, is_frame_file,
+    Digest, Journal, JournalContents, Manifest, NamedDigest, SceneId, clear_run, digests,
+    is_frame_file,
 };
 pub use picture::{drop_alpha, write_png};
 pub use rays::{RayFile, write_rays};
 pub use stats::{
-    FrameStats, SCHEMA, Summary, TIMES, Taken, Time, memory, mrays, overview, trees, write_json,
+    AutoChoice, FrameQuantity, FrameStats, SCHEMA, Summary, TIMES, memory, mrays, overview, trees,
+    write_json,
 };
 pub use video::{Video, VideoFiles, VideoPlanes};

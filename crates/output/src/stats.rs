@@ -65,7 +65,7 @@ impl FrameStats {
 
 /// Choice that an `auto` option made, with the reason.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Taken {
+pub struct AutoChoice {
     /// Name of the option, such as `backend`.
     pub what: String,
     /// Chosen value.
@@ -74,7 +74,7 @@ pub struct Taken {
     pub why: String,
 }
 
-impl fmt::Display for Taken {
+impl fmt::Display for AutoChoice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { what, takes, why } = self;
         write!(f, "{what} auto takes {takes}: {why}")
@@ -112,10 +112,10 @@ impl Summary {
 }
 
 /// Function that returns a time, or another quantity, of a frame.
-pub type Time = fn(&FrameStats) -> Option<f64>;
+pub type FrameQuantity = fn(&FrameStats) -> Option<f64>;
 
 /// Times that are summarized, in stage order.
-pub const TIMES: [(&str, Time); 11] = [
+pub const TIMES: [(&str, FrameQuantity); 11] = [
     ("interpolate_ms", |f| f.report.times.interpolate_ms),
     ("preprocess_ms", |f| f.report.times.preprocess_ms),
     ("rebuild_ms", |f| f.report.times.rebuild_ms),
@@ -130,7 +130,7 @@ pub const TIMES: [(&str, Time); 11] = [
 ];
 
 /// Memory that is summarized: the resident bytes of this process, and the bytes that the backend has allocated.
-const BYTES: [(&str, Time); 2] = [
+const BYTES: [(&str, FrameQuantity); 2] = [
     ("host_bytes", |f| Some(f.host_bytes? as f64)),
     ("device_bytes", |f| Some(f.device_bytes? as f64)),
 ];
@@ -138,7 +138,7 @@ const BYTES: [(&str, Time); 2] = [
 /// Summarizes each quantity over all frames with a known value, by name.
 #[must_use]
 pub fn overview(frames: &[FrameStats]) -> BTreeMap<&'static str, Option<Summary>> {
-    let of = |time: Time| Summary::of(frames.iter().filter_map(time));
+    let of = |time: FrameQuantity| Summary::of(frames.iter().filter_map(time));
     let all = TIMES.iter().chain(&BYTES);
     all.map(|&(name, time)| (name, of(time))).collect()
 }
@@ -183,7 +183,7 @@ pub fn mrays(count: f64, ms: f64) -> Option<f64> {
 /// Returns the peak memory as one line of text per known quantity.
 #[must_use]
 pub fn memory(frames: &[FrameStats]) -> String {
-    let most = |(name, of): &(&str, Time)| {
+    let most = |(name, of): &(&str, FrameQuantity)| {
         let most = frames.iter().filter_map(of).reduce(f64::max)?;
         let (whose, mib) = (name.trim_end_matches("_bytes"), most / f64::from(1 << 20));
         Some(format!("{whose} memory: at most {mib:.1} MiB\n"))

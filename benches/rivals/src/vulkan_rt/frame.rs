@@ -3,7 +3,7 @@
 use super::VulkanRt;
 use super::scene::DriverScene;
 use super::tree::triangles_of;
-use crate::{Rival, Upkeep};
+use crate::{Rival, TreeUpdate};
 use backend::{
     Device, DeviceBytes, FrameReport, Hits, Intersector, Query, QueryKind, Rays, Result,
 };
@@ -20,11 +20,11 @@ impl Rival for VulkanRt {
         &self.engine.info.device
     }
 
-    fn load(&mut self, animation: Arc<Animation>, upkeep: Upkeep) -> Result<()> {
+    fn load(&mut self, animation: Arc<Animation>, tree_update: TreeUpdate) -> Result<()> {
         self.engine.unload()?;
         (self.scene, self.pose, self.traced) = (None, None, None);
         self.engine.load(animation)?;
-        let flags = self.prefer.flags(upkeep);
+        let flags = self.prefer.flags(tree_update);
         let scene = DriverScene::new(&mut self.engine, &self.rays.rays, flags)?;
         self.scene = Some(scene);
         Ok(())

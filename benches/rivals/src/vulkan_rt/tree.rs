@@ -3,7 +3,7 @@
 
 use super::Prefer;
 use super::support::RayTracing;
-use crate::Upkeep;
+use crate::TreeUpdate;
 use ash::vk;
 use backend::Result;
 use gpu_common::{AnimationBuffers, Engine, GpuDevice, refuse_above};
@@ -117,14 +117,14 @@ impl DriverTree {
 
 impl Prefer {
     /// Returns the flags of a build with this preference.
-    pub(crate) fn flags(self, upkeep: Upkeep) -> Flags {
+    pub(crate) fn flags(self, tree_update: TreeUpdate) -> Flags {
         let speed = match self {
             Self::FastBuild => Flags::PREFER_FAST_BUILD,
             Self::FastTrace => Flags::PREFER_FAST_TRACE,
         };
-        match upkeep {
-            Upkeep::Rebuild => speed,
-            Upkeep::Refit => speed | Flags::ALLOW_UPDATE,
+        match tree_update {
+            TreeUpdate::Rebuild => speed,
+            TreeUpdate::Refit => speed | Flags::ALLOW_UPDATE,
         }
     }
 }

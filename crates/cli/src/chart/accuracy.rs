@@ -82,9 +82,9 @@ impl RaySampler<'_> {
         loaded.trace_lists(self.kind(false), lists)
     }
 
-    /// Returns the rays of a stage. `sorts` selects the kinds of rays: plain, aimed. The rays do not depend on other
+    /// Returns the rays of a stage. `kinds` selects the kinds of rays: plain, aimed. The rays do not depend on other
     /// stages.
-    fn batches(&self, stage: &Range<usize>, sorts: [bool; 2]) -> Vec<RayBatch> {
+    fn batches(&self, stage: &Range<usize>, kinds: [bool; 2]) -> Vec<RayBatch> {
         let moments = moments(self.animation, MOMENTS);
         let count = self.rays.div_ceil(moments.len());
         let modulus = STAGES[STAGES.len() - 1].end;
@@ -92,7 +92,7 @@ impl RaySampler<'_> {
         for time in moments {
             let all = rays_at(self.animation, &self.view, time, count);
             for (rays, is_aimed) in all.into_iter().zip([false, true]) {
-                if !sorts[usize::from(is_aimed)] {
+                if !kinds[usize::from(is_aimed)] {
                     continue;
                 }
                 let numbered = rays.into_iter().enumerate();
@@ -114,10 +114,10 @@ impl RaySampler<'_> {
         stage: &Range<usize>,
         tallies: &[Tally],
     ) -> Result<AnsweredStage, CliError> {
-        let sorts = [0, 1].map(|sort| tallies.iter().any(|tally| tally.goes_on[sort]));
+        let kinds = [0, 1].map(|kind| tallies.iter().any(|tally| tally.goes_on[kind]));
         let mut oracle: Option<(f64, Oracle)> = None;
         let mut all = Vec::new();
-        for batch in self.batches(stage, sorts) {
+        for batch in self.batches(stage, kinds) {
             let moment = self.animation.at(batch.time).map_err(CliError::invalid)?;
             let known = oracle.take().filter(|(time, _)| *time == batch.time);
             let (_, of_moment) =
@@ -188,7 +188,7 @@ impl Tally {
         }
     }
 
-    /// Returns whether the next stage traces rays of any sort.
+    /// Returns whether the next stage traces rays of any kind.
     pub(super) fn is_going(&self) -> bool {
         self.goes_on.contains(&true)
     }
@@ -211,7 +211,7 @@ impl Tally {
     }
 }
 
-/// Decides which methods the next stage traces. A method continues with a sort of rays while its interval overlaps that
+/// Decides which methods the next stage traces. A method continues with a kind of rays while its interval overlaps that
 /// of another intersector on the same backend. A method without competing intersectors continues to the end.
 pub(super) fn decide(tallies: &mut [Tally]) {
     let rates: Vec<_> = tallies
@@ -220,15 +220,16 @@ pub(super) fn decide(tallies: &mut [Tally]) {
         .collect();
     for tally in tallies {
         let method = HitMethod::of(&tally.contender);
-        let is_rival = |other: &&(HitMethod, [Option<Rate>; 2])| method.competes_with(other.0);
-        let rivals: Vec<_> = rates.iter().filter(is_rival).collect();
+        let is_competitor = |other: &&(HitMethod, [Option<Rate>; 2])| method.competes_with(other.0);
+        let competitors: Vec<_> = rates.iter().filter(is_competitor).collect();
         let own = tally.rates();
-        for (sort, goes_on) in tally.goes_on.iter_mut().enumerate() {
-            let overlaps = |rival: &Option<Rate>| match (own[sort], rival) {
-                (Some(own), Some(rival)) => own.low <= rival.high && rival.low <= own.high,
+        for (kind, goes_on) in tally.goes_on.iter_mut().enumerate() {
+            let overlaps = |other: &Option<Rate>| match (own[kind], other) {
+                (Some(own), Some(other)) => own.low <= other.high && other.low <= own.high,
                 _ => true,
             };
-            let is_open = rivals.is_empty() || rivals.iter().any(|rival| overlaps(&rival.1[sort]));
+            let is_open =
+                competitors.is_empty() || competitors.iter().any(|other| overlaps(&other.1[kind]));
             *goes_on = *goes_on && is_open;
         }
     }

@@ -1,7 +1,7 @@
 //! The contenders that this machine can chart.
 
 use super::ChartSettings;
-use crate::devices::{BackendChoice, BackendPresence, backend_name, presences};
+use crate::devices::{BackendAvailability, BackendChoice, availability, backend_name};
 use crate::error::CliError;
 use crate::measure::{Contender, Contenders};
 use crate::tracer_settings::TracerSettings;
@@ -63,10 +63,10 @@ pub(super) fn contenders(settings: &ChartSettings) -> Result<Contenders, CliErro
 fn backends(requested: &[BackendChoice], skipped: &mut Vec<String>) -> Vec<BackendChoice> {
     let (auto, mut found): (Vec<_>, Vec<_>) = requested.iter().partition(|b| b.is_none());
     if !auto.is_empty() {
-        let measured = presences().filter(|p| !p.backend.is_reference());
-        for presence in measured.rev() {
-            let name = presence.backend;
-            match why_not(presence) {
+        let measured = availability().filter(|p| !p.backend.is_reference());
+        for availability in measured.rev() {
+            let name = availability.backend;
+            match why_not(availability) {
                 Some(why) => skipped.push(format!("{name} is skipped: {why}")),
                 None => found.push(Some(name)),
             }
@@ -99,13 +99,13 @@ pub(super) fn failure(scene: &str, contender: &Contender, error: &CliError) -> F
 }
 
 /// Returns the reason why `auto` skips a backend, or `None` if it has an adapter that is not a software device.
-fn why_not(presence: BackendPresence) -> Option<String> {
+fn why_not(availability: BackendAvailability) -> Option<String> {
     let is_fit = |a: &AdapterInfo| a.kind != DeviceKind::Software;
-    if presence.adapters.iter().any(is_fit) {
+    if availability.adapters.iter().any(is_fit) {
         return None;
     }
-    Some(presence.absent.unwrap_or_else(|| {
-        let there = AdapterInfo::numbered(&presence.adapters);
+    Some(availability.absent.unwrap_or_else(|| {
+        let there = AdapterInfo::numbered(&availability.adapters);
         format!("it finds no GPU, only {there}; to chart it, name it with --backend")
     }))
 }
@@ -156,7 +156,7 @@ mod tests {
 
     #[test]
     fn auto_skips_software_drivers() {
-        let presence = |backend, kinds: &[DeviceKind]| {
+        let availability = |backend, kinds: &[DeviceKind]| {
             let adapter = |(index, &kind): (usize, &DeviceKind)| AdapterInfo {
                 index,
                 name: kind.name().to_owned(),
@@ -164,7 +164,7 @@ mod tests {
                 kind,
                 limits: Vec::new(),
             };
-            BackendPresence {
+            BackendAvailability {
                 backend,
                 absent: kinds.is_empty().then(|| "no loader".to_owned()),
                 adapters: kinds.iter().enumerate().map(adapter).collect(),
@@ -179,7 +179,7 @@ mod tests {
             (Wgpu, &[Software], Some("no GPU, only 0: software")),
             (Vulkan, &[], Some("no loader")),
         ] {
-            let found = why_not(presence(backend, kinds));
+            let found = why_not(availability(backend, kinds));
             let told = found.as_deref().unwrap_or_default();
             let right = why.map_or(found.is_none(), |why| told.contains(why));
             assert!(right, "{backend} {kinds:?}: {found:?}");

@@ -30,17 +30,17 @@ pub(super) enum FrameRays<'a> {
 
 impl<'a> FrameRays<'a> {
     /// Returns rays of a kind: one per pixel of the camera.
-    pub(super) fn of(kind: MeasuredRays, scene: &Scene, shot: &'a LitCamera) -> Self {
+    pub(super) fn of(kind: MeasuredRays, scene: &Scene, lit_camera: &'a LitCamera) -> Self {
         let bounds = scene.animation.bounds();
         match kind {
-            MeasuredRays::Camera => Self::Camera(shot),
-            MeasuredRays::Random => Self::Random(random_rays(&bounds, shot.camera.pixels())),
+            MeasuredRays::Camera => Self::Camera(lit_camera),
+            MeasuredRays::Random => Self::Random(random_rays(&bounds, lit_camera.camera.pixels())),
         }
     }
 
     pub(super) fn query(&self) -> Query<'_> {
         match self {
-            Self::Camera(shot) => shot.query(),
+            Self::Camera(lit_camera) => lit_camera.query(),
             Self::Random(rays) => Query {
                 rays: Rays::List(rays),
                 kind: QueryKind::Closest,

@@ -12,7 +12,7 @@ use backend::{
 use geom::Animation;
 use output::FrameStats;
 use pipeline::{Frame, FrameTreeStats, WarmUp, Warmed, inactive_and_degenerate_at};
-use rivals::{Known, Rival, Upkeep};
+use rivals::{Rival, RivalInfo, TreeUpdate};
 use std::fmt;
 use std::sync::Arc;
 use std::time::Instant;
@@ -30,13 +30,13 @@ pub(crate) struct RivalDevice<'a> {
 /// A rival and the policy by which it updates its tree.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct RivalPolicy {
-    pub(crate) rival: &'static Known,
-    pub(crate) upkeep: Upkeep,
+    pub(crate) rival: &'static RivalInfo,
+    pub(crate) tree_update: TreeUpdate,
 }
 
 impl fmt::Display for RivalPolicy {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} {}", self.rival.name, self.upkeep)
+        write!(f, "{} {}", self.rival.name, self.tree_update)
     }
 }
 
@@ -44,13 +44,13 @@ impl fmt::Display for RivalPolicy {
 pub(crate) struct RunningRival {
     rival: Box<dyn Rival>,
     animation: Arc<Animation>,
-    upkeep: Upkeep,
+    tree_update: TreeUpdate,
 }
 
 impl RunningRival {
     /// Opens a rival on a device and loads a scene.
     pub(crate) fn start(
-        RivalPolicy { rival, upkeep }: RivalPolicy,
+        RivalPolicy { rival, tree_update }: RivalPolicy,
         device: RivalDevice<'_>,
         animation: &Arc<Animation>,
     ) -> Result<Self, CliError> {
@@ -66,11 +66,11 @@ impl RunningRival {
         };
         let threads = device.threads.unwrap_or_else(host::cores);
         let mut rival = rival.open(index, threads).map_err(absent)?;
-        rival.load(Arc::clone(animation), upkeep)?;
+        rival.load(Arc::clone(animation), tree_update)?;
         Ok(Self {
             rival,
             animation: Arc::clone(animation),
-            upkeep,
+            tree_update,
         })
     }
 
@@ -123,7 +123,7 @@ impl RunningRival {
 
     /// Adds the facts about the tree to the statistics of frame `number`.
     fn stats(&self, number: usize, stats: FrameStats) -> FrameStats {
-        let is_new = number == 0 || self.upkeep == Upkeep::Rebuild;
+        let is_new = number == 0 || self.tree_update == TreeUpdate::Rebuild;
         let age = if is_new { 0 } else { number as u64 };
         FrameStats {
             tree: FrameTreeStats {
@@ -139,7 +139,7 @@ impl RunningRival {
 
     pub(super) fn setup(&self) -> Setup {
         let device = self.rival.device().clone();
-        let (backend, update) = (device.backend, self.upkeep.name());
+        let (backend, update) = (device.backend, self.tree_update.name());
         Setup {
             caption: format!("{backend} ({}), {update}", device.adapter),
             backend,

@@ -27,7 +27,7 @@ const PLANE_BYTES: usize = 3;
 /// Parameters that all frames share: the scene, the view, and the outputs that are written.
 pub(super) struct Rendered<'a> {
     pub(super) scene: &'a Scene,
-    pub(super) shot: &'a LitCamera,
+    pub(super) lit_camera: &'a LitCamera,
     pub(super) files: &'a FrameFiles,
     pub(super) wanted: OutputSelection,
 }
@@ -56,7 +56,7 @@ pub(super) struct FrameLog<'a> {
 /// Buffers of a frame that is being written.
 #[derive(Default)]
 struct FrameBuffers {
-    answers: FrameOutputs,
+    outputs: FrameOutputs,
     rgb: Vec<u8>,
     /// Empty without a video.
     planes: VideoPlanes,
@@ -88,7 +88,7 @@ impl Rendered<'_> {
         let planes = if self.files.has_video { PLANE_BYTES } else { 0 };
         let bytes = COLOUR_BYTES + hits + planes;
         let free = host::free().map_or(u64::MAX, |free| free.bytes);
-        let each = (bytes * self.shot.camera.pixels()).max(1) as u64;
+        let each = (bytes * self.lit_camera.camera.pixels()).max(1) as u64;
         let fitting = (MOST_BYTES.min(free / 4) / each) as usize;
         fitting.clamp(2, rayon::current_num_threads() + 1)
     }
@@ -109,7 +109,7 @@ impl<'a> FrameWriter<'a> {
         }
     }
 
-    /// Writes a frame on rayon's threads. `place` is the frame's index in the run. Swaps `answers` for free buffers,
+    /// Writes a frame on rayon's threads. `place` is the frame's index in the run. Swaps `outputs` for free buffers,
     /// and waits while too many frames are being written. Fails if a signal arrived, or if files of an earlier frame
     /// could not be written.
     pub(super) fn write<'s>(
@@ -117,12 +117,12 @@ impl<'a> FrameWriter<'a> {
         scope: &Scope<'s>,
         place: usize,
         frame: &FrameRecord,
-        answers: &mut FrameOutputs,
+        outputs: &mut FrameOutputs,
     ) -> Result<(), CliError> {
         signals::check()?;
         self.check()?;
         let mut borrowed = self.borrow_buffers()?;
-        std::mem::swap(answers, &mut borrowed.buffers.answers);
+        std::mem::swap(outputs, &mut borrowed.buffers.outputs);
         let frame = frame.clone();
         let write = move || {
             if let Err(error) = self.write_files(&frame, &mut borrowed.buffers) {
@@ -173,10 +173,13 @@ impl<'a> FrameWriter<'a> {
     fn write_files(&self, frame: &FrameRecord, buffers: &mut FrameBuffers) -> Result<(), CliError> {
         let (row, Frame { index, time }) = (FrameStats::of(frame), frame.frame);
         let Rendered {
-            scene, shot, files, ..
+            scene,
+            lit_camera,
+            files,
+            ..
         } = self.rendered;
-        let FrameOutputs { hits, pixels } = &buffers.answers;
-        let [width, height] = [shot.camera.width, shot.camera.height];
+        let FrameOutputs { hits, pixels } = &buffers.outputs;
+        let [width, height] = [lit_camera.camera.width, lit_camera.camera.height];
         if files.has_pictures() {
             output::drop_alpha(pixels, &mut buffers.rgb);
         }

@@ -7,7 +7,7 @@ use crate::error::CliError;
 use crate::frame_list::{self, EvenFrames, FrameChoice};
 use crate::machine::VERSION;
 use crate::scene_source::is_demo;
-use output::{Finished, FrameStats, Journal, Manifest, SCHEMA, SceneId};
+use output::{FrameStats, Journal, JournalContents, Manifest, SCHEMA, SceneId};
 use pipeline::Frame;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -15,7 +15,7 @@ use std::path::PathBuf;
 
 /// An earlier run in the output folders.
 pub(super) struct EarlierRun {
-    folders: Vec<(PathBuf, Finished)>,
+    folders: Vec<(PathBuf, JournalContents)>,
     manifest: Option<Manifest>,
 }
 
@@ -52,9 +52,9 @@ impl EarlierRun {
                 earlier = Some(found);
             }
             let finished = if settings.resume && earlier.is_some() {
-                Finished::in_folder(&folder).map_err(CliError::invalid)?
+                JournalContents::in_folder(&folder).map_err(CliError::invalid)?
             } else {
-                Finished::default()
+                JournalContents::default()
             };
             folders.push((folder, finished));
         }
@@ -81,7 +81,7 @@ impl EarlierRun {
         for (folder, finished) in &self.folders {
             for file in files.in_folder(frame, folder) {
                 let name = file.file_name()?.to_string_lossy();
-                row = Some(finished.whole(frame, folder, &name)?);
+                row = Some(finished.unchanged(frame, folder, &name)?);
             }
         }
         row.cloned()
@@ -119,7 +119,7 @@ impl EarlierRun {
         stats: &Value,
     ) -> Result<Vec<Journal>, CliError> {
         let shard = settings.shard.map(|shard| [shard.number, shard.of]);
-        let begin = |(folder, _): (PathBuf, Finished)| {
+        let begin = |(folder, _): (PathBuf, JournalContents)| {
             let found = Manifest::in_folder(&folder).ok().flatten();
             if settings.overwrite && found.as_ref() != Some(&plan.manifest) {
                 output::clear_run(&folder).map_err(CliError::invalid)?;

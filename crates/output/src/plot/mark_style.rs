@@ -16,7 +16,7 @@ pub(crate) const RADIUS: f64 = 6.0;
 
 /// Appearance of a mark.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Look {
+pub(crate) struct MarkStyle {
     pub(crate) colour: RGBColor,
     pub(crate) shape: MarkShape,
     /// Weight of the colour in the interior, from 0 (white) to 1.
@@ -38,13 +38,13 @@ const fn polygon(corners: u32, turn: f64) -> MarkShape {
 
 const CIRCLE: MarkShape = polygon(0, 0.0);
 /// Neutral appearance, for legends and unknown names.
-pub(crate) const PLAIN: Look = Look {
+pub(crate) const PLAIN: MarkStyle = MarkStyle {
     colour: GREY,
     shape: CIRCLE,
     fill: 1.0,
 };
 
-impl Look {
+impl MarkStyle {
     /// Returns the corners of a polygon around a position. The first corner is repeated at the end.
     pub(crate) fn outline(&self, x: i32, y: i32) -> Vec<(i32, i32)> {
         let MarkShape { corners, turn } = self.shape;
@@ -101,8 +101,8 @@ fn find<T: Copy>(list: &[(&str, T)], name: &str, other: T) -> T {
 }
 
 /// Returns the appearance for three names. An unknown name uses the corresponding value of [`PLAIN`].
-pub(crate) fn of_names([backend, intersector, update]: [&str; 3]) -> Look {
-    Look {
+pub(crate) fn of_names([backend, intersector, update]: [&str; 3]) -> MarkStyle {
+    MarkStyle {
         colour: find(
             &pair(BackendName::ALL.map(BackendName::name), COLOURS),
             backend,
@@ -130,7 +130,7 @@ fn colour_of_other(name: &str) -> RGBColor {
     OTHERS[name.bytes().fold(0, mix) as usize % OTHERS.len()]
 }
 
-pub(crate) fn of_point(point: &ChartPoint) -> Look {
+pub(crate) fn of_point(point: &ChartPoint) -> MarkStyle {
     of_names(names_of(point))
 }
 
@@ -154,13 +154,13 @@ pub(crate) fn names(points: &[ChartPoint], of: fn(&ChartPoint) -> &String) -> Ve
 pub(crate) struct LegendEntry {
     pub(crate) text: String,
     /// The mark; `None` for a heading.
-    pub(crate) look: Option<Look>,
+    pub(crate) style: Option<MarkStyle>,
 }
 
 impl LegendEntry {
     pub(crate) fn heading(text: &str) -> Self {
         let text = text.to_owned();
-        Self { text, look: None }
+        Self { text, style: None }
     }
 }
 
@@ -175,7 +175,7 @@ pub(crate) fn legend(points: &[ChartPoint]) -> Vec<LegendEntry> {
             names[part] = names_of(point)[part];
             let entry = LegendEntry {
                 text: names[part].to_owned(),
-                look: Some(of_names(names)),
+                style: Some(of_names(names)),
             };
             if !entries.contains(&entry) {
                 entries.push(entry);

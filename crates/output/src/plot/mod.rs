@@ -11,7 +11,7 @@
 
 #![expect(missing_docs, reason = "names are those of points.json")]
 
-mod look;
+mod mark_style;
 mod page;
 mod panel;
 mod table;

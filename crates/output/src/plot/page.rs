@@ -1,6 +1,6 @@
 //! Page of charts: a plot of speed against accuracy for each scene, then hard rays.
 
-use super::look::{GREY, INK, LegendEntry, legend, names, of_names, of_point};
+use super::mark_style::{GREY, INK, LegendEntry, legend, names, of_names, of_point};
 use super::panel::{Axis, LINE, Mark, Panel, WIDTH, font, short};
 use super::table::{count, described, escape, row};
 use super::{Chart, ChartPoint, ChartScene, Machine, Rate, Result};
@@ -12,9 +12,9 @@ use std::fmt::Write as _;
 
 const TITLE: &str = "abvh: speed against accuracy";
 /// Height of a scatter plot in pixels.
-const PLANE: u32 = 540;
+const SCATTER_HEIGHT: u32 = 540;
 /// Height of the panel of hard rays in pixels.
-const SIDE: u32 = 320;
+const HARD_RAYS_HEIGHT: u32 = 320;
 
 const STYLE: &str = "body { font: 15px sans-serif; margin: 1em auto; max-width: 1000px; color: #1a1a1a; background: #fff }\n\
     svg { max-width: 100%; height: auto }\n\
@@ -24,7 +24,7 @@ const STYLE: &str = "body { font: 15px sans-serif; margin: 1em auto; max-width: 
 
 /// Returns the chart as an SVG picture, 1000 pixels wide, on white. Marks of scatter plots have tooltips.
 pub fn svg(chart: &Chart) -> Result<String> {
-    let mut panels = planes(chart);
+    let mut panels = scatter_plots(chart);
     panels.extend(hard_rays(chart));
     let words = words(&chart.machine);
     let head = 46 + 19 * words.len() as u32;
@@ -75,7 +75,7 @@ fn words(machine: &Machine) -> Vec<String> {
 }
 
 /// Returns scatter plots of milliseconds per frame and wrong answers. All scenes have the same axes for comparison.
-fn planes(chart: &Chart) -> Vec<Panel> {
+fn scatter_plots(chart: &Chart) -> Vec<Panel> {
     let ms = chart.dots().flat_map(|d| d.ms);
     let wrong = chart.dots().map(|d| d.wrong);
     let axes = [
@@ -85,16 +85,16 @@ fn planes(chart: &Chart) -> Vec<Panel> {
             wrong.flat_map(|r| [r.value, r.low, r.high]),
         ),
     ];
-    let plane = |scene: &ChartScene| plane(chart, scene, axes.clone());
-    chart.scenes.iter().map(plane).collect()
+    let scatter_plot = |scene: &ChartScene| scatter_plot(chart, scene, axes.clone());
+    chart.scenes.iter().map(scatter_plot).collect()
 }
 
-fn plane(chart: &Chart, scene: &ChartScene, axes: [Axis; 2]) -> Panel {
+fn scatter_plot(chart: &Chart, scene: &ChartScene, axes: [Axis; 2]) -> Panel {
     let dots = chart.dots_of(&scene.name);
     let marks = dots.iter().map(|dot| Mark {
         at: [dot.ms[0], dot.wrong.value],
         bars: [[dot.ms[1], dot.ms[2]], [dot.wrong.low, dot.wrong.high]],
-        look: of_point(dot.point),
+        style: of_point(dot.point),
         about: described(dot.point),
     });
     let front = chart.front(&scene.name);
@@ -102,12 +102,12 @@ fn plane(chart: &Chart, scene: &ChartScene, axes: [Axis; 2]) -> Panel {
     legend.push(LegendEntry::heading("fastest of its accuracy"));
     legend.extend((1..).zip(&front).map(|(i, dot)| LegendEntry {
         text: format!("{i} {}", dot.point.name()),
-        look: Some(of_point(dot.point)),
+        style: Some(of_point(dot.point)),
     }));
     let front = front.iter().map(|dot| [dot.ms[0], dot.wrong.value]);
     Panel {
         title: heading(chart, scene, dots.len()),
-        height: PLANE,
+        height: SCATTER_HEIGHT,
         axes,
         marks: marks.collect(),
         front: front.collect(),
@@ -168,7 +168,7 @@ fn hard_rays(chart: &Chart) -> Option<Panel> {
             marks.extend(worst.map(|rate| Mark {
                 at: [at as f64 + beside, rate.value],
                 bars: [[0.0; 2], [rate.low, rate.high]],
-                look: of_names([backend, intersector, ""]),
+                style: of_names([backend, intersector, ""]),
                 about: String::new(),
             }));
         }
@@ -183,7 +183,7 @@ fn hard_rays(chart: &Chart) -> Option<Panel> {
     let title = "Hard rays: at edges and vertices of the scene, and in scenes of mixed range";
     (!marks.is_empty()).then(|| Panel {
         title: title.to_owned(),
-        height: SIDE,
+        height: HARD_RAYS_HEIGHT,
         axes,
         marks,
         front: Vec::new(),

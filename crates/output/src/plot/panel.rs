@@ -1,7 +1,7 @@
 //! Panel with a pair of axes, marks and a legend, drawn by `plotters`.
 
 use super::Result;
-use super::look::{GREY, INK, LegendEntry, Look, RADIUS};
+use super::mark_style::{GREY, INK, LegendEntry, MarkStyle, RADIUS};
 use plotters::backend::SVGBackend;
 use plotters::chart::ChartBuilder;
 use plotters::coord::Shift;
@@ -149,7 +149,7 @@ fn log_ticks(low: f64, high: f64) -> Vec<(f64, String)> {
 pub(crate) struct Mark {
     pub(crate) at: [f64; 2],
     pub(crate) bars: [[f64; 2]; 2],
-    pub(crate) look: Look,
+    pub(crate) style: MarkStyle,
     /// Tooltip text, or empty.
     pub(crate) about: String,
 }
@@ -193,7 +193,7 @@ impl Panel {
             .draw()?;
         let at = |[a, b]: [f64; 2]| (x.at(a), y.at(b));
         for mark in &self.marks {
-            let (place, style) = (at(mark.at), mark.look.colour.mix(0.5).filled());
+            let (place, style) = (at(mark.at), mark.style.colour.mix(0.5).filled());
             let [x0, x1] = mark.bars[0].map(|value| x.at(value));
             let [y0, y1] = mark.bars[1].map(|value| y.at(value));
             if x0 < x1 {
@@ -211,7 +211,7 @@ impl Panel {
         let places: Vec<_> = self.marks.iter().map(place).collect();
         let (left, top) = area.get_base_pixel();
         for (mark, (x, y)) in self.marks.iter().zip(&places) {
-            draw_mark(&area, x - left, y - top, mark.look)?;
+            draw_mark(&area, x - left, y - top, mark.style)?;
         }
         chart.draw_series((1..).zip(&self.front).map(|(i, place)| {
             let words = Text::new(i.to_string(), (9, -17), font(15, INK, FontStyle::Bold));
@@ -222,11 +222,11 @@ impl Panel {
 
     fn draw_legend(&self, area: &Area<'_>) -> Result<()> {
         for (entry, y) in self.legend.iter().zip((34..).step_by(LEADING)) {
-            if let Some(look) = entry.look {
-                draw_mark(area, 16, y + 5, look)?;
+            if let Some(style) = entry.style {
+                draw_mark(area, 16, y + 5, style)?;
             }
-            let style = entry.look.map_or(FontStyle::Bold, |_| FontStyle::Normal);
-            let font = font(12, INK, style);
+            let weight = entry.style.map_or(FontStyle::Bold, |_| FontStyle::Normal);
+            let font = font(12, INK, weight);
             area.draw(&Text::new(short(&entry.text, ENTRY), (30, y), font))?;
         }
         Ok(())
@@ -246,15 +246,15 @@ fn steps(front: &[[f64; 2]]) -> Vec<[f64; 2]> {
 }
 
 /// Draws a filled circle or polygon with its outline around a pixel.
-fn draw_mark(area: &Area<'_>, x: i32, y: i32, look: Look) -> Result<()> {
-    let (inside, edge) = (look.inside().filled(), look.colour.stroke_width(2));
-    if look.shape.corners == 0 {
+fn draw_mark(area: &Area<'_>, x: i32, y: i32, style: MarkStyle) -> Result<()> {
+    let (inside, edge) = (style.inside().filled(), style.colour.stroke_width(2));
+    if style.shape.corners == 0 {
         let radius = RADIUS.round() as u32;
         area.draw(&Circle::new((x, y), radius, inside))?;
         area.draw(&Circle::new((x, y), radius, edge))?;
     } else {
-        area.draw(&Polygon::new(look.outline(x, y), inside))?;
-        area.draw(&PathElement::new(look.outline(x, y), edge))?;
+        area.draw(&Polygon::new(style.outline(x, y), inside))?;
+        area.draw(&PathElement::new(style.outline(x, y), edge))?;
     }
     Ok(())
 }
