@@ -30,7 +30,7 @@ pub(crate) fn scene() -> impl TypedValueParser<Value = String> {
         if name.is_empty() {
             Err("the name of a scene must not be empty")
         } else {
-            Ok(scene::word(&name))
+            Ok(scene::encode_path(&name))
         }
     })
 }

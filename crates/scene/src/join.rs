@@ -4,11 +4,11 @@
 //! frame of a static input is repeated.
 
 use crate::mesh::joined_triangles;
+use crate::paging::{KeySize, check_keys, within};
 use crate::paths::{exists, has_clips};
 use crate::rounding::Position;
 use crate::source::{open_one, refuse_clip};
-use crate::stream::{KeySize, check_keys, within};
-use crate::{Facts, Result, Scene, SceneError, SceneOptions, stream};
+use crate::{Facts, Result, Scene, SceneError, SceneOptions, paging};
 use geom::Point;
 use std::sync::Arc;
 
@@ -154,7 +154,7 @@ fn join(spec: &str, inputs: &[Input<'_>], options: &SceneOptions) -> Result<Scen
         Ok(all)
     };
     let triangles = joined_triangles(animations().map(|a| (a.triangles(), a.vertex_count())));
-    let animation = stream::animation(source, size, triangles, options)?;
+    let animation = paging::animation(source, size, triangles, options)?;
     Ok(Scene {
         name,
         animation: Arc::new(animation),

@@ -1,8 +1,8 @@
 //! Contents of a mesh file of any format: vertices, faces and colours. Later key frames are checked for the faces of
 //! the first.
 
+use crate::paging::check_counts;
 use crate::rounding::Position;
-use crate::stream::check_counts;
 use crate::{Location, Result, Rgb, SceneError};
 use std::path::Path;
 

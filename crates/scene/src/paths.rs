@@ -12,7 +12,7 @@ const NUL: char = '\0';
 /// Encodes a path, or several joined by `+`, as a scene name for [`crate::open`] and [`crate::files`]. Each byte that
 /// is not UTF-8 becomes a NUL and two hexadecimal digits. All other characters are unchanged.
 #[must_use]
-pub fn word(path: &OsStr) -> String {
+pub fn encode_path(path: &OsStr) -> String {
     let mut word = String::new();
     for chunk in path.as_encoded_bytes().utf8_chunks() {
         word += chunk.valid();
@@ -108,9 +108,9 @@ mod tests {
             b"",
         ] {
             let name = OsStr::from_bytes(bytes);
-            assert_eq!(path(&word(name)).as_os_str(), name);
+            assert_eq!(path(&encode_path(name)).as_os_str(), name);
         }
-        assert_eq!(word(OsStr::from_bytes(b"a\xff.obj")), "a\0ff.obj");
+        assert_eq!(encode_path(OsStr::from_bytes(b"a\xff.obj")), "a\0ff.obj");
         for none in ["a\0", "a\0zz", "a\x0041"] {
             assert_eq!(path(none), Path::new(none));
         }

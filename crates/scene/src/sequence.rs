@@ -2,12 +2,12 @@
 
 use crate::folder::Folder;
 use crate::mesh::{CLAY, Paint, Polygons, compact, mean};
+use crate::paging::{KeySize, check_keys};
 use crate::paths::extension;
 use crate::ply::{Pattern, Ply};
 use crate::polygon::{self, Triangulation};
 use crate::rounding::{Position, Rounding};
-use crate::stream::{KeySize, check_keys};
-use crate::{Facts, Result, Rgb, Scene, SceneError, SceneOptions, obj, ply, stream};
+use crate::{Facts, Result, Rgb, Scene, SceneError, SceneOptions, obj, paging, ply};
 use geom::{Point, lock};
 use std::collections::BTreeMap;
 use std::fs;
@@ -75,7 +75,7 @@ pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &SceneOptions) ->
     });
     let read = Arc::clone(&sequence);
     let source = move |key| Ok(read.read(key)?);
-    let animation = stream::animation(source, size, triangles, options)?;
+    let animation = paging::animation(source, size, triangles, options)?;
     notes.extend(lock(&sequence.notes).values().flatten().cloned());
     let facts = Facts {
         format: extension(&files[0]),

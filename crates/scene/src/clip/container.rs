@@ -24,11 +24,11 @@ impl<'a> Container<'a> {
 
     fn split_chunks(bytes: &'a [u8]) -> Result<Self, String> {
         let cut_short = || "the file is cut short within its header".to_owned();
-        let version = word(bytes, 4).ok_or_else(cut_short)?;
+        let version = read_u32(bytes, 4).ok_or_else(cut_short)?;
         if version != 2 {
             return Err(format!("binary glTF {version} is not supported, only 2"));
         }
-        let length = word(bytes, 8).ok_or_else(cut_short)?;
+        let length = read_u32(bytes, 8).ok_or_else(cut_short)?;
         // Bytes after the declared length belong to no chunk.
         let chunks = bytes.get(..length).ok_or_else(|| {
             let found = bytes.len();
@@ -47,7 +47,7 @@ impl<'a> Container<'a> {
     }
 }
 
-fn word(bytes: &[u8], at: usize) -> Option<usize> {
+fn read_u32(bytes: &[u8], at: usize) -> Option<usize> {
     let word = bytes.get(at..)?.first_chunk()?;
     usize::try_from(u32::from_le_bytes(*word)).ok()
 }
@@ -58,7 +58,7 @@ type Chunk<'a> = (&'a [u8; 4], &'a [u8]);
 /// Splits a list of chunks. Chunks of unknown types are included, because readers must skip them.
 fn split(mut bytes: &[u8]) -> Result<Vec<Chunk<'_>>, String> {
     let mut chunks = Vec::new();
-    while let (Some(length), Some((_, rest))) = (word(bytes, 0), bytes.split_at_checked(4)) {
+    while let (Some(length), Some((_, rest))) = (read_u32(bytes, 0), bytes.split_at_checked(4)) {
         let Some((kind, rest)) = rest.split_first_chunk() else {
             break;
         };

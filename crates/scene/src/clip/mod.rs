@@ -13,10 +13,10 @@ mod schema;
 mod transform;
 
 use crate::mesh::joined_triangles;
+use crate::paging::{KeySize, check_counts, check_keys, within};
 use crate::paths::extension;
 use crate::rounding::Rounding;
-use crate::stream::{KeySize, check_counts, check_keys, within};
-use crate::{Facts, MAX_FPS, Result, Scene, SceneError, SceneOptions, stream};
+use crate::{Facts, MAX_FPS, Result, Scene, SceneError, SceneOptions, paging};
 use document::GltfFile;
 use geom::lock;
 use motion::ClipMotion;
@@ -87,7 +87,7 @@ pub(crate) fn open(name: String, path: &Path, options: &SceneOptions) -> Result<
         let first = lock(&first).take_if(|_| key == 0);
         Ok(first.unwrap_or_else(|| rounding.points(&positions(key))))
     };
-    let animation = stream::animation(source, size, triangles, options)?;
+    let animation = paging::animation(source, size, triangles, options)?;
     Ok(Scene {
         name,
         animation: Arc::new(animation),

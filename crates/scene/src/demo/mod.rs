@@ -12,7 +12,7 @@ mod shatter;
 mod stage;
 mod twist;
 
-use crate::stream::{check_memory, with_more};
+use crate::paging::{check_memory, with_more};
 use crate::{Facts, Result, Scene, SceneError, SceneOptions};
 use glam::DVec3;
 use stage::{DemoPart, assemble};
@@ -75,7 +75,7 @@ fn triangles(demo: &str, text: &str) -> Result<usize> {
 }
 
 /// Returns a hash of (seed, index) by the finaliser of SplitMix64 (Steele, Lea, Flood 2014).
-fn word(seed: u64, index: u64) -> u64 {
+fn hash(seed: u64, index: u64) -> u64 {
     let mut z = seed
         .wrapping_mul(0xd1b5_4a32_d192_ed03)
         .wrapping_add(index.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
@@ -86,7 +86,7 @@ fn word(seed: u64, index: u64) -> u64 {
 
 /// Returns a uniform random number in `0.0..1.0`.
 fn unit(seed: u64, index: u64) -> f64 {
-    (word(seed, index) >> 11) as f64 / (1_u64 << 53) as f64
+    (hash(seed, index) >> 11) as f64 / (1_u64 << 53) as f64
 }
 
 /// Returns a uniform random number in `low..high`.
@@ -109,8 +109,8 @@ fn noise(seed: u64, p: DVec3) -> f64 {
     let w = f * f * (DVec3::splat(3.0) - 2.0 * f);
     let [x, y, z] = cell.to_array().map(|c| c as i64 as u64);
     let corner = |dx: u64, dy: u64, dz: u64| {
-        let row = word(
-            word(x.wrapping_add(dx), y.wrapping_add(dy)),
+        let row = hash(
+            hash(x.wrapping_add(dx), y.wrapping_add(dy)),
             z.wrapping_add(dz),
         );
         2.0 * unit(seed, row) - 1.0

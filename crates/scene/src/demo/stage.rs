@@ -3,8 +3,8 @@
 
 use super::shapes::{DemoMesh, sheet, sheet_size};
 use crate::mesh::joined_triangles;
-use crate::stream::KeySize;
-use crate::{Result, Rgb, SceneOptions, stream};
+use crate::paging::KeySize;
+use crate::{Result, Rgb, SceneOptions, paging};
 use geom::{Animation, Point};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use rayon::prelude::*;
@@ -105,7 +105,7 @@ pub(super) fn assemble(
     };
     let keys = keys as usize;
     let size = KeySize { keys, vertices };
-    let animation = stream::animation(source, size, triangles, options)?;
+    let animation = paging::animation(source, size, triangles, options)?;
     Ok((animation, colours))
 }
 

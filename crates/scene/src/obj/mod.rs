@@ -8,8 +8,8 @@ mod materials;
 use crate::mesh::{
     Colours, MaterialUse, Materials, Paint, PolygonMesh, Polygons, SHORT_FACES, Skipped,
 };
+use crate::paging::ReadSize;
 use crate::rounding::Position;
-use crate::stream::ReadSize;
 use crate::text::{LineError, before_comment, check_encoding, lines, number};
 use crate::{Result, SceneError};
 use std::borrow::Cow;

@@ -2,8 +2,8 @@
 
 use super::*;
 use crate::mesh::Paint;
+use crate::paging::ReadSize;
 use crate::rounding::Position;
-use crate::stream::ReadSize;
 use crate::testing::{Surface, put, refused, surface};
 use std::fs;
 

@@ -20,7 +20,7 @@ impl From<KeyFrameError> for SceneError {
 }
 
 /// Minimum and maximum number of key frames that a paged animation keeps in memory.
-const WINDOW: [u64; 2] = [8, 64];
+const HELD_KEYS: [u64; 2] = [8, 64];
 
 /// Numbers of key frames and of vertices in each.
 #[derive(Clone, Copy)]
@@ -41,7 +41,7 @@ impl KeySize {
         if self.keys as u64 <= most {
             return self.keys;
         }
-        let window = (most / 2).clamp(WINDOW[0], WINDOW[1]);
+        let window = (most / 2).clamp(HELD_KEYS[0], HELD_KEYS[1]);
         self.keys.min(window as usize)
     }
 }
