@@ -2,7 +2,7 @@
 
 use crate::is_full;
 use backend::{Backend, Generation, Hits, Intersector, QueryKind, Rays};
-use conformance::stage::{ask, stand, tree_at};
+use conformance::stage::{record_refit, trace_and_wait, tree_at};
 use geom::{Animation, Camera, Point, Ray};
 use scene::Viewpoint;
 use std::sync::Arc;
@@ -57,7 +57,8 @@ impl Stage {
     /// Traces any rays at `time`.
     pub fn trace(&mut self, time: f64, rays: Rays<'_>, kind: QueryKind) -> Hits {
         let backend = self.backend.as_mut();
-        let done = stand(backend, &self.animation, time).and_then(|()| ask(backend, rays, kind));
+        let done = record_refit(backend, &self.animation, time)
+            .and_then(|()| trace_and_wait(backend, rays, kind));
         done.expect("every stage runs").hits
     }
 }

@@ -7,7 +7,7 @@
 //! A case that fails is stored in `tests/proptest-regressions`. Stored cases are tested before others.
 
 use backend::Inspect;
-use conformance::{Cases, Disagreement, Minimal, PROPERTIES, Property, Reference, hold};
+use conformance::{Cases, Disagreement, Minimal, PROPERTIES, Property, Reference, check_property};
 use cpu_ref::CpuBackend;
 use gpu_common::{Options, Validation};
 use integration::regressions::{Regressions, StoredCase};
@@ -127,8 +127,9 @@ fn trials_of((name, requirement, open): (&'static str, &str, Open)) -> Vec<Trial
             let stored = regressions.cases().into_iter();
             let stored = stored.map(|case| Cases::new(case.seed, case.number..=case.number));
             let mut all = stored.chain(last.map(|last| Cases::new(seed, 0..=last)));
-            let held = all
-                .try_for_each(|cases| hold(&property, &mut **subject, reference, &cases).map(drop));
+            let held = all.try_for_each(|cases| {
+                check_property(&property, &mut **subject, reference, &cases).map(drop)
+            });
             if let Err(found) = &held {
                 regressions.add(found);
             }

@@ -11,7 +11,7 @@ use crate::tested_backends::{OpenedBackends, TestSettings, TestedBackends};
 use backend::Backend;
 use clap::Args;
 use clap::builder::PossibleValuesParser;
-use conformance::{Cases, PROPERTIES, Property, Reference, hold};
+use conformance::{Cases, PROPERTIES, Property, Reference, check_property};
 use oracle::OracleRow;
 use serde::Serialize;
 use std::collections::BTreeSet;
@@ -103,7 +103,7 @@ impl ConformSettings {
             let subject = subject.expect("the program opens only known backends");
             for property in properties() {
                 let begun = Instant::now();
-                let held = hold(property, subject, &mut reference, &cases);
+                let held = check_property(property, subject, &mut reference, &cases);
                 let seconds = begun.elapsed().as_secs_f64();
                 let row = PropertyRow {
                     property: property.name,

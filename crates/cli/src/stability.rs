@@ -10,7 +10,9 @@ use crate::tested_backends::{OpenedBackends, TestSettings, TestedBackends};
 use backend::{Backend, Intersector};
 use clap::Args;
 use clap::builder::RangedU64ValueParser;
-use conformance::stress::{Family, Measure, MeasuredRate, Plan, StressCell, StressTest, baseline};
+use conformance::stability::{
+    Family, Measure, MeasuredRate, Plan, StabilityCell, StabilityTest, baseline,
+};
 use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -112,12 +114,12 @@ impl StabilitySettings {
         let mut progress = ProgressLine::new(steps as u64, self.test.quiet);
         let mut rows = Vec::new();
         for family in Family::ALL {
-            let test = StressTest::new(family, &plan);
+            let test = StabilityTest::new(family, &plan);
             for backend in &mut *backends {
                 let name = backend.device().backend;
                 for &by in intersectors {
                     let begun = Instant::now();
-                    let cell = test.ask(backend.as_mut(), by)?;
+                    let cell = test.run(backend.as_mut(), by)?;
                     rows.push(StabilityRow {
                         backend: name,
                         cell,
@@ -144,7 +146,7 @@ struct StabilityReport {
 /// Result of one family with one intersector on one backend.
 struct StabilityRow {
     backend: &'static str,
-    cell: StressCell,
+    cell: StabilityCell,
     seconds: f64,
 }
 
@@ -275,7 +277,7 @@ fn percent(rate: f64) -> String {
 mod tests {
     use super::*;
     use backend::Arithmetic;
-    use conformance::stress::EventCount;
+    use conformance::stability::EventCount;
 
     fn report(wrong: u64, leaks: u64, by: Intersector) -> StabilityReport {
         let of = |measure, count, of| EventCount { measure, count, of };
@@ -284,7 +286,7 @@ mod tests {
             of(Measure::Leaks, leaks, 1000),
             of(Measure::DoubleHits, 0, 2000),
         ];
-        let cell = StressCell::new(Family::Edges, by, &counts, Arithmetic::IEEE);
+        let cell = StabilityCell::new(Family::Edges, by, &counts, Arithmetic::IEEE);
         StabilityReport {
             seed: 9,
             rays: 2000,

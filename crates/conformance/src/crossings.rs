@@ -3,7 +3,7 @@
 //! Rays that continue behind a hit cannot distinguish crossings at the same `t`. Therefore crossings are counted in
 //! parts of the body in which no two triangles share a vertex, and summed.
 
-use crate::stage::{ask, open, stand, vertices};
+use crate::stage::{open, record_refit, trace_and_wait, vertices};
 use backend::{Backend, Intersector, QueryKind, Rays, Result};
 use geom::{Animation, Ray};
 use std::sync::Arc;
@@ -24,7 +24,7 @@ pub(crate) fn crossings(
         let part = Animation::new(vec![points.clone()], part);
         let part = Arc::new(part.expect("a part names the whole's vertices"));
         open(subject, &part, 0.0, intersector)?;
-        stand(subject, &part, 0.0)?;
+        record_refit(subject, &part, 0.0)?;
         march(subject, rays, &mut counts)?;
     }
     Ok(counts)
@@ -38,7 +38,7 @@ fn march(subject: &mut dyn Backend, rays: &[Ray], counts: &mut [u32]) -> Result<
         if alive.is_empty() {
             break;
         }
-        let hits = ask(subject, Rays::List(&beyond), QueryKind::Closest)?.hits;
+        let hits = trace_and_wait(subject, Rays::List(&beyond), QueryKind::Closest)?.hits;
         let crossed = alive.iter().zip(&beyond).zip(&hits.closest);
         let next = crossed.filter(|(_, hit)| hit.is_hit());
         (alive, beyond) = next

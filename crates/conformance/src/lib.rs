@@ -2,8 +2,8 @@
 //!
 //! A [`Property`] takes a subject, a reference and a [`Case`] generated from a seed, and fails with the first
 //! disagreement. The test suite runs [`PROPERTIES`] on every backend, and so does `abvh conform` on the user's machine.
-//! [`stress`] counts wrong answers where arithmetic is hardest. It compares with [`oracle`], which shares no code with
-//! any backend.
+//! [`stability`] counts wrong answers where arithmetic is hardest. It compares with [`oracle`], which shares no code
+//! with any backend.
 
 mod compare;
 mod crossings;
@@ -11,13 +11,13 @@ mod generate;
 pub mod oracle;
 mod properties;
 mod reference;
+pub mod stability;
 pub mod stage;
-pub mod stress;
 
 pub use generate::cases::{Case, nth_case};
 pub use generate::rays::{RayKind, Target, aimed};
 pub use generate::strategies::seed_bytes;
-pub use generate::topologies::record;
+pub use generate::topologies::topology_from_splits;
 pub use properties::{PROPERTIES, Property};
 pub use reference::Reference;
 
@@ -119,7 +119,7 @@ impl Cases {
 ///
 /// # Errors
 /// The first disagreement, in the smallest case that it shrinks to.
-pub fn hold(
+pub fn check_property(
     property: &Property,
     subject: &mut dyn Inspect,
     reference: &mut Reference,

@@ -1,7 +1,7 @@
 //! Results of the reference backend.
 
 use crate::Case;
-use crate::stage::{Traced, ask, open, stand};
+use crate::stage::{Traced, open, record_refit, trace_and_wait};
 use backend::{Generation, Inspect, Intersector, Query, QueryKind, Rays, Result};
 use bvh_layout::Topology;
 use geom::Aabb;
@@ -18,7 +18,7 @@ impl FrameResults {
     /// Traces the case's rays after all recorded commands. Returns the closest hits and the boxes.
     pub(crate) fn of(backend: &mut dyn Inspect, case: &Case) -> Result<Self> {
         Ok(Self {
-            traced: ask(backend, Rays::List(&case.rays), QueryKind::Closest)?,
+            traced: trace_and_wait(backend, Rays::List(&case.rays), QueryKind::Closest)?,
             boxes: backend.boxes()?,
         })
     }
@@ -53,8 +53,8 @@ impl Reference {
             open(backend, &case.animation, case.times[0], intersector)?;
             self.loaded = Some(intersector);
         }
-        stand(backend, &case.animation, time)?;
-        ask(backend, query.rays, query.kind)
+        record_refit(backend, &case.animation, time)?;
+        trace_and_wait(backend, query.rays, query.kind)
     }
 
     /// Returns the closest hits of the case's rays at `time` with `intersector`, and the boxes of `tree`.
@@ -68,7 +68,7 @@ impl Reference {
         let backend = self.backend();
         backend.load(Arc::clone(&case.animation), intersector)?;
         backend.adopt(tree, Generation(1))?;
-        stand(backend, &case.animation, time)?;
+        record_refit(backend, &case.animation, time)?;
         FrameResults::of(backend, case)
     }
 

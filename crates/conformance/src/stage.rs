@@ -72,7 +72,7 @@ pub(crate) fn open(
 ///
 /// # Errors
 /// The backend failed.
-pub fn stand(backend: &mut dyn Backend, animation: &Animation, time: f64) -> Result<()> {
+pub fn record_refit(backend: &mut dyn Backend, animation: &Animation, time: f64) -> Result<()> {
     backend.interpolate(animation.pose(time))?;
     boxes_anew(backend)
 }
@@ -113,7 +113,11 @@ pub(crate) fn fetch(backend: &mut dyn Backend, ticket: Ticket) -> Result<Traced>
 ///
 /// # Errors
 /// The backend failed.
-pub fn ask(backend: &mut dyn Backend, rays: Rays<'_>, kind: QueryKind) -> Result<Traced> {
+pub fn trace_and_wait(
+    backend: &mut dyn Backend,
+    rays: Rays<'_>,
+    kind: QueryKind,
+) -> Result<Traced> {
     let ticket = start(backend, rays, kind)?;
     fetch(backend, ticket)
 }

@@ -4,8 +4,8 @@
 
 use backend::{Backend, Generation, Hits, Inspect, Intersector, Query, QueryKind, Rays, Ticket};
 use bvh_layout::Topology;
-use conformance::record;
-use conformance::stage::{ask, stand, tree_at, triangles};
+use conformance::stage::{record_refit, trace_and_wait, tree_at, triangles};
+use conformance::topology_from_splits;
 use cpu_ref::CpuBackend;
 use fastrand::Rng;
 use geom::{Aabb, Animation, Point, Ray};
@@ -56,7 +56,7 @@ fn senseless_tree(animation: &Animation) -> Topology {
         0..20 => rng.usize(1..leaves),
         _ => leaves / 2,
     };
-    record(animation.triangle_count(), &leaves, uneven)
+    topology_from_splits(animation.triangle_count(), &leaves, uneven)
 }
 
 /// Returns a backend that has interpolated, preprocessed and refitted.
@@ -71,13 +71,13 @@ fn ready(
     let scene = Arc::clone(animation);
     backend.load(scene, intersector).unwrap();
     backend.adopt(tree, Generation(1)).unwrap();
-    stand(&mut backend, animation, time).unwrap();
+    record_refit(&mut backend, animation, time).unwrap();
     backend.submit().unwrap();
     backend
 }
 
 fn closest(backend: &mut CpuBackend, rays: &[Ray]) -> Hits {
-    ask(backend, Rays::List(rays), QueryKind::Closest)
+    trace_and_wait(backend, Rays::List(rays), QueryKind::Closest)
         .unwrap()
         .hits
 }
@@ -113,7 +113,7 @@ fn boxes_from_scratch(animation: &Animation, tree: &Topology, time: f64) -> Vec<
 }
 
 fn boxes_and_cost(backend: &mut CpuBackend, animation: &Animation, time: f64) -> (Vec<Aabb>, f64) {
-    stand(backend, animation, time).unwrap();
+    record_refit(backend, animation, time).unwrap();
     let ticket = backend.submit().unwrap();
     let cost = backend.wait(ticket).unwrap().sah_cost.unwrap();
     (backend.boxes().unwrap(), cost)
@@ -144,7 +144,7 @@ fn commands_run_in_recorded_order() {
     let fresh = |time| ready(&animation, Intersector::Exact, &tree, time, 1);
     let expected = closest(&mut fresh(early), &rays);
     let mut backend = fresh(late);
-    stand(&mut backend, &animation, early).unwrap();
+    record_refit(&mut backend, &animation, early).unwrap();
     let query = Query {
         rays: Rays::List(&rays),
         kind: QueryKind::Closest,

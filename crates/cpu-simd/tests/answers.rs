@@ -3,10 +3,10 @@
 
 use backend::{Backend, Generation, Inspect, Intersector, QueryKind, Rays};
 use bvh_layout::{CollapseOptions, Topology};
-use conformance::stage::{ask, stand, tree_at};
-use conformance::{Cases, PROPERTIES, Reference, hold, nth_case, record};
+use conformance::stage::{record_refit, trace_and_wait, tree_at};
+use conformance::{Cases, PROPERTIES, Reference, check_property, nth_case, topology_from_splits};
 use cpu_ref::CpuBackend;
-use cpu_simd::{Level, open_at};
+use cpu_simd::{InstructionSet, open_at};
 use geom::{Animation, Camera, CameraPose, Point, Ray};
 use proptest::prelude::*;
 use std::sync::Arc;
@@ -19,16 +19,16 @@ const CASES: u32 = 4;
 #[test]
 fn properties_hold_for_every_instruction_set() {
     let mut reference = Reference::new(Box::new(CpuBackend::new(Some(1)).unwrap()));
-    for level in Level::all() {
-        let mut subject = open_at(level, Some(2)).unwrap();
+    for instruction_set in InstructionSet::all() {
+        let mut subject = open_at(instruction_set, Some(2)).unwrap();
         for property in PROPERTIES {
-            let held = hold(
+            let held = check_property(
                 property,
                 &mut subject,
                 &mut reference,
                 &Cases::new(7, 0..=CASES - 1),
             );
-            held.unwrap_or_else(|e| panic!("{level:?}: {e}"));
+            held.unwrap_or_else(|e| panic!("{instruction_set:?}: {e}"));
         }
     }
 }
@@ -42,13 +42,13 @@ fn overflowing_areas_yield_no_cost() {
         .find(|property| property.name == name)
         .unwrap();
     let mut reference = Reference::new(Box::new(CpuBackend::new(Some(1)).unwrap()));
-    let mut subject = open_at(Level::all()[0], Some(2)).unwrap();
+    let mut subject = open_at(InstructionSet::all()[0], Some(2)).unwrap();
     let is_far = |number: &u32| {
         let animation = nth_case(1, *number).animation;
         animation.scale_exponent() == 0 && (FAR..f32::INFINITY).contains(&animation.magnitude())
     };
     let number = (0..1000).find(is_far).unwrap();
-    let held = hold(
+    let held = check_property(
         property,
         &mut subject,
         &mut reference,
@@ -151,7 +151,7 @@ fn trees(animation: &Animation) -> [Topology; 2] {
     let mut leaves = good.leaf_triangles().to_vec();
     leaves.sort_unstable();
     let uneven = |depth, leaves| if depth < 20 { 1 } else { leaves / 2 };
-    let bad = record(animation.triangle_count(), &leaves, uneven);
+    let bad = topology_from_splits(animation.triangle_count(), &leaves, uneven);
     [good, bad]
 }
 
@@ -168,7 +168,7 @@ fn ready(
 
 fn refit(backend: &mut CpuBackend, animation: &Animation, (tree, generation): (&Topology, u64)) {
     backend.adopt(tree, Generation(generation)).unwrap();
-    stand(backend, animation, 0.7).unwrap();
+    record_refit(backend, animation, 0.7).unwrap();
     backend.submit().unwrap();
 }
 
@@ -184,7 +184,7 @@ fn answers(
         QueryKind::ClosestAndShadow { light },
     ];
     kinds.map(|kind| {
-        let hits = ask(backend, rays, kind).unwrap().hits;
+        let hits = trace_and_wait(backend, rays, kind).unwrap().hits;
         let bits = hits.closest.iter();
         let bits = bits.map(|h| [h.t.to_bits(), h.u.to_bits(), h.v.to_bits(), h.triangle]);
         (bits.collect(), hits.blocked)
@@ -202,12 +202,12 @@ fn check(
     let reference = CpuBackend::new(Some(1)).unwrap();
     let mut reference = ready(reference, animation, intersector, &trees[0]);
     let expected = answers(&mut reference, rays[0], light);
-    for (level, tree) in Level::all().into_iter().zip(trees.iter().cycle()) {
-        let subject = open_at(level, Some(1)).unwrap();
+    for (instruction_set, tree) in InstructionSet::all().into_iter().zip(trees.iter().cycle()) {
+        let subject = open_at(instruction_set, Some(1)).unwrap();
         let mut subject = ready(subject, animation, intersector, tree);
         for &rays in rays {
             let found = answers(&mut subject, rays, light);
-            prop_assert!(found == expected, "{level:?} {intersector}");
+            prop_assert!(found == expected, "{instruction_set:?} {intersector}");
         }
     }
     Ok(())

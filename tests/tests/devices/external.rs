@@ -6,7 +6,7 @@ use crate::lent::{
 };
 use crate::open_vulkan;
 use crate::other_device::{Exported, Importer, OtherDevice};
-use crate::scenes::{go, hits, open, rays, stand};
+use crate::scenes::{go, hits, open, rays, record_refit};
 use abvh::external_memory::{ExternalBuffer, ExternalRays};
 use abvh::{Device, Error, MeshId, Point, Query, Ray, Scene, Source, Step, Tracer, Update};
 use backend::{Backend, Hits, Inspect, QueryKind, Rays, Ticket};
@@ -273,7 +273,7 @@ pub(crate) fn timeline_bounds_external_memory_access() {
     open(&mut backend, &animation);
     let arrive = |backend: &mut VulkanBackend, points: Vec<Point>| {
         let time = animation.push(PointBuffer::from(points)).unwrap();
-        stand(backend, &animation, time);
+        record_refit(backend, &animation, time);
     };
     let (list, closest) = (rays(500), QueryKind::Closest);
     let [still, moved] = [0.5, 0.25].map(|height| {

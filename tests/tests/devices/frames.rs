@@ -2,7 +2,7 @@
 
 use crate::Subject;
 use crate::scenes::{
-    SHADOWED, arrive, bits, camera, go, look, open, rays, report, see, stand, swarm, tree_at,
+    SHADOWED, arrive, bits, camera, go, look, open, rays, record_refit, report, see, swarm, tree_at,
 };
 use backend::{Backend, BackendError, Generation, Hits, Intersector, Query, QueryKind, Rays};
 use geom::{Animation, Camera};
@@ -17,7 +17,7 @@ pub(crate) fn stages_are_timed_by_one_clock(backend: &mut dyn Subject) {
     let since = Instant::now();
     open(backend, &animation);
     let tickets = [0.0, 0.3, 0.6].map(|time| {
-        stand(backend, &animation, time);
+        record_refit(backend, &animation, time);
         go(backend, Rays::Camera(&camera), SHADOWED)
     });
     for ticket in tickets {
@@ -44,7 +44,7 @@ pub(crate) fn device_memory_is_counted_and_freed(backend: &mut dyn Subject) {
     let (large, small) = (swarm(20_000), swarm(20));
     let mut bytes = |animation| {
         open(backend, animation);
-        stand(backend, animation, 0.5);
+        record_refit(backend, animation, 0.5);
         backend.request_positions().unwrap();
         backend.submit().unwrap();
         let bytes = backend.memory().held.unwrap();
@@ -87,7 +87,7 @@ pub(crate) fn steady_frames_create_no_buffers(backend: &mut dyn Subject) {
             let tree = &trees[frame as usize / 3 % 3];
             backend.adopt(tree, Generation(2 + frame)).unwrap();
         }
-        stand(backend, &animation, 0.06 * frame as f64);
+        record_refit(backend, &animation, 0.06 * frame as f64);
         if frame % 3 == 0 {
             backend.request_positions().unwrap();
         }
@@ -106,7 +106,7 @@ pub(crate) fn steady_frames_create_no_buffers(backend: &mut dyn Subject) {
 pub(crate) fn too_large_query_is_refused(backend: &mut dyn Subject) {
     let animation = swarm(50);
     open(backend, &animation);
-    stand(backend, &animation, 0.5);
+    record_refit(backend, &animation, 0.5);
     let square = |side| look([0.3, 0.2, 3.0], [0.0; 3], (50.0, [side, side]));
     let kind = QueryKind::Closest;
     let mut limit_met = |camera: &Camera| {
@@ -147,7 +147,7 @@ pub(crate) fn range_is_measured_after_refused_query(backend: &mut dyn Subject) {
         if looks {
             live.range(live.pose(time));
         }
-        stand(backend, &live, time);
+        record_refit(backend, &live, time);
         // More workgroups in one dimension than most devices support.
         let wide = look([0.3, 0.2, 3.0], [0.0; 3], (50.0, [1_100_000, 1]));
         let (rays_of, kind) = (Rays::Camera(&wide), QueryKind::Closest);
@@ -174,7 +174,7 @@ fn play(backend: &mut dyn Backend, animation: &Arc<Animation>) -> Vec<(Hits, Vec
             let tree = tree_at(animation, time);
             backend.adopt(&tree, Generation(round)).unwrap();
         }
-        stand(backend, animation, time);
+        record_refit(backend, animation, time);
         backend.request_positions().unwrap();
         let seen = see(backend, Rays::Camera(&camera()), SHADOWED);
         (seen, bits(&arrive(backend).1))
@@ -209,7 +209,7 @@ pub(crate) fn scenes_share_a_device_concurrently(backend: &mut dyn Subject) {
 pub(crate) fn snapshot_outlives_the_backend(mut backend: Box<dyn Subject>) {
     let animation = swarm(100);
     open(&mut *backend, &animation);
-    stand(&mut *backend, &animation, 0.25);
+    record_refit(&mut *backend, &animation, 0.25);
     backend.request_positions().unwrap();
     assert_eq!(report(&mut *backend).readback_bytes, 100 * 36);
     let (_, snapshot) = arrive(&mut *backend);
@@ -224,12 +224,12 @@ pub(crate) fn dropping_a_busy_backend_is_safe(mut backend: Box<dyn Subject>) {
     let subject: &mut dyn Backend = &mut *backend;
     let animation = swarm(2000);
     open(subject, &animation);
-    stand(subject, &animation, 0.5);
+    record_refit(subject, &animation, 0.5);
     subject.request_positions().unwrap();
     go(subject, Rays::Camera(&camera()), SHADOWED);
     let tree = tree_at(&animation, 0.5);
     subject.adopt(&tree, Generation(2)).unwrap();
-    stand(subject, &animation, 0.6);
+    record_refit(subject, &animation, 0.6);
     subject.request_positions().unwrap();
 }
 
@@ -258,7 +258,7 @@ pub(crate) fn paged_key_frames_take_memory_for_few(backend: &mut dyn Subject) {
 pub(crate) fn shading_requires_a_palette(backend: &mut dyn Subject) {
     let (animation, camera) = (swarm(50), camera());
     open(backend, &animation);
-    stand(backend, &animation, 0.0);
+    record_refit(backend, &animation, 0.0);
     let query = Query {
         rays: Rays::Camera(&camera),
         kind: SHADOWED,

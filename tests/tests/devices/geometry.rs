@@ -1,10 +1,12 @@
 //! Tests trees of maximal depth and large trees, repeated stages, static geometry, and costs.
 
 use crate::Subject;
-use crate::scenes::{SHADOWED, apart, camera, go, hits, open, report, stand, swarm, tree_at};
+use crate::scenes::{
+    SHADOWED, apart, camera, go, hits, open, record_refit, report, swarm, tree_at,
+};
 use backend::{FrameReport, Generation, Inspect, Intersector, QueryKind, Rays};
 use bvh_layout::Topology;
-use conformance::record;
+use conformance::topology_from_splits;
 use cpu_ref::CpuBackend;
 use geom::{Aabb, Animation};
 use integration::share;
@@ -25,7 +27,7 @@ fn stack() -> Arc<Animation> {
 /// Creates a tree in which each inner node has a leaf on the left and the next inner node on the right.
 fn chain() -> Topology {
     let order: Vec<_> = (0..LEAVES).collect();
-    record(LEAVES as usize, &order, |_, _| 1)
+    topology_from_splits(LEAVES as usize, &order, |_, _| 1)
 }
 
 pub(crate) fn submission_accepts_many_stages(backend: &mut dyn Subject) {
@@ -34,7 +36,7 @@ pub(crate) fn submission_accepts_many_stages(backend: &mut dyn Subject) {
     backend.load(Arc::clone(&animation), intersector).unwrap();
     backend.adopt(&chain(), Generation(1)).unwrap();
     for _ in 0..9 {
-        stand(backend, &animation, 0.0);
+        record_refit(backend, &animation, 0.0);
     }
     let camera = camera();
     let ticket = go(backend, Rays::Camera(&camera), QueryKind::Closest);
@@ -48,7 +50,7 @@ pub(crate) fn cost_persists_until_next_refit(backend: &mut dyn Subject) {
     let animation = swarm(300);
     open(backend, &animation);
     assert_eq!(report(backend).sah_cost, None);
-    stand(backend, &animation, 0.0);
+    record_refit(backend, &animation, 0.0);
     let told = |r: &FrameReport| (r.sah_cost, r.inactive, r.degenerate);
     let first = report(backend);
     assert!(first.sah_cost.is_some() && told(&report(backend)) == told(&first));
@@ -133,7 +135,7 @@ pub(crate) fn trees_of_any_shape_have_the_references_hits_and_boxes(backend: &mu
         // The second time is a key frame, after which some triangles become inactive.
         for (tree, (generation, time)) in trees.iter().zip([(2, 0.3), (3, 0.0)]) {
             backend.adopt(tree, Generation(generation)).unwrap();
-            stand(backend, &animation, time);
+            record_refit(backend, &animation, time);
             let ticket = go(backend, Rays::Camera(&camera), QueryKind::Closest);
             let boxes = backend.boxes().unwrap();
             let report = backend.wait(ticket).unwrap();
@@ -154,7 +156,7 @@ fn refitted(
     let intersector = Intersector::Watertight;
     backend.load(Arc::clone(animation), intersector).unwrap();
     backend.adopt(tree, Generation(1)).unwrap();
-    stand(backend, animation, 0.7);
+    record_refit(backend, animation, 0.7);
     (report(backend), backend.boxes().unwrap())
 }
 

@@ -2,7 +2,8 @@
 
 use crate::open_vulkan;
 use crate::scenes::{
-    SHADOWED, arrive, bits, camera, go, hits, open, positions, rays, see, stand, swarm, tree_at,
+    SHADOWED, arrive, bits, camera, go, hits, open, positions, rays, record_refit, see, swarm,
+    tree_at,
 };
 use backend::{Backend, BackendError, FRAMES_IN_FLIGHT, Generation, QueryKind, Rays, Ticket};
 use geom::Animation;
@@ -94,7 +95,7 @@ pub(crate) fn submissions_in_flight_are_bounded() {
     let (animation, camera) = (swarm(2000), camera());
     open(&mut backend, &animation);
     for frame in 0..8 {
-        stand(&mut backend, &animation, 0.2 * f64::from(frame));
+        record_refit(&mut backend, &animation, 0.2 * f64::from(frame));
         let Ticket(number) = go(&mut backend, Rays::Camera(&camera), SHADOWED);
         let older = Ticket(number - FRAMES_IN_FLIGHT as u64);
         assert!(is_done(&backend, older), "{number}");
@@ -125,7 +126,7 @@ pub(crate) fn shared_key_frames_equal_copied_ones() {
             let moved = positions(&scene, 0.15 * f64::from(frame));
             memory.copy_from_slice(&moved);
             let time = streamed.push(memory).unwrap();
-            stand(&mut backend, &streamed, time);
+            record_refit(&mut backend, &streamed, time);
             see(&mut backend, Rays::List(&list), QueryKind::Closest)
         });
         frames.collect::<Vec<_>>()
@@ -142,12 +143,12 @@ pub(crate) fn pending_readbacks_are_not_overwritten() {
     let [from, to] = [0, 1].map(|_| Buffer::new(&gpu, "a bar", 16, BufferUse::Device).unwrap());
     bar(&mut backend.gpu_mut().readback, &gate, &from, &to);
     for time in [0.1, 0.2] {
-        stand(&mut backend, &animation, time);
+        record_refit(&mut backend, &animation, time);
         backend.request_positions().unwrap();
         backend.submit().unwrap();
     }
     // Neither position buffer has been read back yet.
-    stand(&mut backend, &animation, 0.3);
+    record_refit(&mut backend, &animation, 0.3);
     let third = backend.submit().unwrap();
     std::thread::sleep(Duration::from_millis(200));
     let early = is_done(&backend, third);
@@ -165,25 +166,25 @@ pub(crate) fn frames_continue_during_blocked_copies() {
     let gpu = Arc::clone(&backend.gpu().gpu);
     let (animation, camera) = (swarm(5000), camera());
     open(&mut backend, &animation);
-    stand(&mut backend, &animation, 0.0);
+    record_refit(&mut backend, &animation, 0.0);
     let ticket = go(&mut backend, Rays::Camera(&camera), SHADOWED);
     backend.wait(ticket).unwrap();
 
     let gate = Timeline::new(&gpu).unwrap();
     let [from, to] = [0, 1].map(|_| Buffer::new(&gpu, "a bar", 16, BufferUse::Device).unwrap());
     bar(&mut backend.gpu_mut().readback, &gate, &from, &to);
-    stand(&mut backend, &animation, 0.4);
+    record_refit(&mut backend, &animation, 0.4);
     backend.request_positions().unwrap();
     let asked = go(&mut backend, Rays::Camera(&camera), SHADOWED);
     for frame in 0..5 {
-        stand(&mut backend, &animation, 0.5 + 0.1 * f64::from(frame));
+        record_refit(&mut backend, &animation, 0.5 + 0.1 * f64::from(frame));
         let ticket = go(&mut backend, Rays::Camera(&camera), SHADOWED);
         let report = backend.wait(ticket).unwrap();
         assert!(report.hits > 0 && backend.take_positions().unwrap().is_none());
     }
     // Adopting a tree does not wait, and earlier frames are not delayed.
     bar(&mut backend.gpu_mut().upload, &gate, &from, &to);
-    stand(&mut backend, &animation, 1.5);
+    record_refit(&mut backend, &animation, 1.5);
     let before = go(&mut backend, Rays::Camera(&camera), SHADOWED);
     let tree = tree_at(&animation, 1.5);
     backend.adopt(&tree, Generation(2)).unwrap();

@@ -1,7 +1,7 @@
 //! Tests trees built on the device: validity, sorting, depth and cost.
 
 use crate::Subject;
-use crate::scenes::{apart, numbers, report, stand, swarm, tree_at};
+use crate::scenes::{apart, numbers, record_refit, report, swarm, tree_at};
 use backend::{Backend, Generation, Inspect, Intersector, check_tree};
 use bvh_layout::Topology;
 use cpu_ref::CpuBackend;
@@ -38,7 +38,7 @@ pub(crate) fn trees_of_any_size_are_valid(backend: &mut dyn Subject) {
         let scene = Arc::clone(&animation);
         reference.load(scene, Intersector::Watertight).unwrap();
         reference.adopt(&tree, Generation(1)).unwrap();
-        stand(&mut reference, &animation, time);
+        record_refit(&mut reference, &animation, time);
         let expected = report(&mut reference).sah_cost.unwrap_or(0.0);
         let error = (cost - expected).abs();
         assert!(error <= 1e-4 * expected, "{cost} {expected}");
@@ -109,7 +109,7 @@ pub(crate) fn device_tree_cost_is_near_host(backend: &mut dyn Subject) {
     let (_, cost) = made(backend, &animation, 0.3);
     let tree = tree_at(&animation, 0.3);
     backend.adopt(&tree, Generation(2)).unwrap();
-    stand(backend, &animation, 0.3);
+    record_refit(backend, &animation, 0.3);
     let host = report(backend).sah_cost.unwrap();
     assert!(cost < 1.15 * host, "{cost} {host}");
 }

@@ -80,8 +80,8 @@ pub(crate) fn open(backend: &mut dyn Backend, animation: &Arc<Animation>) {
 }
 
 /// Records all stages that precede a trace.
-pub(crate) fn stand(backend: &mut dyn Backend, animation: &Animation, time: f64) {
-    stage::stand(backend, animation, time).unwrap();
+pub(crate) fn record_refit(backend: &mut dyn Backend, animation: &Animation, time: f64) {
+    stage::record_refit(backend, animation, time).unwrap();
 }
 
 /// Records a trace and submits.
@@ -97,7 +97,7 @@ pub(crate) fn hits(backend: &mut dyn Backend, ticket: Ticket) -> Hits {
 
 /// Records a trace, submits, and returns the hits.
 pub(crate) fn see(backend: &mut dyn Backend, rays: Rays<'_>, kind: QueryKind) -> Hits {
-    stage::ask(backend, rays, kind).unwrap().hits
+    stage::trace_and_wait(backend, rays, kind).unwrap().hits
 }
 
 /// Submits and returns the report.
@@ -112,10 +112,10 @@ pub(crate) fn check_picture(
     (animation, time): (&Animation, f64),
     camera: &Camera,
 ) {
-    stand(backend, animation, time);
+    record_refit(backend, animation, time);
     let together = see(backend, Rays::Camera(camera), SHADOWED);
     let rays: Vec<_> = camera.rays().collect();
-    stand(backend, animation, time);
+    record_refit(backend, animation, time);
     let apart = see(backend, Rays::List(&rays), SHADOWED);
     assert!(together == apart, "{camera:?} at {time}");
 }

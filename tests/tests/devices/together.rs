@@ -6,7 +6,7 @@ use crate::scenes::{
 };
 use backend::{Generation, Intersector, Rays};
 use bvh_layout::Topology;
-use conformance::record;
+use conformance::topology_from_splits;
 use geom::{Animation, Point};
 use shaders::BufferName;
 use std::sync::Arc;
@@ -33,7 +33,7 @@ fn layers() -> Arc<Animation> {
 fn comb(animation: &Animation) -> Topology {
     let order = tree_at(animation, 0.0).leaf_triangles().to_vec();
     let split = |depth, leaves| if depth < 40 { 1 } else { leaves / 2 };
-    record(animation.triangle_count(), &order, split)
+    topology_from_splits(animation.triangle_count(), &order, split)
 }
 
 fn open_by(backend: &mut dyn Subject, animation: &Arc<Animation>, intersector: Intersector) {

@@ -1,7 +1,7 @@
 //! Tests steps that are recorded into the program's command encoder.
 
 use crate::lent::{Met, OnHost, Sheets, bits, sheet, two_sheets};
-use crate::scenes::{SHADOWED, camera, go, hits, open, see, stand, swarm, tree_at};
+use crate::scenes::{SHADOWED, camera, go, hits, open, record_refit, see, swarm, tree_at};
 use crate::wgpu_lent::{bytes_of, device_with, lent, own_device};
 use crate::wgpu_points::Own;
 use abvh::own_device::{
@@ -318,9 +318,9 @@ pub(crate) fn tree_outlives_commands_that_read_it() {
     let own = device_with(features, limits);
     let mut backend = lent(&own).unwrap();
     open(&mut backend, &animation);
-    stand(&mut backend, &animation, 0.3);
+    record_refit(&mut backend, &animation, 0.3);
     let expected = see(&mut backend, Rays::Camera(&camera), SHADOWED);
-    stand(&mut backend, &animation, 0.3);
+    record_refit(&mut backend, &animation, 0.3);
     let commands = own.device.create_command_encoder(&Default::default());
     backend.gpu_mut().set_encoder(commands).unwrap();
     let ticket = go(&mut backend, Rays::Camera(&camera), SHADOWED);
@@ -330,7 +330,7 @@ pub(crate) fn tree_outlives_commands_that_read_it() {
     let all = 0..animation.triangle_count() as u32;
     let leaves: Vec<u32> = all.rev().filter(|&t| animation.is_live(t)).collect();
     let uneven = |depth, leaves| if depth < 8 { 1 } else { leaves / 2 };
-    let third = conformance::record(animation.triangle_count(), &leaves, uneven);
+    let third = conformance::topology_from_splits(animation.triangle_count(), &leaves, uneven);
     backend.upload_tree(&third, Generation(3)).unwrap();
     own.queue.submit([commands.finish()]);
     assert!(hits(&mut backend, ticket) == expected);

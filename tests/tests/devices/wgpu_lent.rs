@@ -1,6 +1,8 @@
 //! Tests devices that the program opened: with few features, with low limits, or lost.
 
-use crate::scenes::{SHADOWED, arrive, camera, go, open, rays, report, see, stand, swarm, tree_at};
+use crate::scenes::{
+    SHADOWED, arrive, camera, go, open, rays, record_refit, report, see, swarm, tree_at,
+};
 use abvh::own_device::OwnDevice;
 use abvh::{Device, Scene, Tracer};
 use backend::{
@@ -88,7 +90,7 @@ pub(crate) fn featureless_device_gives_same_hits() {
             "{options:?}"
         );
     }
-    stand(&mut lent, &animation, 0.7);
+    record_refit(&mut lent, &animation, 0.7);
     let ticket = lent.submit().unwrap();
     let times = lent.wait(ticket).unwrap().times;
     assert!(
@@ -110,7 +112,7 @@ pub(crate) fn too_large_scene_names_its_limit() {
     // A scene that fits can still be loaded. Lists of rays are limited in the same way.
     let animation = swarm(10);
     open(&mut backend, &animation);
-    stand(&mut backend, &animation, 0.0);
+    record_refit(&mut backend, &animation, 0.0);
     let many = rays(40_000);
     let (rays, kind) = (Rays::List(&many), QueryKind::Closest);
     let refused = backend.trace(&[Query { rays, kind }]).unwrap_err();
@@ -153,7 +155,7 @@ pub(crate) fn lent_device_keeps_its_handlers() {
             .is_err()
     );
     open(&mut backend, &animation);
-    stand(&mut backend, &animation, 0.5);
+    record_refit(&mut backend, &animation, 0.5);
     backend.request_positions().unwrap();
     let ticket = go(&mut backend, Rays::Camera(&camera), SHADOWED);
     backend.wait(ticket).unwrap();
@@ -204,7 +206,7 @@ fn results(
     camera: &Camera,
 ) -> (Vec<Aabb>, [Hits; 3]) {
     open(backend, animation);
-    stand(backend, animation, 0.6);
+    record_refit(backend, animation, 0.6);
     let list = rays(500);
     let queries = [
         (Rays::Camera(camera), SHADOWED),
@@ -262,7 +264,7 @@ pub(crate) fn calls_after_device_loss_return_errors() {
         let own = own_device(limits);
         let mut backend = lent(&own).unwrap();
         open(&mut backend, &animation);
-        stand(&mut backend, &animation, 0.5);
+        record_refit(&mut backend, &animation, 0.5);
         backend.request_positions().unwrap();
         let ticket = go(&mut backend, Rays::List(&list), QueryKind::Closest);
         backend.wait(ticket).unwrap();

@@ -2,7 +2,7 @@
 
 use crate::error::CliError;
 use backend::{Backend, Intersector};
-use conformance::stress::{Family, Plan, StressTest};
+use conformance::stability::{Family, Plan, StabilityTest};
 use output::plot::FamilyCounts;
 
 /// Minimum and maximum number of rays of each family.
@@ -11,21 +11,21 @@ const RAYS: [usize; 2] = [1 << 11, 1 << 12];
 const MIXED_RANGE: [Family; 3] = [Family::Outlier, Family::Exploding, Family::ExtremeKeys];
 
 /// Returns scenes of mixed range with their exact answers.
-pub(super) fn families(rays: usize) -> Vec<StressTest> {
+pub(super) fn families(rays: usize) -> Vec<StabilityTest> {
     let rays = (rays / 32).clamp(RAYS[0], RAYS[1]) as u32;
     let plan = Plan { seed: 1, rays };
-    MIXED_RANGE.map(|f| StressTest::new(f, &plan)).into()
+    MIXED_RANGE.map(|f| StabilityTest::new(f, &plan)).into()
 }
 
 /// Counts wrong answers of one method in scenes of mixed range.
 pub(super) fn count(
     backend: &mut dyn Backend,
     intersector: Intersector,
-    tests: &[StressTest],
+    tests: &[StabilityTest],
 ) -> Result<Vec<FamilyCounts>, CliError> {
     let mut counts = Vec::new();
     for test in tests {
-        let cell = test.ask(backend, intersector)?;
+        let cell = test.run(backend, intersector)?;
         counts.push(FamilyCounts {
             family: cell.family.name().to_owned(),
             rays: cell.wrong().of,

@@ -5,7 +5,7 @@ use crate::console::ProgressLine;
 use crate::error::CliError;
 use crate::table::{Cells, grouped, table};
 use backend::{Backend, Intersector};
-use conformance::stress::audit::{Audit, AuditBatch, AuditCounts, BatchSpec};
+use conformance::stability::audit::{Audit, AuditBatch, AuditCounts, BatchSpec};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -71,7 +71,7 @@ fn trace(
     let command = settings.command(name, &rest);
     let begins = format!("{name}: ");
     for batch in batches {
-        let tally = batch.ask(backend, Intersector::Exact)?;
+        let tally = batch.run(backend, Intersector::Exact)?;
         let mesh = batch.spec.kind.name();
         let examples = &mut report.oracle_examples;
         let known = examples.iter().filter(|e| e.starts_with(&begins)).count();

@@ -65,7 +65,7 @@ pub(crate) fn live(animation: &Animation, chance: u64) -> Vec<u32> {
 /// Returns a tree whose nodes are split by `split`.
 pub(crate) fn odd(triangles: usize, leaves: &[u32], split: LeafSplit, chance: u64) -> Topology {
     let mut rng = fastrand::Rng::with_seed(chance);
-    record(triangles, leaves, |depth, leaves| {
+    topology_from_splits(triangles, leaves, |depth, leaves| {
         split.left(leaves, depth, &mut rng)
     })
 }
@@ -76,7 +76,7 @@ pub(crate) fn odd(triangles: usize, leaves: &[u32], split: LeafSplit, chance: u6
 ///
 /// # Panics
 /// If `split` leaves a child without leaves, or if the tree exceeds the maximum depth.
-pub fn record(
+pub fn topology_from_splits(
     triangles: usize,
     leaves: &[u32],
     mut split: impl FnMut(u32, usize) -> usize,

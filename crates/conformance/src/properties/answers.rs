@@ -4,7 +4,7 @@ use super::Check;
 use crate::Case;
 use crate::compare::{answers, named_ray, same_counts};
 use crate::crossings::crossings;
-use crate::stage::{Traced, ask, is_extreme, open, stand};
+use crate::stage::{Traced, is_extreme, open, record_refit, trace_and_wait};
 use anyhow::{Context, Result, bail, ensure};
 use backend::{Hits, Intersector, Query, QueryKind, Rays};
 use geom::{Camera, Ray};
@@ -13,8 +13,8 @@ use geom::{Camera, Ray};
 fn asked(c: &mut Check<'_>, rays: Rays<'_>, kind: QueryKind) -> Result<()> {
     c.open(c.case.times[0])?;
     for &time in &c.case.times {
-        c.stand(time)?;
-        let found = ask(c.subject, rays, kind)?;
+        c.record_refit(time)?;
+        let found = trace_and_wait(c.subject, rays, kind)?;
         verify(c, time, Query { rays, kind }, &found)?;
     }
     Ok(())
@@ -66,14 +66,14 @@ pub(super) fn camera_is_rays(c: &mut Check<'_>) -> Result<()> {
     let list: Vec<Ray> = case.camera.rays().collect();
     let camera = Rays::Camera(&case.camera);
     c.open(case.times[0])?;
-    c.stand(now)?;
+    c.record_refit(now)?;
     for kind in [
         QueryKind::Closest,
         QueryKind::Any,
         QueryKind::ClosestAndShadow { light },
     ] {
-        let given = c.ask(Rays::List(&list), kind)?;
-        let made = c.ask(camera, kind)?;
+        let given = c.trace_and_wait(Rays::List(&list), kind)?;
+        let made = c.trace_and_wait(camera, kind)?;
         answers(case, now, camera, &made, &given)?;
     }
     Ok(())
@@ -82,9 +82,9 @@ pub(super) fn camera_is_rays(c: &mut Check<'_>) -> Result<()> {
 /// Tests that any-hit reports a hit exactly if closest-hit does, for every intersector.
 pub(super) fn any_is_closest(c: &mut Check<'_>) -> Result<()> {
     c.open(c.case.times[0])?;
-    c.stand(c.case.times[1])?;
+    c.record_refit(c.case.times[1])?;
     let closest = c.closest()?.closest;
-    let any = c.ask(c.rays(), QueryKind::Any)?.blocked;
+    let any = c.trace_and_wait(c.rays(), QueryKind::Any)?.blocked;
     let [a, b] = [closest.len(), any.len()];
     ensure!(a == b, "{a} closest hits, but {b} any-hit results");
     let mut pairs = closest.iter().zip(&any).enumerate();
@@ -117,7 +117,7 @@ pub(super) fn together(c: &mut Check<'_>) -> Result<()> {
         return Ok(());
     }
     for &time in &case.times {
-        c.stand(time)?;
+        c.record_refit(time)?;
         c.subject.trace(&queries)?;
         let ticket = c.subject.submit()?;
         let (met, mut sum) = (c.subject.wait(ticket)?.hits, 0);
@@ -126,7 +126,7 @@ pub(super) fn together(c: &mut Check<'_>) -> Result<()> {
             c.subject.take_hits(ticket, index, hits)?;
         }
         for (place, (query, found)) in queries.into_iter().zip(&found).enumerate() {
-            let alone = ask(c.subject, query.rays, query.kind)?;
+            let alone = trace_and_wait(c.subject, query.rays, query.kind)?;
             let answered = answers(case, time, query.rays, found, &alone.hits);
             answered.with_context(|| format!("query {place}"))?;
             sum += alone.report.hits;
@@ -143,8 +143,10 @@ pub(super) fn leaks(c: &mut Check<'_>) -> Result<()> {
     let animation = placed.animation();
     let rays: Vec<Ray> = described.iter().map(|ray| placed.ray(ray)).collect();
     open(c.subject, &animation, 0.0, c.intersector)?;
-    stand(c.subject, &animation, 0.0)?;
-    let hits = c.ask(Rays::List(&rays), QueryKind::Closest)?.closest;
+    record_refit(c.subject, &animation, 0.0)?;
+    let hits = c
+        .trace_and_wait(Rays::List(&rays), QueryKind::Closest)?
+        .closest;
     let crossings = crossings(c.subject, c.intersector, &animation, &rays)?;
     for (i, ray) in described.iter().enumerate() {
         let (is_hit, count) = (hits[i].is_hit(), crossings[i]);

@@ -2,7 +2,7 @@
 
 use super::Check;
 use crate::compare::answers;
-use crate::stage::{ask, open, stand, vertices};
+use crate::stage::{open, record_refit, trace_and_wait, vertices};
 use anyhow::{Context, Result, ensure};
 use backend::{Hits, Query, QueryKind, Rays};
 use geom::{Animation, Hit, Point, Ray, Triangle};
@@ -42,7 +42,7 @@ pub(super) fn apart(c: &mut Check<'_>) -> Result<()> {
             kind: QueryKind::ClosestAndShadow { light },
         },
     ];
-    let [near_found, far_found, found] = [&near, &far, &both].map(|s| s.ask(c, &queries));
+    let [near_found, far_found, found] = [&near, &far, &both].map(|s| s.trace_all(c, &queries));
     let (near_found, far_found, found) = (near_found?, far_found?, found?);
     let mut aimed = far_found[0].closest[case.rays.len()..].iter();
     let hits_all = aimed.all(Hit::is_hit);
@@ -90,10 +90,11 @@ impl StaticScene {
         Self::new(points, triangles)
     }
 
-    fn ask(&self, c: &mut Check<'_>, queries: &[Query<'_>]) -> Result<Vec<Hits>> {
+    fn trace_all(&self, c: &mut Check<'_>, queries: &[Query<'_>]) -> Result<Vec<Hits>> {
         open(c.subject, &self.0, 0.0, c.intersector)?;
-        stand(c.subject, &self.0, 0.0)?;
-        let answer = |query: &Query<'_>| Ok(ask(c.subject, query.rays, query.kind)?.hits);
+        record_refit(c.subject, &self.0, 0.0)?;
+        let answer =
+            |query: &Query<'_>| Ok(trace_and_wait(c.subject, query.rays, query.kind)?.hits);
         queries.iter().map(answer).collect()
     }
 }

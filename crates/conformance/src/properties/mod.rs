@@ -57,21 +57,21 @@ impl<'a> Check<'a> {
     }
 
     /// Records `interpolate`, `preprocess` and `refit` at `time`.
-    fn stand(&mut self, time: f64) -> backend::Result<()> {
-        stage::stand(self.subject, &self.case.animation, time)
+    fn record_refit(&mut self, time: f64) -> backend::Result<()> {
+        stage::record_refit(self.subject, &self.case.animation, time)
     }
 
     fn interpolate(&mut self, time: f64) -> backend::Result<()> {
         self.subject.interpolate(self.case.animation.pose(time))
     }
 
-    fn ask(&mut self, rays: Rays<'_>, kind: QueryKind) -> backend::Result<Hits> {
-        Ok(stage::ask(self.subject, rays, kind)?.hits)
+    fn trace_and_wait(&mut self, rays: Rays<'_>, kind: QueryKind) -> backend::Result<Hits> {
+        Ok(stage::trace_and_wait(self.subject, rays, kind)?.hits)
     }
 
     /// Returns the closest hits of the case's rays.
     fn closest(&mut self) -> backend::Result<Hits> {
-        self.ask(self.rays(), QueryKind::Closest)
+        self.trace_and_wait(self.rays(), QueryKind::Closest)
     }
 
     /// Returns the case's rays.

@@ -2,7 +2,7 @@
 
 use super::Check;
 use crate::compare::answers;
-use crate::stage::{fetch, open, stand, start};
+use crate::stage::{fetch, open, record_refit, start};
 use anyhow::{Result, bail, ensure};
 use backend::{FRAMES_IN_FLIGHT, FrameReport, Hits, QueryKind};
 use geom::Animation;
@@ -13,7 +13,7 @@ use std::sync::Arc;
 pub(super) fn stages(c: &mut Check<'_>) -> Result<()> {
     let rays = c.rays();
     c.open(c.case.times[0])?;
-    c.stand(c.case.times[1])?;
+    c.record_refit(c.case.times[1])?;
     let whole = start(c.subject, rays, QueryKind::Closest)?;
     let traced = start(c.subject, rays, QueryKind::Any)?;
     let first = c.subject.wait(whole)?;
@@ -61,20 +61,20 @@ pub(super) fn tickets(c: &mut Check<'_>) -> Result<()> {
     c.open(times[0])?;
     let mut expected = Vec::new();
     for &time in times {
-        c.stand(time)?;
+        c.record_refit(time)?;
         expected.push(c.closest()?);
     }
     let mut tickets = Vec::new();
     for &time in times {
-        c.stand(time)?;
+        c.record_refit(time)?;
         tickets.push(start(c.subject, rays, QueryKind::Closest)?);
     }
     // Neither submissions without a trace nor an unfinished recording may discard results.
     for &time in &case.times {
-        c.stand(time)?;
+        c.record_refit(time)?;
         tickets.push(c.subject.submit()?);
     }
-    c.stand(case.times[0])?;
+    c.record_refit(case.times[0])?;
     let rise = tickets.is_sorted_by(|a, b| a < b);
     ensure!(rise, "tickets do not increase: {tickets:?}");
     // In descending order of tickets.
@@ -89,7 +89,7 @@ pub(super) fn reload(c: &mut Check<'_>) -> Result<()> {
     let (case, rays, now) = (c.case, c.rays(), c.case.times[1]);
     let once = |c: &mut Check<'_>| -> Result<Hits> {
         c.open(case.times[0])?;
-        c.stand(now)?;
+        c.record_refit(now)?;
         Ok(c.closest()?)
     };
     let first = once(c)?;
@@ -99,10 +99,10 @@ pub(super) fn reload(c: &mut Check<'_>) -> Result<()> {
     answers(case, now, rays, &once(c)?, &first)?;
     // Requested positions and unfinished traces of the old scene must not appear in the new one.
     open(c.subject, &other, 0.0, c.intersector)?;
-    stand(c.subject, &other, 0.0)?;
+    record_refit(c.subject, &other, 0.0)?;
     c.subject.request_positions()?;
     start(c.subject, rays, QueryKind::Closest)?;
-    stand(c.subject, &other, 0.0)?;
+    record_refit(c.subject, &other, 0.0)?;
     answers(case, now, rays, &once(c)?, &first)?;
     match c.subject.take_positions()? {
         None => Ok(()),

@@ -6,7 +6,9 @@ use crate::Case;
 use crate::compare::{lists, same_counts, same_hit};
 use crate::generate::rays::{Aims, turn};
 use crate::generate::strategies::sample;
-use crate::stage::{Traced, ask, boxes_anew, fetch, open, stand, start, tree_over};
+use crate::stage::{
+    Traced, boxes_anew, fetch, open, record_refit, start, trace_and_wait, tree_over,
+};
 use anyhow::{Context, Result, ensure};
 use backend::{Generation, Query, QueryKind, Rays, Ticket};
 use fastrand::Rng;
@@ -104,7 +106,7 @@ fn push_all(
     let frames = c.case.animation.all_keys()?;
     let (rays, light) = (c.rays(), c.case.light);
     open(c.subject, streamed, 0.0, c.intersector)?;
-    stand(c.subject, streamed, 0.0)?;
+    record_refit(c.subject, streamed, 0.0)?;
     c.subject.submit()?;
     let mut started = Vec::new();
     for (frame, generation) in frames[1..].iter().zip(2..) {
@@ -190,12 +192,12 @@ fn play(
     let play = |frame: &BoundFrame| {
         let time = streamed.push(frame.points.clone())?;
         prepare(streamed.pose(time));
-        stand(subject, streamed, time)?;
+        record_refit(subject, streamed, time)?;
         let some = c.case.rays.iter().copied().take(RAYS);
         let rays: Vec<Ray> = some.chain(from_the_middle(&frame.points)).collect();
         let rays = Rays::List(&rays);
-        let closest = ask(subject, rays, QueryKind::Closest)?;
-        Ok([closest, ask(subject, rays, QueryKind::Any)?])
+        let closest = trace_and_wait(subject, rays, QueryKind::Closest)?;
+        Ok([closest, trace_and_wait(subject, rays, QueryKind::Any)?])
     };
     frames.iter().map(play).collect()
 }

@@ -7,7 +7,7 @@ use crate::compare::{answers, lists, same_counts};
 use crate::generate::topologies::foreign;
 use crate::properties::frames::COST_TOLERANCE;
 use crate::reference::FrameResults;
-use crate::stage::{Traced, ask, boxes_anew, fetch, start, tree_at};
+use crate::stage::{Traced, boxes_anew, fetch, start, trace_and_wait, tree_at};
 use anyhow::{Context, Result, bail, ensure};
 use backend::{Backend, BackendError, Generation, Hits, QueryKind, check_tree};
 use bvh_layout::Topology;
@@ -17,12 +17,12 @@ use std::sync::Arc;
 pub(super) fn age(c: &mut Check<'_>) -> Result<()> {
     let (case, now) = (c.case, c.case.times[1]);
     c.open(now)?;
-    c.stand(now)?;
+    c.record_refit(now)?;
     let fresh = c.closest()?;
     for (built, generation) in [case.times[0], case.times[2]].into_iter().zip(2..) {
         let tree = tree_at(&case.animation, built);
         c.subject.adopt(&tree, Generation(generation))?;
-        c.stand(now)?;
+        c.record_refit(now)?;
         answers(case, now, c.rays(), &c.closest()?, &fresh)?;
     }
     Ok(())
@@ -32,7 +32,7 @@ pub(super) fn age(c: &mut Check<'_>) -> Result<()> {
 pub(super) fn shape(c: &mut Check<'_>) -> Result<()> {
     let (case, now) = (c.case, c.case.times[1]);
     c.open(now)?;
-    c.stand(now)?;
+    c.record_refit(now)?;
     let built = both(c)?;
     for (odd, generation) in case.trees.iter().zip(2..) {
         let about = || format!("{:?}", odd.split);
@@ -49,16 +49,16 @@ pub(super) fn shape(c: &mut Check<'_>) -> Result<()> {
 
 /// Returns closest hits and any-hit results of the case's rays.
 fn both(c: &mut Check<'_>) -> Result<[Hits; 2]> {
-    Ok([c.closest()?, c.ask(c.rays(), QueryKind::Any)?])
+    Ok([c.closest()?, c.trace_and_wait(c.rays(), QueryKind::Any)?])
 }
 
 /// Tests that adopting another tree between two frames at the same time changes no hit, with the first frame in flight.
 pub(super) fn swap(c: &mut Check<'_>) -> Result<()> {
     let (case, rays, now) = (c.case, c.rays(), c.case.times[1]);
     c.open(case.times[0])?;
-    c.stand(now)?;
+    c.record_refit(now)?;
     let alone = c.closest()?;
-    c.stand(now)?;
+    c.record_refit(now)?;
     let before = start(c.subject, rays, QueryKind::Closest)?;
     for generation in 2..5 {
         let tree = tree_at(&case.animation, case.times[generation as usize % 3]);
@@ -77,7 +77,7 @@ pub(super) fn brought(c: &mut Check<'_>) -> Result<()> {
     let animation = &case.animation;
     let [left, next, last] = [0, 1, 2].map(|i| tree_at(animation, case.times[i]));
     c.open(now)?;
-    c.stand(now)?;
+    c.record_refit(now)?;
     let fresh = c.closest()?;
     write(c, &left, 2)?;
     c.subject.upload_tree(&left, Generation(2))?;
@@ -104,10 +104,10 @@ pub(super) fn evaluated(c: &mut Check<'_>) -> Result<()> {
     let (case, rays) = (c.case, c.rays());
     let [then, now] = [0, 1].map(|i| case.times[i]);
     c.open(then)?;
-    c.stand(then)?;
+    c.record_refit(then)?;
     let fresh_then = c.closest()?;
-    c.stand(now)?;
-    let fresh = ask(c.subject, rays, QueryKind::Closest)?;
+    c.record_refit(now)?;
+    let fresh = trace_and_wait(c.subject, rays, QueryKind::Closest)?;
     let same_frame = |found: &Traced, about| {
         answers(case, now, rays, &found.hits, &fresh.hits).context(about)?;
         same_counts(&found.report, &fresh.report)
@@ -128,18 +128,18 @@ pub(super) fn evaluated(c: &mut Check<'_>) -> Result<()> {
                 answers(case, then, rays, &c.closest()?, &fresh_then)?;
             }
         }
-        let evaluated = ask(c.subject, rays, QueryKind::Closest)?;
+        let evaluated = trace_and_wait(c.subject, rays, QueryKind::Closest)?;
         same_frame(&evaluated, "during an evaluation")?;
         c.subject.adopt(&tree, Generation(generation))?;
         boxes_anew(c.subject)?;
-        let adopted = ask(c.subject, rays, QueryKind::Closest)?;
+        let adopted = trace_and_wait(c.subject, rays, QueryKind::Closest)?;
         same_frame(&adopted, "adopted")?;
         same_cost(evaluated.report.candidate_cost, adopted.report.sah_cost)?;
-        c.stand(then)?;
+        c.record_refit(then)?;
         answers(case, then, rays, &c.closest()?, &fresh_then).context("at another time")?;
-        c.stand(now)?;
+        c.record_refit(now)?;
         // Adoption exchanges the buffers of the tree and the candidate, so check the cost once more.
-        let again = ask(c.subject, rays, QueryKind::Closest)?;
+        let again = trace_and_wait(c.subject, rays, QueryKind::Closest)?;
         same_cost(again.report.sah_cost, adopted.report.sah_cost)?;
     }
     Ok(())
@@ -165,7 +165,7 @@ fn write(c: &mut Check<'_>, tree: &Topology, generation: u64) -> Result<()> {
 pub(super) fn wrong(c: &mut Check<'_>) -> Result<()> {
     let (case, now) = (c.case, c.case.times[1]);
     c.open(now)?;
-    c.stand(now)?;
+    c.record_refit(now)?;
     let before = c.closest()?;
     for (what, tree) in foreign(&case.animation, case.chance) {
         match c.subject.adopt(&tree, Generation(2)) {
@@ -175,7 +175,7 @@ pub(super) fn wrong(c: &mut Check<'_>) -> Result<()> {
     }
     // Refused trees must not change the tree or its boxes.
     answers(case, now, c.rays(), &c.closest()?, &before)?;
-    c.stand(now)?;
+    c.record_refit(now)?;
     answers(case, now, c.rays(), &c.closest()?, &before)
 }
 
@@ -214,7 +214,7 @@ pub(super) fn whole(c: &mut Check<'_>) -> Result<()> {
 pub(super) fn same_hits(c: &mut Check<'_>) -> Result<()> {
     let (case, rays, now) = (c.case, c.rays(), c.case.times[1]);
     c.open(case.times[0])?;
-    c.stand(now)?;
+    c.record_refit(now)?;
     let host = both(c)?;
     if !rebuild(c.subject, 2)? {
         return Ok(());

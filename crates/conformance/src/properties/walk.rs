@@ -43,11 +43,13 @@ pub(super) fn visits_every_crossing_once(c: &mut Check<'_>) -> Result<()> {
     };
     let mut walks: Vec<CrossingWalk> = c.case.rays.iter().map(start).collect();
     c.open(c.case.times[0])?;
-    c.stand(time)?;
+    c.record_refit(time)?;
     while !walks.is_empty() {
         let rays: Vec<Ray> = walks.iter().map(|walk| walk.ray).collect();
-        let closest = c.ask(Rays::List(&rays), QueryKind::Closest)?.closest;
-        let any = c.ask(Rays::List(&rays), QueryKind::Any)?.blocked;
+        let closest = c
+            .trace_and_wait(Rays::List(&rays), QueryKind::Closest)?
+            .closest;
+        let any = c.trace_and_wait(Rays::List(&rays), QueryKind::Any)?.blocked;
         for ((walk, hit), any) in walks.iter_mut().zip(&closest).zip(&any) {
             let expected = walk.expected();
             ensure!(

@@ -5,7 +5,7 @@
 //! and where they were measured. `abvh stability --record FILE` writes one from a device's answers to many seeds. To
 //! use it, add it to that folder and to `FILES`. Files omit events that must never happen: see `is_never`.
 
-use crate::stress::{Family, Measure, MeasuredRate, Plan, StressCell, StressTest};
+use crate::stability::{Family, Measure, MeasuredRate, Plan, StabilityCell, StabilityTest};
 use backend::{Arithmetic, Backend, Intersector, Result};
 use serde::{Deserialize, Serialize};
 use std::sync::LazyLock;
@@ -115,11 +115,11 @@ pub fn record(
     let all: Vec<_> = Intersector::ALL.into_iter().filter(decides).collect();
     let mut entries = Vec::new();
     for family in Family::ALL {
-        let mut cells: Vec<Vec<StressCell>> = vec![Vec::new(); all.len()];
+        let mut cells: Vec<Vec<StabilityCell>> = vec![Vec::new(); all.len()];
         for seed in 1..=seeds {
-            let test = StressTest::new(family, &Plan { seed, rays });
+            let test = StabilityTest::new(family, &Plan { seed, rays });
             for (&by, cells) in all.iter().zip(&mut cells) {
-                cells.push(test.ask(subject, by)?);
+                cells.push(test.run(subject, by)?);
             }
         }
         entries.extend(cells.iter().flat_map(|c| of_cells(c)));
@@ -137,7 +137,7 @@ pub fn record(
 }
 
 /// Returns one entry per measure of the same cell over all seeds, without events that must never happen.
-fn of_cells(cells: &[StressCell]) -> Vec<RateEntry> {
+fn of_cells(cells: &[StabilityCell]) -> Vec<RateEntry> {
     let measures = cells.first().map_or(0, |first| first.measured.len());
     let all = (0..measures).map(|i| cells.iter().map(|c| c.measured[i]).collect());
     let free =
@@ -171,7 +171,7 @@ fn spread(all: &[MeasuredRate], mean: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stress::EventCount;
+    use crate::stability::EventCount;
 
     const LOOSE: Arithmetic = Arithmetic {
         rounds_division: false,
@@ -179,14 +179,18 @@ mod tests {
     };
 
     /// Returns a cell of rays at edges of closed bodies, with these numbers of wrong answers, leaks and double hits.
-    fn edges(by: Intersector, [wrong, leaks, doubles]: [u64; 3], device: Arithmetic) -> StressCell {
+    fn edges(
+        by: Intersector,
+        [wrong, leaks, doubles]: [u64; 3],
+        device: Arithmetic,
+    ) -> StabilityCell {
         let of = |measure, count, of| EventCount { measure, count, of };
         let counts = [
             of(Measure::Wrong, wrong, 8192),
             of(Measure::Leaks, leaks, 4096),
             of(Measure::DoubleHits, doubles, 8192),
         ];
-        StressCell::new(Family::Edges, by, &counts, device)
+        StabilityCell::new(Family::Edges, by, &counts, device)
     }
 
     #[test]

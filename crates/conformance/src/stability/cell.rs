@@ -1,4 +1,4 @@
-//! Counts of a stress test, compared with bounds that allow for chance.
+//! Counts of a stability test, compared with bounds that allow for chance.
 //!
 //! Let `p` be the true rate and `q` another rate. In `n` independent rays, the probability of a rate at least as far
 //! from `p` as `q`, on the same side, is at most `exp(-n KL(q, p))`. Here `KL` is the Kullback-Leibler divergence of
@@ -8,8 +8,8 @@
 //! divided by that of independent rays. The baseline also comes from a sample, so the same bound yields an interval
 //! for `p`.
 
-use crate::stress::Family;
-use crate::stress::baseline::{RateEntry, is_never, known};
+use crate::stability::Family;
+use crate::stability::baseline::{RateEntry, is_never, known};
 use backend::{Arithmetic, Intersector};
 
 backend::named! {
@@ -50,7 +50,7 @@ pub struct MeasuredRate {
 
 /// Results of one family and one intersector.
 #[derive(Clone, Debug, PartialEq)]
-pub struct StressCell {
+pub struct StabilityCell {
     /// The family.
     pub family: Family,
     /// The intersector.
@@ -72,7 +72,7 @@ impl MeasuredRate {
     }
 }
 
-impl StressCell {
+impl StabilityCell {
     /// Compares counts with the bounds for an intersector on a device with this arithmetic.
     ///
     /// Wrong answers must be the first count.

@@ -1,6 +1,6 @@
 //! Measures how often each intersector is wrong where arithmetic is hardest.
 //!
-//! A [`Family`] generates scenes and rays that are hard in one way. A [`StressTest`] traces them on a backend and
+//! A [`Family`] generates scenes and rays that are hard in one way. A [`StabilityTest`] traces them on a backend and
 //! counts answers that differ from the [exact answer](crate::oracle). On closed bodies it also counts leaks and double
 //! hits.
 //!
@@ -14,12 +14,12 @@ pub mod audit;
 pub mod baseline;
 mod cell;
 mod scenes;
-mod stress_test;
+mod stability_test;
 
-pub use cell::{EventCount, Measure, MeasuredRate, StressCell};
-pub use stress_test::StressTest;
+pub use cell::{EventCount, Measure, MeasuredRate, StabilityCell};
+pub use stability_test::StabilityTest;
 
-/// Parameters of a stress test.
+/// Parameters of a stability test.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Plan {
     /// Seed of the scenes and rays.

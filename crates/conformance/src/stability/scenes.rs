@@ -5,8 +5,8 @@ use crate::generate::meshes::{self, IndexedMesh, PLUMP, apart, separate, soup};
 use crate::generate::rays::{Aims, RayKind, Target, of_zeros, rays_of};
 use crate::generate::strategies::sample;
 use crate::generate::{mixed, shares};
+use crate::stability::{Family, Plan};
 use crate::stage::vertices;
-use crate::stress::{Family, Plan};
 use fastrand::Rng;
 use geom::{Animation, Point, Ray, Triangle};
 use proptest::strategy::Strategy;
@@ -20,7 +20,7 @@ const RAYS: u32 = 256;
 
 /// A scene, the times of its tree and its trace, and its rays.
 #[derive(Clone, Debug)]
-pub(crate) struct StressScene {
+pub(crate) struct StabilityScene {
     pub(crate) animation: Arc<Animation>,
     /// Time at which the tree is built, in key frames.
     pub(crate) built: f64,
@@ -31,7 +31,7 @@ pub(crate) struct StressScene {
     pub(crate) inside: Option<Vec<bool>>,
 }
 
-impl StressScene {
+impl StabilityScene {
     /// Creates a scene without rays, whose tree is built at `built` and which is traced at `time`.
     pub(crate) fn new(animation: Arc<Animation>, [built, time]: [f64; 2]) -> Self {
         Self {
@@ -50,7 +50,7 @@ fn drawn<S: Strategy>(strategy: S, rng: &mut Rng) -> S::Value {
 }
 
 /// Returns all scenes of a family, which depend only on the family and the plan.
-pub(crate) fn scenes(family: Family, plan: &Plan) -> Vec<StressScene> {
+pub(crate) fn scenes(family: Family, plan: &Plan) -> Vec<StabilityScene> {
     let rng = |number| Rng::with_seed(mixed(mixed(plan.seed) ^ family as u64) ^ number);
     if family == Family::FoldingCloth {
         return vec![cloth(plan.rays as usize, &mut rng(0))];
@@ -63,7 +63,7 @@ pub(crate) fn scenes(family: Family, plan: &Plan) -> Vec<StressScene> {
 
 /// Returns one scene of a family, with `rays` rays. Scenes start with different kinds of rays, so that all kinds occur
 /// even if scenes have few rays.
-fn one(family: Family, number: usize, rays: usize, rng: &mut Rng) -> StressScene {
+fn one(family: Family, number: usize, rays: usize, rng: &mut Rng) -> StabilityScene {
     let body = |offset: f32, aim: Option<Aim>, rng: &mut Rng| {
         let placed = placed_body(&BODIES[number % BODIES.len()], offset, false);
         let placed = drawn(placed, rng);
@@ -76,7 +76,7 @@ fn one(family: Family, number: usize, rays: usize, rng: &mut Rng) -> StressScene
         Family::Far1e3 => body(1e3, None, rng),
         Family::Far1e5 => body(1e5, None, rng),
         // At this distance, rounding may deform the body so that a point inside is then outside.
-        Family::Far1e7 => StressScene {
+        Family::Far1e7 => StabilityScene {
             inside: None,
             ..body(1e7, None, rng)
         },
@@ -97,7 +97,7 @@ fn closed(
     aim: Option<Aim>,
     sorts: impl Iterator<Item = usize>,
     rng: &mut Rng,
-) -> StressScene {
+) -> StabilityScene {
     let mut wanted = RaySort::ALL.to_vec();
     wanted.retain(|sort| aim.is_none_or(|aim| aim == sort.aim));
     let ray = |i: usize| {
@@ -108,15 +108,15 @@ fn closed(
         )
     };
     let (inside, rays) = sorts.map(ray).unzip();
-    StressScene {
+    StabilityScene {
         rays,
         inside: Some(inside),
-        ..StressScene::new(placed.animation(), [0.0; 2])
+        ..StabilityScene::new(placed.animation(), [0.0; 2])
     }
 }
 
 /// Returns a scene without rays of a family that has no closed bodies.
-fn free(family: Family, rng: &mut Rng) -> StressScene {
+fn free(family: Family, rng: &mut Rng) -> StabilityScene {
     let plump = |rng: &mut Rng| drawn(soup(64, 0.4, PLUMP), rng);
     let scaled = |exponents, rng: &mut Rng| {
         let by = drawn(meshes::power(exponents), rng);
@@ -162,10 +162,10 @@ fn ray(family: Family, aims: &Aims, i: usize, rng: &mut Rng) -> Ray {
 
 /// Generates the rays of a scene.
 fn asked(
-    mut scene: StressScene,
+    mut scene: StabilityScene,
     rays: usize,
     mut ray: impl FnMut(&Aims, usize) -> Ray,
-) -> StressScene {
+) -> StabilityScene {
     let [_, aims] = Aims::of(&scene.animation, scene.time);
     scene.rays = (0..rays).map(|i| valid(|| ray(&aims, i))).collect();
     scene
@@ -178,24 +178,24 @@ fn valid(ray: impl FnMut() -> Ray) -> Ray {
 }
 
 /// Creates a scene without rays, whose tree is built at the first of two times and which is traced at the second.
-fn scene(keys: Vec<Vec<Point>>, triangles: Vec<[u32; 3]>, times: [f64; 2]) -> StressScene {
+fn scene(keys: Vec<Vec<Point>>, triangles: Vec<[u32; 3]>, times: [f64; 2]) -> StabilityScene {
     let animation = Animation::new(keys, triangles);
     let animation = animation.expect("meshes name their own vertices");
-    StressScene::new(Arc::new(animation), times)
+    StabilityScene::new(Arc::new(animation), times)
 }
 
-fn still((points, triangles): IndexedMesh) -> StressScene {
+fn still((points, triangles): IndexedMesh) -> StabilityScene {
     scene(vec![points], triangles, [0.0; 2])
 }
 
 /// Creates a scene of separate moving triangles.
-fn moving(keys: Vec<Vec<Point>>, time: f64) -> StressScene {
+fn moving(keys: Vec<Vec<Point>>, time: f64) -> StabilityScene {
     let triangles = apart(keys[0].len() / 3);
     scene(keys, triangles, [0.0, time])
 }
 
 /// Returns a scene that grows from unit size to a million times that, or shrinks.
-fn extreme(small: Vec<Triangle>, large: Vec<Triangle>, rng: &mut Rng) -> StressScene {
+fn extreme(small: Vec<Triangle>, large: Vec<Triangle>, rng: &mut Rng) -> StabilityScene {
     let mut keys = vec![small.concat(), meshes::scaled(&large, 1e6).concat()];
     let time = drawn(meshes::power([-7.0, -0.01]), rng);
     if rng.bool() {
@@ -206,7 +206,7 @@ fn extreme(small: Vec<Triangle>, large: Vec<Triangle>, rng: &mut Rng) -> StressS
 }
 
 /// Makes one vertex of a quarter of the triangles not finite in the first key frame, the second or both.
-fn broken(triangles: &[Triangle], rng: &mut Rng) -> StressScene {
+fn broken(triangles: &[Triangle], rng: &mut Rng) -> StabilityScene {
     let mut keys = vec![triangles.concat(); 2];
     for t in 0..triangles.len() / 4 {
         let bad = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY][rng.usize(..3)];
@@ -223,18 +223,18 @@ fn broken(triangles: &[Triangle], rng: &mut Rng) -> StressScene {
 }
 
 /// Adds a triangle that hardly any ray hits to a scene with a closed body.
-fn beside_outlier(body: StressScene, rng: &mut Rng) -> StressScene {
+fn beside_outlier(body: StabilityScene, rng: &mut Rng) -> StabilityScene {
     let mut points = vertices(&body.animation, 0.0);
     let mut triangles = body.animation.triangles().to_vec();
     let first = points.len() as u32;
     points.extend(drawn(meshes::outlier(), rng));
     triangles.push([first, first + 1, first + 2]);
     let animation = still((points, triangles)).animation;
-    StressScene { animation, ..body }
+    StabilityScene { animation, ..body }
 }
 
 /// Returns a sheet that is static, or moving, or has one vertex far away.
-fn exploding(rng: &mut Rng) -> StressScene {
+fn exploding(rng: &mut Rng) -> StabilityScene {
     let (points, triangles) = drawn(meshes::sheet(16, 8), rng);
     let mut far = points.clone();
     let vertex = rng.usize(..far.len());
@@ -245,11 +245,11 @@ fn exploding(rng: &mut Rng) -> StressScene {
 }
 
 /// Returns `demo:twist` at its end, where it is tightest, with a tree built at its start.
-fn cloth(rays: usize, rng: &mut Rng) -> StressScene {
+fn cloth(rays: usize, rng: &mut Rng) -> StabilityScene {
     let demo = ::scene::open("demo:twist:3000", &::scene::SceneOptions::default());
     let animation = demo.expect("demos need no file").animation;
     let times = [0.0, animation.end()];
-    asked(StressScene::new(animation, times), rays, |aims, i| {
+    asked(StabilityScene::new(animation, times), rays, |aims, i| {
         aims.ray(&drawn(rays_of(RayKind::Aimed, Target::ALL[i % 3]), rng))
     })
 }

@@ -2,16 +2,16 @@
 
 use crate::crossings::crossings;
 use crate::oracle::{ExactHit, Oracle};
-use crate::stage::{Traced, ask, open, stand, triangles};
-use crate::stress::scenes::{StressScene, scenes};
-use crate::stress::{EventCount, Family, Measure, Plan, StressCell};
+use crate::stability::scenes::{StabilityScene, scenes};
+use crate::stability::{EventCount, Family, Measure, Plan, StabilityCell};
+use crate::stage::{Traced, open, record_refit, trace_and_wait, triangles};
 use backend::{Backend, Intersector, QueryKind, Rays, Result};
 use geom::Hit;
 use rayon::prelude::*;
 
 /// Scenes and rays of a family, with exact answers.
 #[derive(Clone, Debug)]
-pub struct StressTest {
+pub struct StabilityTest {
     family: Family,
     scenes: Vec<AnsweredScene>,
 }
@@ -19,11 +19,11 @@ pub struct StressTest {
 /// A scene with the exact hits of its rays.
 #[derive(Clone, Debug)]
 pub(super) struct AnsweredScene {
-    pub(super) scene: StressScene,
+    pub(super) scene: StabilityScene,
     pub(super) exact: Vec<Option<ExactHit>>,
 }
 
-impl StressTest {
+impl StabilityTest {
     /// Generates the rays of a family and computes their exact hits.
     pub fn new(family: Family, plan: &Plan) -> Self {
         let scenes = scenes(family, plan).into_par_iter();
@@ -35,7 +35,11 @@ impl StressTest {
     ///
     /// # Errors
     /// The subject failed.
-    pub fn ask(&self, subject: &mut dyn Backend, intersector: Intersector) -> Result<StressCell> {
+    pub fn run(
+        &self,
+        subject: &mut dyn Backend,
+        intersector: Intersector,
+    ) -> Result<StabilityCell> {
         let mut sum: Vec<EventCount> = Vec::new();
         for scene in &self.scenes {
             let counts = scene.count(subject, intersector)?;
@@ -49,13 +53,18 @@ impl StressTest {
             }
         }
         let arithmetic = subject.device().arithmetic;
-        Ok(StressCell::new(self.family, intersector, &sum, arithmetic))
+        Ok(StabilityCell::new(
+            self.family,
+            intersector,
+            &sum,
+            arithmetic,
+        ))
     }
 }
 
 impl AnsweredScene {
     /// Computes the exact hits, in parallel.
-    pub(super) fn new(scene: StressScene) -> Self {
+    pub(super) fn new(scene: StabilityScene) -> Self {
         let oracle = Oracle::new(triangles(&scene.animation, scene.time));
         let exact = scene.rays.par_iter().map(|r| oracle.closest(r)).collect();
         Self { scene, exact }
@@ -98,7 +107,7 @@ impl AnsweredScene {
     }
 }
 
-impl StressScene {
+impl StabilityScene {
     /// Returns the closest hits of the scene's rays.
     pub(super) fn trace(
         &self,
@@ -106,41 +115,45 @@ impl StressScene {
         intersector: Intersector,
     ) -> Result<Traced> {
         open(subject, &self.animation, self.built, intersector)?;
-        stand(subject, &self.animation, self.time)?;
-        ask(subject, Rays::List(&self.rays), QueryKind::Closest)
+        record_refit(subject, &self.animation, self.time)?;
+        trace_and_wait(subject, Rays::List(&self.rays), QueryKind::Closest)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stress::MeasuredRate;
+    use crate::stability::MeasuredRate;
     use backend::Arithmetic;
     use cpu_ref::CpuBackend;
 
     /// Returns a test of every family.
-    fn stress_tests(plan: &Plan) -> Vec<StressTest> {
+    fn stability_tests(plan: &Plan) -> Vec<StabilityTest> {
         let all = Family::ALL.into_iter();
-        all.map(|family| StressTest::new(family, plan)).collect()
+        all.map(|family| StabilityTest::new(family, plan)).collect()
     }
 
     /// Traces with `asked`, but compares with the bounds of `named`.
-    fn cells(tests: &[StressTest], asked: Intersector, named: Intersector) -> Vec<StressCell> {
+    fn cells(
+        tests: &[StabilityTest],
+        asked: Intersector,
+        named: Intersector,
+    ) -> Vec<StabilityCell> {
         let mut cpu = CpuBackend::new(Some(2)).unwrap();
-        let cell = |test: &StressTest| {
-            let cell = test.ask(&mut cpu, asked).unwrap();
+        let cell = |test: &StabilityTest| {
+            let cell = test.run(&mut cpu, asked).unwrap();
             let counted = |m: &MeasuredRate| EventCount {
                 measure: m.measure,
                 count: m.count,
                 of: m.of,
             };
             let counts: Vec<_> = cell.measured.iter().map(counted).collect();
-            StressCell::new(cell.family, named, &counts, Arithmetic::IEEE)
+            StabilityCell::new(cell.family, named, &counts, Arithmetic::IEEE)
         };
         tests.iter().map(cell).collect()
     }
 
-    fn red(cells: &[StressCell]) -> Vec<&StressCell> {
+    fn red(cells: &[StabilityCell]) -> Vec<&StabilityCell> {
         cells.iter().filter(|c| !c.is_ok()).collect()
     }
 
@@ -150,7 +163,7 @@ mod tests {
         let is_full = std::env::var("ABVH_FULL").is_ok_and(|full| full == "1");
         let many = if is_full { 8192 } else { 1024 };
         for (seed, rays) in [(1, many), (77, 500), (78, 33)] {
-            let tests = stress_tests(&Plan { seed, rays });
+            let tests = stability_tests(&Plan { seed, rays });
             for by in Intersector::ALL {
                 all.extend(cells(&tests, by, by));
             }
@@ -164,7 +177,7 @@ mod tests {
     fn detects_swapped_intersectors() {
         use Intersector::{Exact, MollerTrumbore, Watertight, Woop};
         let (seed, rays) = (5, 2048);
-        let tests = stress_tests(&Plan { seed, rays });
+        let tests = stability_tests(&Plan { seed, rays });
         for (asked, named) in [
             (Woop, Exact),
             (Watertight, Exact),

@@ -3,7 +3,7 @@
 
 mod faulty;
 
-use conformance::{Cases, Disagreement, PROPERTIES, Property, Reference, hold};
+use conformance::{Cases, Disagreement, PROPERTIES, Property, Reference, check_property};
 use cpu_ref::CpuBackend;
 use faulty::Faulty;
 
@@ -59,7 +59,7 @@ fn verdict_in(
     let property = properties.iter().find(|p| p.name == property);
     let property = property.expect("the property is known");
     let mut reference = Reference::new(Box::new(CpuBackend::new(Some(1)).unwrap()));
-    hold(property, &mut Faulty::new(fault), &mut reference, cases)
+    check_property(property, &mut Faulty::new(fault), &mut reference, cases)
 }
 
 /// Checks that every property detects each of its faults. Returns the properties without any.

@@ -3,8 +3,8 @@
 use super::BatchSpec;
 use crate::compare::{ray_text, triangle_text};
 use crate::oracle::ExactHit;
-use crate::stage::ask;
-use crate::stress::stress_test::AnsweredScene;
+use crate::stability::stability_test::AnsweredScene;
+use crate::stage::trace_and_wait;
 use backend::{Backend, Intersector, QueryKind, Rays, Result};
 use geom::Hit;
 use serde::Serialize;
@@ -50,10 +50,10 @@ impl AuditBatch {
     ///
     /// # Errors
     /// The subject failed.
-    pub fn ask(&self, subject: &mut dyn Backend, intersector: Intersector) -> Result<AuditCounts> {
+    pub fn run(&self, subject: &mut dyn Backend, intersector: Intersector) -> Result<AuditCounts> {
         let scene = &self.answered.scene;
         let closest = scene.trace(subject, intersector)?;
-        let any = ask(subject, Rays::List(&scene.rays), QueryKind::Any)?.hits;
+        let any = trace_and_wait(subject, Rays::List(&scene.rays), QueryKind::Any)?.hits;
         let mut tally = AuditCounts {
             settled: closest.report.settled,
             ..AuditCounts::default()

@@ -11,8 +11,8 @@ use crate::generate::rays::{Aims, turn};
 use crate::generate::scenes::scenes;
 use crate::generate::strategies::sample;
 use crate::generate::{mixed, shares};
-use crate::stress::scenes::StressScene;
-use crate::stress::stress_test::AnsweredScene;
+use crate::stability::scenes::StabilityScene;
+use crate::stability::stability_test::AnsweredScene;
 use fastrand::Rng;
 use geom::Animation;
 use rayon::prelude::*;
@@ -79,11 +79,11 @@ impl Audit {
 }
 
 /// Returns a scene at a key frame or between two, with a tree built at the start or at this moment.
-fn moment(animation: Arc<Animation>, rng: &mut Rng) -> StressScene {
+fn moment(animation: Arc<Animation>, rng: &mut Rng) -> StabilityScene {
     let time = animation.end() * rng.f64();
     let time = if rng.bool() { time } else { time.round() };
     let built = if rng.bool() { time } else { 0.0 };
-    StressScene::new(animation, [built, time])
+    StabilityScene::new(animation, [built, time])
 }
 
 #[cfg(test)]
@@ -129,7 +129,7 @@ mod tests {
         for spec in audit.specs() {
             tally += audit
                 .batch(&spec)
-                .ask(&mut cpu, Intersector::Watertight)
+                .run(&mut cpu, Intersector::Watertight)
                 .unwrap();
         }
         assert!(tally.wrong > 100 && tally.wrong_any > 10, "{tally:?}");
