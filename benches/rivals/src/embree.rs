@@ -193,9 +193,9 @@ fn ms_since(begun: Instant) -> f64 {
 fn light(animation: &Animation, at: Point) -> Light {
     let [x, y, z] = animation.bounds().extent();
     Light {
-        at,
-        given: at,
-        counted: x.max(y).max(z),
+        scaled_position: at,
+        position: at,
+        extent: x.max(y).max(z),
     }
 }
 

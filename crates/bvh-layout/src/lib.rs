@@ -24,4 +24,4 @@ pub use convert::{Converter, Spare};
 pub use moving::Moving;
 pub use record::{NodeRank, NodeRanks, Topology};
 pub use treelets::{Treelet, Treelets, WideTree};
-pub use validate::RecordError;
+pub use validate::TopologyError;

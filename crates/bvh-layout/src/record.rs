@@ -1,7 +1,7 @@
 //! The topology record and its accessors.
 
 use crate::validate::{Header, validate};
-use crate::{BlockTree, CollapseOptions, RecordError, Spare, Treelets};
+use crate::{BlockTree, CollapseOptions, Spare, TopologyError, Treelets};
 use geom::StaticParts;
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -60,7 +60,7 @@ impl Topology {
     pub const HEADER_WORDS: usize = 8;
 
     /// Validates the words of a record from another source. The error names an invalid word or property.
-    pub fn from_words(words: Vec<u32>) -> Result<Self, RecordError> {
+    pub fn from_words(words: Vec<u32>) -> Result<Self, TopologyError> {
         validate(&words)?;
         Ok(Self::of_words(words))
     }
@@ -131,7 +131,7 @@ impl Topology {
     }
 
     /// Copies the words of `other`, without its optional parts, into this record's memory.
-    pub fn copy_record(&mut self, other: &Self) {
+    pub fn copy_words_from(&mut self, other: &Self) {
         let mut words = std::mem::take(&mut self.words);
         words.clear();
         words.extend_from_slice(&other.words);

@@ -4,10 +4,10 @@ use crate::Topology;
 use bvh_build::MAX_DEPTH;
 use geom::Animation;
 
-/// Describes an invalid record and the position of the error. Word numbers start at 0.
+/// Describes an invalid topology and the position of the error. Word numbers start at 0.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
-pub struct RecordError(String);
+pub struct TopologyError(String);
 
 /// The first words, which determine all sizes. See [`Topology`] for the layout.
 #[derive(Clone, Copy, Debug, Default)]
@@ -41,17 +41,17 @@ impl Header {
 
 /// Compares a record with one encoded again from its triangle count, leaf bits and leaf triangles.
 /// No allocation is larger than `words`, whatever the words contain.
-pub(crate) fn validate(words: &[u32]) -> Result<(), RecordError> {
+pub(crate) fn validate(words: &[u32]) -> Result<(), TopologyError> {
     let expected = remake(words)?;
     let differs = words.iter().zip(&expected).position(|(a, b)| a != b);
     differs.map_or(Ok(()), |at| {
         let (found, expected) = (words[at], expected[at]);
         let cause = format!("word {at} is {found:#x}, its tree makes it {expected:#x}");
-        Err(RecordError(cause))
+        Err(TopologyError(cause))
     })
 }
 
-fn remake(words: &[u32]) -> Result<Vec<u32>, RecordError> {
+fn remake(words: &[u32]) -> Result<Vec<u32>, TopologyError> {
     let mut header = match words {
         &[_, _, triangles, leaves, levels, _, _, _, ..] => Header {
             triangles,
@@ -81,12 +81,12 @@ fn remake(words: &[u32]) -> Result<Vec<u32>, RecordError> {
     Ok([&header.words(), &levels[..], &bits, &ranks, leaf_triangles].concat())
 }
 
-fn ensure(holds: bool, cause: String) -> Result<(), RecordError> {
-    holds.then_some(()).ok_or(RecordError(cause))
+fn ensure(holds: bool, cause: String) -> Result<(), TopologyError> {
+    holds.then_some(()).ok_or(TopologyError(cause))
 }
 
 /// Checks that leaves refer to triangles of the scene, each at most once.
-fn check_triangles(leaf_triangles: &[u32], scene: u32) -> Result<(), RecordError> {
+fn check_triangles(leaf_triangles: &[u32], scene: u32) -> Result<(), TopologyError> {
     let limit = Animation::MAX_TRIANGLES;
     let cause = format!("word 2 gives {scene} triangles, the limit is {limit}");
     ensure(scene as usize <= limit, cause)?;
@@ -99,7 +99,7 @@ fn check_triangles(leaf_triangles: &[u32], scene: u32) -> Result<(), RecordError
 }
 
 /// Counts the inner nodes of each level. Their children form the next level.
-fn inner_per_level(bits: &[u32], all: usize) -> Result<Vec<u32>, RecordError> {
+fn inner_per_level(bits: &[u32], all: usize) -> Result<Vec<u32>, TopologyError> {
     let (mut levels, mut nodes) = (Vec::new(), 0..all.min(1));
     while !nodes.is_empty() && nodes.end <= all {
         let is_inner = |&node: &usize| bits[node / 32] >> (node % 32) & 1 == 0;

@@ -16,14 +16,14 @@ pub trait Accelerator: Send + Sync {
     /// Returns the format of the trees that [`Self::adopt`] reads.
     fn format(&self) -> TreeFormat;
 
-    /// Copies the topology of a tree. Boxes and triangle records are stale afterwards.
+    /// Copies the topology of a tree. Boxes and triangle data are stale afterwards.
     ///
     /// # Errors
     /// If memory does not suffice. The old tree is then still current.
     fn adopt(&mut self, tree: &Topology, animation: &Animation) -> Result<()>;
 
-    /// Computes the record and the box of each leaf. May also compute boxes of inner nodes in the same pass. Returns
-    /// the counts of leaves that cannot be hit at this moment.
+    /// Computes the triangle data and the box of each leaf. May also compute boxes of inner nodes in the same pass.
+    /// Returns the counts of leaves that cannot be hit at this moment.
     fn preprocess(&mut self, geometry: &Geometry<'_>, intersector: Intersector) -> Unhittable;
 
     /// Computes the remaining boxes of inner nodes. Returns the sum of all nodes' half areas, with the same bits for

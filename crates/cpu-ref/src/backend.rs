@@ -113,7 +113,7 @@ impl CpuBackend {
     }
 
     /// Executes the recorded commands. `rays` is the list of a recorded trace, or empty.
-    fn carry_out(&mut self, rays: &[Ray]) -> Result<()> {
+    fn execute(&mut self, rays: &[Ray]) -> Result<()> {
         let start = Instant::now();
         let (next, scene) = (&mut self.next, loaded(&mut self.scene));
         if next.ticket.is_none() {
@@ -123,7 +123,7 @@ impl CpuBackend {
         let (commands, copies) = (&mut self.commands, &mut self.copies);
         let done = run_in(&self.pool, || {
             let mut all = commands.drain(..);
-            all.try_for_each(|command| next.carry_out(command, rays, scene, copies))
+            all.try_for_each(|command| next.execute(command, rays, scene, copies))
         });
         if done.is_err() {
             // The submission is dropped, and no results are current.
@@ -282,7 +282,7 @@ impl Backend for CpuBackend {
         self.has_trace = true;
         self.commands.push(Command::Trace(camera, query.kind));
         if let Some(rays) = rays {
-            self.carry_out(rays)?;
+            self.execute(rays)?;
         }
         Ok(())
     }
@@ -298,7 +298,7 @@ impl Backend for CpuBackend {
 
     fn submit(&mut self) -> Result<Ticket> {
         if self.next.ticket.is_none() || !self.commands.is_empty() {
-            self.carry_out(&[])?;
+            self.execute(&[])?;
         }
         let ticket = Ticket(self.submitted);
         let mut done = std::mem::take(&mut self.next);

@@ -5,17 +5,17 @@ use crate::scale::PreparedRay;
 use geom::{Aabb, Point};
 
 /// Least magnitude of a component of the direction, `2^-60`. Smaller components are replaced by this, with their sign.
-pub const SMALLEST: f32 = f32::from_bits((127 - 60) << 23);
+pub const MIN_DIRECTION: f32 = f32::from_bits((127 - 60) << 23);
 /// Padding of boxes as a fraction of `D`, `17 * 2^-24`. It bounds the errors of the watertight test and of this test.
 ///
 /// `D` is the largest distance along one axis from the ray's origin to a corner of the box.
 pub const PAD: f32 = 17.0 / 16_777_216.0;
 /// Upper bound of `D`, `2^80`, so that no product is infinite.
-pub const FARTHEST: f32 = f32::from_bits((127 + 80) << 23);
+pub const MAX_PADDING_DISTANCE: f32 = f32::from_bits((127 + 80) << 23);
 /// Lower bound of `D`, `2^-38`. Coordinates that were flushed to zero are negligible relative to this.
-pub const NEAREST: f32 = f32::from_bits((127 - 38) << 23);
+pub const MIN_PADDING_DISTANCE: f32 = f32::from_bits((127 - 38) << 23);
 /// For distances below this, `2^60`, every product of the watertight test is finite. Used by `cpu-simd`.
-pub const CALM: f32 = f32::from_bits((127 + 60) << 23);
+pub const MAX_FINITE_PRODUCT_DISTANCE: f32 = f32::from_bits((127 + 60) << 23);
 
 /// A ray, prepared for the box test.
 #[derive(Clone, Copy, Debug)]
@@ -40,7 +40,7 @@ impl BoxRay {
             origin: ray.origin,
             inverse: ray
                 .direction
-                .map(|d| (1.0 / d.abs().max(SMALLEST)).copysign(d)),
+                .map(|d| (1.0 / d.abs().max(MIN_DIRECTION)).copysign(d)),
             t_min: ray.t_min,
         }
     }
@@ -54,7 +54,7 @@ impl BoxRay {
             let [lower, upper] = [&bounds.min, &bounds.max].map(|p| from_origin(p, axis).abs());
             farthest = farthest.max(lower).max(upper);
         }
-        let slack = farthest.clamp(NEAREST, FARTHEST) * PAD;
+        let slack = farthest.clamp(MIN_PADDING_DISTANCE, MAX_PADDING_DISTANCE) * PAD;
         let (mut entry, mut exit) = (self.t_min, f32::INFINITY);
         for axis in 0..3 {
             let r = self.inverse[axis];

@@ -3,7 +3,7 @@
 use crate::accelerator::{Accelerator, reserve};
 use crate::box_test::{BoxRay, BoxSpan};
 use crate::geometry::{Geometry, Unhittable};
-use crate::intersect::{Record, record};
+use crate::intersect::{TriangleData, preprocess};
 use crate::output::{HitCounts, TraceOutput};
 use crate::scale::PreparedRay;
 use crate::trace::QueryTracer;
@@ -28,10 +28,10 @@ struct BinaryNode {
 struct BinaryLeaf {
     triangle: u32,
     bounds: Aabb,
-    record: Record,
+    data: TriangleData,
 }
 
-/// The tree, with the boxes and records of one moment.
+/// The tree, with the boxes and triangle data of one moment.
 #[derive(Debug, Default)]
 pub struct Bvh2 {
     /// Breadth first, root first. The children of the `k`-th inner node are nodes `2k + 1` and `2k + 2`.
@@ -61,7 +61,7 @@ impl Bvh2 {
     /// Copies a tree's structure into existing memory.
     fn copy(&mut self, tree: &Topology) -> Result<()> {
         reserve(&mut self.nodes, tree.node_count(), "nodes")?;
-        reserve(&mut self.leaves, tree.leaf_count(), "triangle records")?;
+        reserve(&mut self.leaves, tree.leaf_count(), "triangle data")?;
         let ranks = tree.ranks();
         let nodes = (0..tree.node_count() as u32).into_par_iter();
         let nodes = nodes.with_min_len(RUN).map(|node| BinaryNode {
@@ -73,7 +73,7 @@ impl Bvh2 {
         let leaves = leaves.map(|&triangle| BinaryLeaf {
             triangle,
             bounds: Aabb::EMPTY,
-            record: Record::default(),
+            data: TriangleData::default(),
         });
         leaves.collect_into_vec(&mut self.leaves);
         let children = |inner: Range<u32>| {
@@ -96,7 +96,7 @@ impl Bvh2 {
 }
 
 impl BinaryLeaf {
-    /// Computes the record and the box.
+    /// Computes the triangle data and the box.
     fn preprocess(&mut self, geometry: &Geometry<'_>, intersector: Intersector) -> Unhittable {
         let mut unhittable = Unhittable::default();
         let corners = geometry.corners(self.triangle);
@@ -107,7 +107,7 @@ impl BinaryLeaf {
             unhittable.degenerate = 1;
         } else {
             let corners = corners.map(|p| geometry.scale.apply(p));
-            self.record = record(intersector, &corners);
+            self.data = preprocess(intersector, &corners);
             self.bounds = Aabb::of_triangle(&corners);
         }
         unhittable
@@ -203,7 +203,7 @@ impl TreeTraversal for Bvh2 {
                 let leaf = &self.leaves[leaf as usize];
                 let visited = VisitedTriangle {
                     triangle: leaf.triangle,
-                    record: &leaf.record,
+                    data: &leaf.data,
                     entry: span.entry,
                     exit: span.exit,
                 };

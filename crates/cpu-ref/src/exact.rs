@@ -12,11 +12,11 @@ use geom::{Hit, is_active, is_degenerate};
 use std::cmp::Ordering;
 
 /// Bound on the error of a sheared coordinate relative to the magnitude of its terms, `9.5 * 2^-24`.
-pub const SHEAR: f32 = 9.5 / 16_777_216.0;
+pub const SHEAR_ERROR: f32 = 9.5 / 16_777_216.0;
 /// Bound on the error of a depth relative to its magnitude, `32 * 2^-24`.
-pub const DEPTH: f32 = 32.0 / 16_777_216.0;
+pub const DEPTH_ERROR: f32 = 32.0 / 16_777_216.0;
 /// Bound on the error from flushing small numbers to zero, `2^-60`.
-pub const SMALL: f32 = f32::from_bits((127 - 60) << 23);
+pub const FILTER_UNDERFLOW_ERROR: f32 = f32::from_bits((127 - 60) << 23);
 
 /// A triangle that the filter does not reject.
 #[derive(Clone, Copy, Debug)]
@@ -129,10 +129,10 @@ impl FilterRay {
 
     /// Tests a triangle in rounded arithmetic. Returns `None` for a certain miss.
     fn filter(&self, visited: &VisitedTriangle<'_>) -> Option<PossibleHit> {
-        let sheared = self.test.sheared(visited.record);
+        let sheared = self.test.sheared(visited.data);
         let edges = sheared.edges();
         let wide = largest(sheared.x).max(largest(sheared.y));
-        let slack = SHEAR * (wide + 2.0 * largest(sheared.along)) + SMALL;
+        let slack = SHEAR_ERROR * (wide + 2.0 * largest(sheared.along)) + FILTER_UNDERFLOW_ERROR;
         let doubt = slack * (4.0 * wide + 2.0 * slack);
         let (least, most) = (least(edges), greatest(edges));
         if least < -doubt && most > doubt {
@@ -165,7 +165,7 @@ fn near(edges: [f32; 3], depths: [f32; 3], doubt: f32) -> Option<[f32; 2]> {
     let spread = greatest(depths) - least(depths);
     let size = largest(depths);
     let of_weights = 3.0 * (doubt * spread + LEAST * (1.0 + size)) / least_det;
-    let error = of_weights + DEPTH * size + SMALL;
+    let error = of_weights + DEPTH_ERROR * size + FILTER_UNDERFLOW_ERROR;
     let t = solve(&edges, &depths).t;
     Some([t - error, t + error])
 }

@@ -36,12 +36,14 @@ mod tree;
 
 pub use crate::backend::CpuBackend;
 pub use accelerator::{Accelerator, reserve};
-pub use box_test::{CALM, FARTHEST, NEAREST, PAD, SMALLEST};
+pub use box_test::{
+    MAX_FINITE_PRODUCT_DISTANCE, MAX_PADDING_DISTANCE, MIN_DIRECTION, MIN_PADDING_DISTANCE, PAD,
+};
 pub use bvh2::Bvh2;
-pub use exact::{DEPTH, SHEAR, SMALL};
+pub use exact::{DEPTH_ERROR, FILTER_UNDERFLOW_ERROR, SHEAR_ERROR};
 pub use extreme::is_extreme;
 pub use geometry::{Geometry, Unhittable};
-pub use output::{HitCounts, RayAnswer, TraceOutput};
+pub use output::{HitCounts, RayResult, TraceOutput};
 pub use search::RaySearch;
 pub use trace::QueryTracer;
 pub use tree::{Child, TreeTraversal, TriangleVisitor, VisitedTriangle};

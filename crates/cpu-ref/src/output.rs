@@ -3,9 +3,9 @@
 use geom::Hit;
 use std::ops::Add;
 
-/// The answer of one ray.
+/// The result of one ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RayAnswer {
+pub struct RayResult {
     /// The closest hit.
     pub hit: Hit,
     /// Set if that hit is in shadow. For any-hit queries, set if the ray hits anything.
@@ -63,14 +63,14 @@ impl<'a> TraceOutput<'a> {
         Self::new(b, d)
     }
 
-    /// Writes the answer of one ray.
+    /// Writes the result of one ray.
     #[inline(always)]
-    pub fn set(&mut self, index: usize, answer: RayAnswer) {
+    pub fn set(&mut self, index: usize, result: RayResult) {
         if let Some(to) = self.closest.get_mut(index) {
-            *to = answer.hit;
+            *to = result.hit;
         }
         if let Some(to) = self.blocked.get_mut(index) {
-            *to = u8::from(answer.blocked);
+            *to = u8::from(result.blocked);
         }
     }
 }

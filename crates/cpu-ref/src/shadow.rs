@@ -11,24 +11,24 @@ pub const ROUNDING: f32 = 1.0 / 16_777_216.0;
 #[derive(Clone, Copy, Debug)]
 pub struct Light {
     /// Position in scaled units.
-    pub at: Point,
+    pub scaled_position: Point,
     /// Position in the scene's units.
-    pub given: Point,
+    pub position: Point,
     /// Longest edge of the root box, limited by [`geom::CoordinateRange::clearance`], in scaled units. Offsets of
     /// shadow rays grow with the larger of this and the triangle's size.
-    pub counted: f32,
+    pub extent: f32,
 }
 
 impl Light {
-    /// Creates a light at `given`, in the scene's units. `root` is the tree's root box, in scaled units.
-    pub fn new(given: Point, geometry: &Geometry<'_>, root: &Aabb) -> Self {
+    /// Creates a light at `position`, in the scene's units. `root` is the tree's root box, in scaled units.
+    pub fn new(position: Point, geometry: &Geometry<'_>, root: &Aabb) -> Self {
         let [x, y, z] = root.extent();
         let extent = x.max(y).max(z);
         let limit = geometry.range.clearance * geometry.scale.factor();
         Self {
-            at: geometry.scale.apply(given),
-            given,
-            counted: extent.min(limit),
+            scaled_position: geometry.scale.apply(position),
+            position,
+            extent: extent.min(limit),
         }
     }
 
@@ -42,18 +42,18 @@ impl Light {
             a[i] + (hit.u * e1[i] + hit.v * e2[i])
         }));
         let normal = cross(e1, e2);
-        let side = match sign(dot(normal, minus(self.at, p))) {
+        let side = match sign(dot(normal, minus(self.scaled_position, p))) {
             0.0 => sign(dot(normal, minus(eye, p))),
             side => side,
         };
         let largest = p[0].abs().max(p[1].abs()).max(p[2].abs());
         let longest = e1.iter().chain(&e2).fold(0.0_f32, |m, x| m.max(x.abs()));
-        let extent = self.counted.max(longest);
+        let extent = self.extent.max(longest);
         let delta = 4.0 * ROUNDING * largest + 32.0 * ROUNDING * extent;
         let origin = std::array::from_fn(|i| p[i] + side * sign(normal[i]) * delta);
         Ray {
             t_max: 1.0,
-            ..Ray::new(origin, minus(self.at, origin))
+            ..Ray::new(origin, minus(self.scaled_position, origin))
         }
     }
 }

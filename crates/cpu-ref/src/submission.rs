@@ -51,7 +51,7 @@ impl Submission {
     }
 
     /// Executes one command in the current rayon pool. `rays` is the list of a trace without a camera.
-    pub(crate) fn carry_out(
+    pub(crate) fn execute(
         &mut self,
         command: Command,
         rays: &[Ray],

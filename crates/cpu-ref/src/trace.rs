@@ -2,7 +2,7 @@
 
 use crate::extreme::ExtremeSearch;
 use crate::geometry::Geometry;
-use crate::output::{HitCounts, RayAnswer, TraceOutput};
+use crate::output::{HitCounts, RayResult, TraceOutput};
 use crate::scale::Scale;
 use crate::search::RaySearch;
 use crate::shadow::Light;
@@ -32,7 +32,7 @@ pub struct QueryTracer<'a> {
 }
 
 impl<'a> QueryTracer<'a> {
-    /// Traces all rays and writes the answers in their order.
+    /// Traces all rays and writes the results in their order.
     pub fn trace(&self, out: TraceOutput<'_>) -> HitCounts {
         self.trace_from(0, out)
     }
@@ -49,16 +49,16 @@ impl<'a> QueryTracer<'a> {
         }
         let mut counts = HitCounts::default();
         for i in 0..count {
-            let answer = self.answer(first + i);
-            counts.hits += u64::from(answer.hit.is_hit());
-            counts.blocked += u64::from(answer.blocked);
-            out.set(i, answer);
+            let result = self.result(first + i);
+            counts.hits += u64::from(result.hit.is_hit());
+            counts.blocked += u64::from(result.blocked);
+            out.set(i, result);
         }
         counts
     }
 
     /// Traces one ray, and its shadow ray if the query has a light.
-    pub fn answer(&self, index: usize) -> RayAnswer {
+    pub fn result(&self, index: usize) -> RayResult {
         let search = self.search(self.ray(index), self.geometry.scale);
         let extreme = ExtremeSearch::of(&search);
         if self.query.kind == QueryKind::Any {
@@ -66,7 +66,7 @@ impl<'a> QueryTracer<'a> {
                 Some(extreme) => extreme.any(None),
                 None => search.any(None),
             };
-            return RayAnswer {
+            return RayResult {
                 hit: Hit::MISS,
                 blocked,
             };
@@ -78,10 +78,10 @@ impl<'a> QueryTracer<'a> {
         let hit = closest.unwrap_or(Hit::MISS);
         let light = self.light.filter(|_| hit.is_hit());
         let blocked = light.is_some_and(|light| match &extreme {
-            Some(extreme) => extreme.is_occluded(&hit, light.given),
+            Some(extreme) => extreme.is_occluded(&hit, light.position),
             None => self.is_occluded(&search.ray, &hit, &light),
         });
-        RayAnswer { hit, blocked }
+        RayResult { hit, blocked }
     }
 
     /// Returns whether the hit of `ray` is in shadow.

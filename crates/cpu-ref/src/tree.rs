@@ -1,6 +1,6 @@
 //! The interface of a tree: traversal by rays, independent of the number of children per node.
 
-use crate::intersect::Record;
+use crate::intersect::TriangleData;
 use crate::scale::PreparedRay;
 use geom::Aabb;
 
@@ -35,8 +35,8 @@ pub type TriangleVisitor<'a> = dyn FnMut(&VisitedTriangle<'_>, f32) -> Option<f3
 pub struct VisitedTriangle<'a> {
     /// Index of the triangle in the scene.
     pub triangle: u32,
-    /// The triangle's record for the tree's intersector.
-    pub record: &'a Record,
+    /// The triangle's data for the tree's intersector.
+    pub data: &'a TriangleData,
     /// The later of entry and `t_min`.
     pub entry: f32,
     /// Distance at which the ray leaves the box.

@@ -3,7 +3,7 @@
 use crate::boxes::{EightBoxes, FoldedBoxes, Sums};
 use crate::fit::FitTask;
 use crate::moving::MovingLanes;
-use crate::simd::{Level, Plain};
+use crate::simd::{InstructionSet, Plain};
 use crate::trace::trace;
 use crate::tree::{Bvh8, LANES, NOWHERE, Node8, TriangleBlock};
 use backend::{BackendError, Intersector, Result, TreeFormat};
@@ -40,10 +40,10 @@ pub(crate) struct WideAccelerator {
 }
 
 impl WideAccelerator {
-    /// Creates an empty tree for tracing with the instruction set `level`.
-    pub(crate) fn new(level: Level) -> Self {
+    /// Creates an empty tree for tracing with this instruction set.
+    pub(crate) fn new(instruction_set: InstructionSet) -> Self {
         Self {
-            tree: Bvh8::new(level),
+            tree: Bvh8::new(instruction_set),
             shape: Arc::default(),
             stale: true,
             all_nodes: Vec::new(),
@@ -96,7 +96,7 @@ impl Accelerator for WideAccelerator {
         let is_static = &animation.static_parts().triangles;
         let pays = StaticParts::pays(animation.moving_count(), animation.live_count());
         self.moving = pays.then(|| MovingLanes::of(&shape, is_static)).flatten();
-        self.binary.copy_record(tree);
+        self.binary.copy_words_from(tree);
         let old = std::mem::replace(&mut self.shape, shape);
         // Freeing large buffers is slow, so another thread does it.
         rayon::spawn(move || drop((old, outgrown)));

@@ -12,7 +12,7 @@ use crate::single::PlacedHit;
 use crate::tree::{Bvh8, LANES, NOWHERE, place};
 use crate::walk::{NodeRay, TraversalStack, Visitor, walk};
 use cpu_ref::scale::LEAST;
-use cpu_ref::{DEPTH, SHEAR, SMALL};
+use cpu_ref::{DEPTH_ERROR, FILTER_UNDERFLOW_ERROR, SHEAR_ERROR};
 use geom::Hit;
 
 /// Intersector `exact` in lanes.
@@ -110,8 +110,8 @@ fn filter<L: Lanes>(
     let edges = edges(&x, &y);
     let wide = largest(&x).max(largest(&y));
     let deepest = largest(&along);
-    let slack = L::splat(SHEAR).mul(wide.add(L::splat(2.0).mul(deepest)));
-    let slack = slack.add(L::splat(SMALL));
+    let slack = L::splat(SHEAR_ERROR).mul(wide.add(L::splat(2.0).mul(deepest)));
+    let slack = slack.add(L::splat(FILTER_UNDERFLOW_ERROR));
     let doubt = slack.mul(L::splat(4.0).mul(wide).add(L::splat(2.0).mul(slack)));
     let [u, v, w] = edges;
     let (least, most) = (u.min(v).min(w), u.max(v).max(w));
@@ -140,8 +140,8 @@ fn filter<L: Lanes>(
         .mul(doubt.mul(spread).add(small))
         .div(least_det);
     let error = of_weights
-        .add(L::splat(DEPTH).mul(size))
-        .add(L::splat(SMALL));
+        .add(L::splat(DEPTH_ERROR).mul(size))
+        .add(L::splat(FILTER_UNDERFLOW_ERROR));
     let (near, far) = (t.sub(error).max(spans.entry), t.add(error).min(spans.exit));
     let tells = L::both(L::both(certain, four.less(least_det)), near.at_most(far));
     let low = spans.entry.replace(tells, near);

@@ -61,11 +61,11 @@ impl FitTask<'_> {
         selected: impl Iterator<Item = &'s [u32]>,
         lanes: Option<&[u8]>,
     ) -> Fitted {
-        let (shape, level) = (self.shape, self.tree.level);
+        let (shape, instruction_set) = (self.shape, self.tree.instruction_set);
         let (nodes, blocks) = (&mut self.tree.nodes, &mut self.tree.blocks);
         let (geometry, stale) = (self.geometry, std::mem::take(&mut self.stale));
         Subtrees::of(shape, selected, nodes, blocks).fold(shape, &|part, below| {
-            level.run(FitLevel {
+            instruction_set.run(FitLevel {
                 level: part,
                 inputs: FitInputs {
                     shape,
@@ -116,7 +116,7 @@ impl VectorWork for FitLevel<'_, '_> {
             }
             for lane in set_lanes::<LANES>(u32::from(lanes)) {
                 let link = node.links[lane];
-                if link == Link::ROOT {
+                if link == Link::NONE {
                     continue;
                 }
                 let folded = if link.is_block() {
@@ -210,8 +210,11 @@ fn hittable<L: Eight>(corners: &[[L; 3]; 3], count: u32, unhittable: &mut Unhitt
     let [a, b, c] = corners;
     let edges = each!(axis => [b[axis].sub(a[axis]), c[axis].sub(a[axis])]);
     let clear = L::bits(L::either(
-        stands_clear(&edges, 0, 1),
-        L::either(stands_clear(&edges, 1, 2), stands_clear(&edges, 2, 0)),
+        is_certainly_nonzero(&edges, 0, 1),
+        L::either(
+            is_certainly_nonzero(&edges, 1, 2),
+            is_certainly_nonzero(&edges, 2, 0),
+        ),
     ));
     let finite = L::bits(finite);
     unhittable.inactive += u64::from(count - finite.count_ones());
@@ -236,7 +239,7 @@ fn hittable<L: Eight>(corners: &[[L; 3]; 3], count: u32, unhittable: &mut Unhitt
 /// Each product has three roundings, and the difference of products adds one. Small values may be subnormal and large
 /// values infinite, so these count as uncertain.
 #[inline(always)]
-fn stands_clear<L: Lanes>(edges: &[[L; 2]; 3], i: usize, j: usize) -> L::Mask {
+fn is_certainly_nonzero<L: Lanes>(edges: &[[L; 2]; 3], i: usize, j: usize) -> L::Mask {
     let (p, q) = (edges[i][0].mul(edges[j][1]), edges[j][0].mul(edges[i][1]));
     let size = p.abs().add(q.abs());
     let doubt = size.mul(L::splat(8.0 * f32::EPSILON));

@@ -77,8 +77,8 @@ impl LaneTest for Woop {
         best: L,
     ) -> Option<TriangleHits<L>> {
         let [to_u, to_v, to_height] = each!(row => Row {
-            vector: each!(i => triangles.record(row, i)),
-            offset: triangles.record(row, 3),
+            vector: each!(i => triangles.data(row, i)),
+            offset: triangles.data(row, 3),
         });
         let [one, none] = [L::splat(1.0), L::splat(0.0)];
         let height = to_height.of(&ray.start, one);

@@ -1,12 +1,12 @@
 //! The watertight test in lanes, and code that all triangle tests share. Each lane tests one ray with one triangle:
 //! one ray with eight triangles, or the rays of a packet with one triangle.
 
-use crate::rays::{Group, MOST_RAYS, OneRay};
+use crate::rays::{MOST_RAYS, OneRay, PreparedRays};
 use crate::simd::{Lanes, each, set_lanes};
 use crate::tree::{Bvh8, LANES};
 use crate::units::flushed;
 use cpu_ref::intersect::has_equal_signs;
-use cpu_ref::{FARTHEST, NEAREST, PAD};
+use cpu_ref::{MAX_PADDING_DISTANCE, MIN_PADDING_DISTANCE, PAD};
 
 /// Rays prepared for the tests: one per lane, or the same ray in all lanes.
 ///
@@ -32,8 +32,8 @@ pub(crate) trait Triangles<L> {
     /// A coordinate of a corner. Must be `#[inline(always)]`.
     fn corner(&self, axis: usize, corner: usize) -> L;
 
-    /// A number of the triangles' records. Must be `#[inline(always)]`.
-    fn record(&self, row: usize, column: usize) -> L;
+    /// A number of the triangles' data. Must be `#[inline(always)]`.
+    fn data(&self, row: usize, column: usize) -> L;
 }
 
 /// All triangles of a block, one in each lane.
@@ -50,8 +50,8 @@ impl<L: Lanes<Array = [f32; LANES]>> Triangles<L> for OfBlock<'_> {
     }
 
     #[inline(always)]
-    fn record(&self, row: usize, column: usize) -> L {
-        L::load(&self.tree.records[self.block].0[row][column])
+    fn data(&self, row: usize, column: usize) -> L {
+        L::load(&self.tree.triangle_data[self.block].0[row][column])
     }
 }
 
@@ -70,8 +70,8 @@ impl<L: Lanes> Triangles<L> for OfLane<'_> {
     }
 
     #[inline(always)]
-    fn record(&self, row: usize, column: usize) -> L {
-        L::splat(self.tree.records[self.block].0[row][column][self.lane])
+    fn data(&self, row: usize, column: usize) -> L {
+        L::splat(self.tree.triangle_data[self.block].0[row][column][self.lane])
     }
 }
 
@@ -82,7 +82,11 @@ pub(crate) fn slack<L: Lanes>([x, y, z]: &[[L; 2]; 3]) -> L {
     let below = x[0].abs().max(y[0].abs()).max(z[0].abs());
     let above = x[1].abs().max(y[1].abs()).max(z[1].abs());
     let reach = below.max(above);
-    L::splat(PAD).mul(reach.max(L::splat(NEAREST)).min(L::splat(FARTHEST)))
+    L::splat(PAD).mul(
+        reach
+            .max(L::splat(MIN_PADDING_DISTANCE))
+            .min(L::splat(MAX_PADDING_DISTANCE)),
+    )
 }
 
 /// The axes `kx, ky, kz` for each `kz`.
@@ -112,7 +116,7 @@ pub(crate) type Relative<L> = [[L; 3]; 3];
 impl<L: Lanes> TriangleRay<L> {
     /// Loads a ray in each lane. All rays have the main axis `main`.
     #[inline(always)]
-    pub(crate) fn all(group: &Group<L>, main: usize) -> Self {
+    pub(crate) fn all(group: &PreparedRays<L>, main: usize) -> Self {
         let axes = AXES[main];
         Self {
             axes,
@@ -151,7 +155,7 @@ impl<L: Lanes> TriangleRay<L> {
     /// Runs the watertight test in each lane. Returns the hits whose `t`, clamped to the triangle's own box, is at most
     /// `best`.
     ///
-    /// Distances must be below [`cpu_ref::CALM`], so that no edge function overflows.
+    /// Distances must be below [`cpu_ref::MAX_FINITE_PRODUCT_DISTANCE`], so that no edge function overflows.
     #[inline(always)]
     pub(crate) fn intersect_watertight(
         &self,

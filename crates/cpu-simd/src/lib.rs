@@ -45,7 +45,7 @@ use accelerator::WideAccelerator;
 use backend::{BackendName, Result};
 use cpu_ref::CpuBackend;
 
-pub use simd::Level;
+pub use simd::InstructionSet;
 
 /// Opens backend `cpu` with a pool of `threads` threads, by default one per core. Uses the best instruction set of the
 /// machine.
@@ -53,15 +53,15 @@ pub use simd::Level;
 /// # Errors
 /// See [`CpuBackend::new`].
 pub fn open(threads: Option<usize>) -> Result<CpuBackend> {
-    open_at(Level::best(), threads)
+    open_at(InstructionSet::best(), threads)
 }
 
-/// Opens backend `cpu` like [`open`], with the instruction set `level`.
+/// Opens backend `cpu` like [`open`], with this instruction set.
 ///
 /// # Errors
 /// See [`CpuBackend::new`].
-pub fn open_at(level: Level, threads: Option<usize>) -> Result<CpuBackend> {
+pub fn open_at(instruction_set: InstructionSet, threads: Option<usize>) -> Result<CpuBackend> {
     CpuBackend::with_trees(BackendName::Cpu, threads, move || {
-        Box::new(WideAccelerator::new(level))
+        Box::new(WideAccelerator::new(instruction_set))
     })
 }

@@ -6,7 +6,7 @@ use crate::tree::{Bvh8, NOWHERE};
 use crate::units::flushed;
 use cpu_ref::scale::Scale;
 use cpu_ref::shadow::{Light, ROUNDING};
-use cpu_ref::{Geometry, HitCounts, RayAnswer};
+use cpu_ref::{Geometry, HitCounts, RayResult};
 use geom::Hit;
 
 /// For each lane, the closest hit and the place of its triangle. `blocked` has a bit for each occluded lane.
@@ -23,10 +23,10 @@ impl LaneAnswers {
         blocked: 0,
     };
 
-    /// Returns the answer of one lane.
+    /// Returns the result of one lane.
     #[inline(always)]
-    pub(crate) fn answer(&self, lane: usize) -> RayAnswer {
-        RayAnswer {
+    pub(crate) fn result(&self, lane: usize) -> RayResult {
+        RayResult {
             hit: self.hits[lane],
             blocked: self.blocked >> lane & 1 == 1,
         }
@@ -102,7 +102,7 @@ pub(crate) fn shadow_rays<L: Lanes>(
     [u, v]: [L; 2],
     eyes: &Points<L>,
 ) -> InputRays<L> {
-    let at = each!(i => L::splat(light.at[i]));
+    let at = each!(i => L::splat(light.scaled_position[i]));
     let (e1, e2) = (minus(b, a), minus(c, a));
     let p = each!(i => {
         let p = a[i].add(u.mul(e1[i]).add(v.mul(e2[i])));
@@ -115,7 +115,7 @@ pub(crate) fn shadow_rays<L: Lanes>(
     let largest = p[0].abs().max(p[1].abs()).max(p[2].abs());
     let longest = each!(i => e1[i].abs().max(e2[i].abs()));
     let longest = longest[0].max(longest[1]).max(longest[2]);
-    let extent = longest.max(L::splat(light.counted));
+    let extent = longest.max(L::splat(light.extent));
     let delta = L::splat(4.0 * ROUNDING)
         .mul(largest)
         .add(L::splat(32.0 * ROUNDING).mul(extent));

@@ -80,7 +80,7 @@ fn moving_lanes(shape: &BlockTree, is_static: &[bool]) -> Vec<u8> {
         nodes.for_each(|(bits, node)| {
             for (lane, &link) in node.links.iter().enumerate() {
                 let moves = match link {
-                    Link::ROOT => false,
+                    Link::NONE => false,
                     block if block.is_block() => moves(&shape.blocks[block.index()]),
                     child => below[child.index() - level.end] != 0,
                 };

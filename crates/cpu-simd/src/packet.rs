@@ -7,7 +7,7 @@
 
 use crate::intersect::{AnyHitTest, AnyHits, LaneTest};
 use crate::leaf::{OfLane, TriangleRay};
-use crate::rays::{Group, MOST_RAYS};
+use crate::rays::{MOST_RAYS, PreparedRays};
 use crate::simd::{Halves, Isa, Lanes, PlaneVector, each, set_lanes};
 use crate::tree::{BoxPlanes, Bvh8, LANES, NOWHERE, TriangleBlock, place};
 use crate::walk::{BoxTest, MetBoxes, TraversalStack, Visitor, walk};
@@ -20,7 +20,7 @@ pub(crate) struct RayPacket<L, P> {
     pub(crate) rays: TriangleRay<L>,
     pub(crate) bundle: Bundle<P>,
     /// Factor from each ray's distances to units of the first ray. A power of two.
-    pub(crate) level: L,
+    pub(crate) to_first_ray: L,
     /// The `t_max` of each ray.
     pub(crate) t_max: L,
 }
@@ -29,23 +29,23 @@ pub(crate) struct RayPacket<L, P> {
 const APART: f32 = 16.0;
 
 impl<L: Lanes, P: Halves> RayPacket<L, P> {
-    /// Creates a packet. Returns `None` if a ray is not [ready](Group::ready), if directions differ in main axis or
-    /// sign, or if their exponents differ too much.
+    /// Creates a packet. Returns `None` if a ray is not [ready](PreparedRays::ready), if directions differ in main axis
+    /// or sign, or if their exponents differ too much.
     #[inline(always)]
-    pub(crate) fn of(group: &Group<L>) -> Option<Self> {
+    pub(crate) fn of(group: &PreparedRays<L>) -> Option<Self> {
         let main = group.main_of_all()?;
         let inverse = each!(i => L::load(&group.inverse[i]));
         let [x, y, z] = inverse;
         let turned = [is_negative(x)?, is_negative(y)?, is_negative(z)?];
         let back = L::load(&group.back);
-        let level = back.mul(L::splat(1.0 / group.back.as_ref()[0]));
-        if level.most() > APART * level.least() {
+        let to_first_ray = back.mul(L::splat(1.0 / group.back.as_ref()[0]));
+        if to_first_ray.most() > APART * to_first_ray.least() {
             return None;
         }
         Some(Self {
             rays: TriangleRay::all(group, main),
-            bundle: Bundle::new(group, turned, level),
-            level,
+            bundle: Bundle::new(group, turned, to_first_ray),
+            to_first_ray,
             t_max: L::load(&group.limits[1]),
         })
     }
@@ -78,22 +78,23 @@ pub(crate) struct Bundle<P> {
 }
 
 impl<P: Halves> Bundle<P> {
-    /// Computes the bounds. `level` is [`RayPacket::level`], and `turned` marks axes with negative directions.
+    /// Computes the bounds. `to_first_ray` is [`RayPacket::to_first_ray`], and `turned` marks axes with negative
+    /// directions.
     #[inline(always)]
-    fn new<L: Lanes>(group: &Group<L>, turned: [bool; 3], level: L) -> Self {
+    fn new<L: Lanes>(group: &PreparedRays<L>, turned: [bool; 3], to_first_ray: L) -> Self {
         let [t_min, t_max] = [L::load(&group.limits[0]), L::load(&group.limits[1])];
         let origin = each!(i => L::load(&group.origin[i]));
         Self {
             origin: each!(i => halves(origin[i].most(), origin[i].least())),
             inverse: each!(i => {
-                let r = L::load(&group.inverse[i]).abs().mul(level);
+                let r = L::load(&group.inverse[i]).abs().mul(to_first_ray);
                 let (least, most) = (r.least(), r.most());
                 [halves(least, -least), halves(most, -most)]
             }),
-            pad: each!(i => P::splat(L::load(&group.pad[i]).mul(level).most())),
+            pad: each!(i => P::splat(L::load(&group.pad[i]).mul(to_first_ray).most())),
             turned,
-            floor: halves(t_min.mul(level).least(), f32::NEG_INFINITY),
-            limit: t_max.mul(level).most(),
+            floor: halves(t_min.mul(to_first_ray).least(), f32::NEG_INFINITY),
+            limit: t_max.mul(to_first_ray).most(),
         }
     }
 
@@ -212,7 +213,7 @@ impl<I, L: Lanes, P: Halves, S: PacketSearch<L>> Visitor<I> for PacketVisitor<'_
             changed |= self.search.triangle(&packet.rays, triangle);
         }
         if changed {
-            return Some(self.search.bound().mul(packet.level).most());
+            return Some(self.search.bound().mul(packet.to_first_ray).most());
         }
         Some(bound)
     }

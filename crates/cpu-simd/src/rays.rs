@@ -4,7 +4,9 @@ use crate::simd::{Lanes, Plain, PlaneVector, each};
 use crate::tiles::Tiles;
 use crate::units::{flushed, scaled};
 use cpu_ref::scale::{LEAST_COMPONENT, PreparedRay, Scale};
-use cpu_ref::{CALM, FARTHEST, NEAREST, PAD, SMALLEST};
+use cpu_ref::{
+    MAX_FINITE_PRODUCT_DISTANCE, MAX_PADDING_DISTANCE, MIN_DIRECTION, MIN_PADDING_DISTANCE, PAD,
+};
 use geom::{Aabb, Camera, Ray};
 
 /// Number of rays of the widest packet.
@@ -20,7 +22,7 @@ const TWO_TO_60: f32 = (1_u64 << 60) as f32;
 
 /// One ray per lane of `L`, prepared with the same results as [`PreparedRay`] and the box test of `cpu-ref`. Axes are
 /// in the order x, y, z.
-pub(crate) struct Group<L: Lanes> {
+pub(crate) struct PreparedRays<L: Lanes> {
     /// Lanes that hold a prepared ray. Other lanes hold invalid rays, or rays that `cpu-ref` must trace because their
     /// direction, their distance or the scene's scale is extreme.
     pub(crate) ready: u32,
@@ -142,7 +144,7 @@ fn powers<L: Lanes>([x, y, z]: &[L; 3]) -> Powers<L> {
     }
 }
 
-impl<L: Lanes> Group<L> {
+impl<L: Lanes> PreparedRays<L> {
     /// Prepares the rays in all lanes of `L`. `root` is the tree's root box.
     #[inline(always)]
     pub(crate) fn new(given: &InputRays<L>, scale: Scale, root: &Aabb) -> Self {
@@ -153,7 +155,7 @@ impl<L: Lanes> Group<L> {
             d.replace(d.abs().less(L::splat(LEAST_COMPONENT)), L::splat(0.0))
         });
         let farthest = farthest(&origin, root);
-        let calm = L::bits(farthest.less(L::splat(CALM)));
+        let has_finite_products = L::bits(farthest.less(L::splat(MAX_FINITE_PRODUCT_DISTANCE)));
         let up = up.mul(L::splat(scale.factor()));
         let [t_min, t_max] = given.limits;
         let unscaled = scale.usual_inverse();
@@ -163,7 +165,7 @@ impl<L: Lanes> Group<L> {
             limits: [flushed(t_min.mul(up)), flushed(t_max.mul(up))],
         };
         let mut group = Self::prepared(&scaled, farthest);
-        let ready = given.sound() & usual & calm;
+        let ready = given.sound() & usual & has_finite_products;
         group.ready = if unscaled.is_some() { ready } else { 0 };
         group.back = down.mul(L::splat(unscaled.unwrap_or(1.0))).store();
         group
@@ -174,7 +176,7 @@ impl<L: Lanes> Group<L> {
     fn prepared(rays: &InputRays<L>, farthest: L) -> Self {
         let (origin, d) = (&rays.origin, &rays.direction);
         let padding = L::splat(PAD).mul(farthest);
-        let inverse = each!(i => L::splat(1.0).div(d[i].abs().max(L::splat(SMALLEST))));
+        let inverse = each!(i => L::splat(1.0).div(d[i].abs().max(L::splat(MIN_DIRECTION))));
         let negative = each!(i => d[i].less(L::splat(0.0)));
         let signed = each!(i => inverse[i].replace(negative[i], inverse[i].neg()));
         // `starts` overflows only if the origin is so far away that the distance to any plane rounds to the origin's
@@ -212,8 +214,9 @@ impl<L: Lanes> Group<L> {
     }
 }
 
-impl Group<Plain<1>> {
-    /// Prepares one ray, which need not be within the limits of [`Group::ready`]. Distances keep the units of `ray`.
+impl PreparedRays<Plain<1>> {
+    /// Prepares one ray, which need not be within the limits of [`PreparedRays::ready`]. Distances keep the units of
+    /// `ray`.
     #[inline]
     pub(crate) fn alone(ray: &PreparedRay, root: &Aabb) -> Self {
         let rays = InputRays {
@@ -222,13 +225,13 @@ impl Group<Plain<1>> {
             limits: [ray.t_min, ray.t_max].map(Plain::splat),
         };
         let farthest = farthest(&rays.origin, root);
-        Self::prepared(&rays, farthest.min(Plain::splat(FARTHEST)))
+        Self::prepared(&rays, farthest.min(Plain::splat(MAX_PADDING_DISTANCE)))
     }
 }
 
 /// The ray in one lane of a group. Reads from the group, because a copy would occupy registers during the traversal.
 pub(crate) struct OneRay<'a, L: Lanes> {
-    pub(crate) group: &'a Group<L>,
+    pub(crate) group: &'a PreparedRays<L>,
     pub(crate) lane: usize,
 }
 
@@ -260,7 +263,7 @@ impl<L: Lanes> OneRay<'_, L> {
 /// Computes the distance `D` of the root box for each lane. See [`PAD`].
 #[inline(always)]
 fn farthest<L: Lanes>(origin: &[L; 3], root: &Aabb) -> L {
-    let mut farthest = L::splat(NEAREST);
+    let mut farthest = L::splat(MIN_PADDING_DISTANCE);
     for (axis, &o) in origin.iter().enumerate() {
         for plane in [root.min[axis], root.max[axis]] {
             farthest = farthest.max(L::splat(plane).sub(o).abs());

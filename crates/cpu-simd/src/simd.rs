@@ -1,8 +1,8 @@
 //! Vector operations: one interface, and its implementations for the instruction sets of this machine.
 //!
-//! Code that is generic over [`Isa`] is compiled once for each instruction set. [`Level::run`] calls the version for
-//! one set. All sets give the same bits, with three exceptions: [`Lanes::about`], [`Eight::maxi`] and [`Eight::mini`].
-//! Generic functions must be `#[inline(always)]`, or they are compiled without the set's instructions.
+//! Code that is generic over [`Isa`] is compiled once for each instruction set. [`InstructionSet::run`] calls the
+//! version for one set. All sets give the same bits, with three exceptions: [`Lanes::about`], [`Eight::maxi`] and
+//! [`Eight::mini`]. Generic functions must be `#[inline(always)]`, or they are compiled without the set's instructions.
 
 mod plain;
 #[cfg(target_arch = "x86_64")]
@@ -221,7 +221,7 @@ impl Isa for Portable {
 
 /// An instruction set that was detected on this machine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Level(Set);
+pub struct InstructionSet(Set);
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Set {
@@ -232,7 +232,7 @@ enum Set {
     Avx512,
 }
 
-impl Level {
+impl InstructionSet {
     /// Returns all instruction sets of this machine, the best last.
     #[must_use]
     pub fn all() -> Vec<Self> {

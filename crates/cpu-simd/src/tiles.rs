@@ -1,7 +1,7 @@
 //! Divides pictures and lists among tasks, tile by tile, so that neighbouring rays run together.
 
 use backend::Rays;
-use cpu_ref::{HitCounts, RayAnswer, TraceOutput};
+use cpu_ref::{HitCounts, RayResult, TraceOutput};
 
 /// Number of rows and of columns of a tile.
 const TILE: usize = 8;
@@ -112,10 +112,10 @@ impl<'a> Tiles<'a> {
         self.first + y * self.width + x
     }
 
-    /// Writes the answer of one ray.
+    /// Writes the result of one ray.
     #[inline(always)]
-    pub(crate) fn set(&mut self, x: usize, y: usize, answer: RayAnswer) {
-        self.rows[y].set(x, answer);
+    pub(crate) fn set(&mut self, x: usize, y: usize, result: RayResult) {
+        self.rows[y].set(x, result);
     }
 
     /// Splits off the second half of the columns. Returns `None` if at most [`TILES`] tiles are left.

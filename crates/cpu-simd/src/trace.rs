@@ -4,7 +4,7 @@ use crate::exact::ExactFilter;
 use crate::intersect::AnyHits;
 use crate::light::{LaneAnswers, shadow_rays};
 use crate::packet::{self, AnyQuery, NONE, PacketHits, RayPacket};
-use crate::rays::{COLUMNS, Cell, Group, InputRays, MOST_RAYS, OneRay};
+use crate::rays::{COLUMNS, Cell, InputRays, MOST_RAYS, OneRay, PreparedRays};
 use crate::search::ClosestSearch;
 use crate::simd::{Isa, Lanes, Outlined, PlaneVector, VectorWork, each, set_lanes};
 use crate::single;
@@ -87,7 +87,7 @@ impl<'a, T: ClosestSearch> WideTracer<'a, T> {
     fn trace(&self, out: TraceOutput<'_>) -> HitCounts {
         fill(self.tracer.query.rays, out, |tiles| {
             let tracer = self;
-            self.tree.level.run(TilesTask { tiles, tracer })
+            self.tree.instruction_set.run(TilesTask { tiles, tracer })
         })
     }
 
@@ -117,7 +117,7 @@ impl<'a, T: ClosestSearch> WideTracer<'a, T> {
         TaskState { stack, closest, .. }: &mut TaskState,
     ) -> LaneAnswers {
         let (rays, active, tree) = (batch.rays, batch.active, self.tree);
-        let group = Group::<I::Packet>::new(rays, batch.scale, &tree.root);
+        let group = PreparedRays::<I::Packet>::new(rays, batch.scale, &tree.root);
         let packet = closest.packet::<I>(&group, tree);
         if let Some(packet) = packet {
             let hits = T::closest_of_packet::<I>(tree, &packet, stack);
@@ -187,7 +187,7 @@ impl<'a, T: ClosestSearch> WideTracer<'a, T> {
         TaskState { stack, any, .. }: &mut TaskState,
     ) -> u32 {
         let (rays, active, tree) = (batch.rays, batch.active, self.tree);
-        let group = Group::<I::Packet>::new(rays, batch.scale, &tree.root);
+        let group = PreparedRays::<I::Packet>::new(rays, batch.scale, &tree.root);
         let packet = if active == I::Packet::ALL {
             any.packet::<I>(&group, tree)
         } else {
@@ -254,9 +254,9 @@ impl<'a, T: ClosestSearch> WideTracer<'a, T> {
     fn singly(&self, indices: ops::Range<usize>) -> LaneAnswers {
         let mut answers = LaneAnswers::NOTHING;
         for (lane, index) in indices.enumerate() {
-            let answer = self.tracer.answer(index);
-            answers.hits[lane] = answer.hit;
-            answers.blocked |= u32::from(answer.blocked) << lane;
+            let result = self.tracer.result(index);
+            answers.hits[lane] = result.hit;
+            answers.blocked |= u32::from(result.blocked) << lane;
         }
         answers
     }
@@ -311,7 +311,7 @@ impl<T: ClosestSearch> TilesTask<'_, '_, T> {
                 })
             };
             for lane in 0..rays.len() {
-                self.tiles.set(begin + lane, 0, found.answer(lane));
+                self.tiles.set(begin + lane, 0, found.result(lane));
             }
             sum = sum + found.counts(active);
         }
@@ -344,7 +344,7 @@ impl<T: ClosestSearch> TilesTask<'_, '_, T> {
     fn write(&mut self, cell: &Cell, at: [usize; 2], found: &LaneAnswers) {
         for lane in set_lanes::<MOST_RAYS>(cell.active) {
             let (x, y) = (at[0] + lane % COLUMNS, at[1] + lane / COLUMNS);
-            self.tiles.set(x, y, found.answer(lane));
+            self.tiles.set(x, y, found.result(lane));
         }
     }
 }
@@ -419,7 +419,11 @@ impl PacketHistory {
     /// Creates a packet of a group's rays. Returns `None` during a pause, if the rays cannot form a packet, or if the
     /// tree is `spread`, since packets pad every box as much as the root box.
     #[inline(always)]
-    fn packet<I: Isa>(&mut self, group: &Group<I::Packet>, tree: &Bvh8) -> Option<PacketOf<I>> {
+    fn packet<I: Isa>(
+        &mut self,
+        group: &PreparedRays<I::Packet>,
+        tree: &Bvh8,
+    ) -> Option<PacketOf<I>> {
         let tries = self.pause == 0 && !tree.spread;
         self.pause = self.pause.saturating_sub(1);
         if tries { RayPacket::of(group) } else { None }

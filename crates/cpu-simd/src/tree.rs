@@ -1,9 +1,9 @@
 //! The eight-wide tree in memory.
 
-use crate::simd::{Level, each, prefetch};
+use crate::simd::{InstructionSet, each, prefetch};
 use backend::Intersector;
 use bvh_layout::Ranges;
-use cpu_ref::intersect::{Record, Woop};
+use cpu_ref::intersect::{TriangleData, Woop};
 use geom::{Aabb, Triangle, is_active};
 use rayon::prelude::*;
 
@@ -62,25 +62,25 @@ pub(crate) struct TriangleBlock {
     pub(crate) triangles: [u32; LANES],
 }
 
-/// Records of a block's triangles for Woop's test: `[row][column][lane]`.
+/// Data of a block's triangles for Woop's test: `[row][column][lane]`.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
-pub(crate) struct BlockRecords(pub(crate) [[[f32; LANES]; 4]; 3]);
+pub(crate) struct BlockTriangleData(pub(crate) [[[f32; LANES]; 4]; 3]);
 
-impl BlockRecords {
-    /// Computes the records of a block's active triangles. The others are zero, which is never hit.
+impl BlockTriangleData {
+    /// Computes the data of a block's active triangles. The others are zero, which is never hit.
     fn of(block: &TriangleBlock) -> Self {
-        let mut records = Self([[[0.0; LANES]; 4]; 3]);
+        let mut data = Self([[[0.0; LANES]; 4]; 3]);
         for lane in 0..LANES {
             let corners = block.triangle(lane);
             if is_active(&corners) {
-                records.set(lane, &Woop::record(&corners));
+                data.set(lane, &Woop::preprocess(&corners));
             }
         }
-        records
+        data
     }
 
-    fn set(&mut self, lane: usize, Record(rows): &Record) {
+    fn set(&mut self, lane: usize, TriangleData(rows): &TriangleData) {
         for (to, row) in self.0.iter_mut().zip(rows) {
             for (to, &number) in to.iter_mut().zip(row) {
                 to[lane] = number;
@@ -101,7 +101,7 @@ pub(crate) const NOWHERE: u32 = u32::MAX;
 impl Node8 {
     pub(crate) const UNUSED: Self = Self {
         planes: EMPTY,
-        links: [Link::ROOT; LANES],
+        links: [Link::NONE; LANES],
         ranges: Ranges::NONE,
     };
 }
@@ -133,7 +133,7 @@ pub(crate) struct Bvh8 {
     /// Blocks in the order of their nodes and lanes.
     pub(crate) blocks: Vec<TriangleBlock>,
     /// Records of each block if the intersector is `woop`. Stale or empty for other intersectors, which read corners.
-    pub(crate) records: Vec<BlockRecords>,
+    pub(crate) triangle_data: Vec<BlockTriangleData>,
     /// The root box, in scaled units.
     pub(crate) root: Aabb,
     /// [`geom::CoordinateRange::spread`] as of the last preprocess: set if coordinates differ much in size.
@@ -141,30 +141,30 @@ pub(crate) struct Bvh8 {
     /// The triangle test.
     pub(crate) intersector: Intersector,
     /// The instruction set to trace with.
-    pub(crate) level: Level,
+    pub(crate) instruction_set: InstructionSet,
 }
 
 impl Bvh8 {
-    /// Creates an empty tree for tracing with the instruction set `level`.
-    pub(crate) fn new(level: Level) -> Self {
+    /// Creates an empty tree for tracing with this instruction set.
+    pub(crate) fn new(instruction_set: InstructionSet) -> Self {
         Self {
             nodes: vec![Node8::UNUSED],
             blocks: Vec::new(),
-            records: Vec::new(),
+            triangle_data: Vec::new(),
             root: Aabb::EMPTY,
             spread: false,
             intersector: Intersector::Watertight,
-            level,
+            instruction_set,
         }
     }
 
-    /// Sets the triangle test. Computes the records of all blocks from their corners if the test needs records.
+    /// Sets the triangle test. Computes the triangle data of all blocks from their corners if the test needs any.
     pub(crate) fn prepare(&mut self, intersector: Intersector) {
         self.intersector = intersector;
         if intersector == Intersector::Woop {
             let blocks = self.blocks.par_iter().with_min_len(128);
-            let records = blocks.map(BlockRecords::of);
-            records.collect_into_vec(&mut self.records);
+            let data = blocks.map(BlockTriangleData::of);
+            data.collect_into_vec(&mut self.triangle_data);
         }
     }
 

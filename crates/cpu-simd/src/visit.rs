@@ -1,7 +1,7 @@
 //! Implements [`TreeTraversal`] for the wide tree, so that searches of `cpu-ref` can visit its triangles one at a time.
 
 use crate::leaf::{OfBlock, TriangleRay};
-use crate::rays::{Group, OneRay};
+use crate::rays::{OneRay, PreparedRays};
 use crate::simd::{Isa, Lanes, VectorWork, set_lanes};
 use crate::tree::{Bvh8, LANES, Link, bounds};
 use crate::walk::{NodeRay, TraversalStack, Visitor, walk};
@@ -15,7 +15,7 @@ impl TreeTraversal for Bvh8 {
     }
 
     fn traverse(&self, ray: &PreparedRay, visitor: &mut TriangleVisitor<'_>) -> bool {
-        self.level.run(Traversal {
+        self.instruction_set.run(Traversal {
             tree: self,
             ray,
             visitor,
@@ -30,7 +30,7 @@ impl TreeTraversal for Bvh8 {
                 let triangles = self.blocks[link.index()].triangles.into_iter();
                 let triangles = triangles.filter(|&triangle| triangle != Hit::MISS.triangle);
                 triangles.for_each(|triangle| each(&bounds, Child::Triangle(triangle)));
-            } else if link != Link::ROOT {
+            } else if link != Link::NONE {
                 each(&bounds, Child::Node(link.index() as u32));
             }
         }
@@ -49,7 +49,7 @@ impl VectorWork for Traversal<'_, '_> {
 
     #[inline(always)]
     fn run<I: Isa>(self) -> bool {
-        let group = &Group::alone(self.ray, &self.tree.root);
+        let group = &PreparedRays::alone(self.ray, &self.tree.root);
         let ray = OneRay { group, lane: 0 };
         let mut each = TriangleByTriangle {
             tree: self.tree,
@@ -80,7 +80,7 @@ impl<I, L: Lanes<Array = [f32; LANES]>> Visitor<I> for TriangleByTriangle<'_, '_
             if entry <= bound {
                 let visited = VisitedTriangle {
                     triangle: block.triangles[lane],
-                    record: &intersect::record(tree.intersector, &block.triangle(lane)),
+                    data: &intersect::preprocess(tree.intersector, &block.triangle(lane)),
                     entry,
                     exit,
                 };

@@ -48,7 +48,7 @@ impl Default for TraversalStack {
     fn default() -> Self {
         Self {
             pending: [PendingLink::UNUSED; DEEPEST],
-            links: [Link::ROOT; DEEPEST + LANES],
+            links: [Link::NONE; DEEPEST + LANES],
         }
     }
 }
@@ -83,7 +83,7 @@ pub(crate) struct MetBoxes<L> {
 pub(crate) struct NodeRay<L> {
     inverse: [L; 3],
     /// For each axis, the terms that are added to `plane * r`: for near planes, then for far planes. See
-    /// [`crate::rays::Group::starts`].
+    /// [`crate::rays::PreparedRays::starts`].
     starts: [[L; 2]; 3],
     /// Index of the nearer planes on each axis: 0 for the lower ones.
     near: [usize; 3],

@@ -29,11 +29,11 @@ pub fn is_degenerate(corners: &Triangle) -> bool {
     let f = [c[0] - a[0], c[1] - a[1], c[2] - a[2]];
     // Each product has three roundings: two differences and the product. The difference of products adds one more.
     // A relative error of eight units bounds their sum.
-    let stands_clear = |i: usize, j: usize| {
+    let is_certainly_nonzero = |i: usize, j: usize| {
         let (p, q) = (e[i] * f[j], e[j] * f[i]);
         (p - q).abs() > 8.0 * f64::EPSILON * (p.abs() + q.abs())
     };
-    if stands_clear(0, 1) || stands_clear(1, 2) || stands_clear(2, 0) {
+    if is_certainly_nonzero(0, 1) || is_certainly_nonzero(1, 2) || is_certainly_nonzero(2, 0) {
         return false;
     }
     let collinear_in = |i: usize, j: usize| {

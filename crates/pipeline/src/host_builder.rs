@@ -31,7 +31,7 @@ impl HostBuilder {
         let thread = {
             let (pool, animation) = (Arc::clone(&pool), Arc::clone(animation));
             BuilderThread::new(move |job, cancel| {
-                pool.with(|builder| builder.carry_out(&animation, job, cancel))
+                pool.with(|builder| builder.execute(&animation, job, cancel))
             })
         };
         Self {

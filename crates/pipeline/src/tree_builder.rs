@@ -127,7 +127,7 @@ impl TreeBuilder {
     }
 
     /// Builds a tree for a job. See [`TreeBuilder::rebuild`].
-    pub(crate) fn carry_out(
+    pub(crate) fn execute(
         &mut self,
         animation: &Animation,
         job: Job,

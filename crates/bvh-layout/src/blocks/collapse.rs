@@ -58,7 +58,7 @@ impl BlockTree {
         for opened in &opened {
             self.first_blocks.push(roots.len() as u32);
             self.first_children.push((end + next.len()) as u32);
-            let mut links = [Link::ROOT; LANES];
+            let mut links = [Link::NONE; LANES];
             for (link, &lane) in links.iter_mut().zip(opened.lanes()) {
                 if tree.size(lane) as usize <= LANES {
                     *link = Link::block(roots.len());

@@ -58,7 +58,7 @@ pub struct BlockTree {
 /// A wide node: the child of each lane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WideNode {
-    /// Children. Lanes without a child come last and hold [`Link::ROOT`]. Traversal visits later children first.
+    /// Children. Lanes without a child come last and hold [`Link::NONE`]. Traversal visits later children first.
     pub links: [Link; LANES],
     /// The binary nodes that this node replaces.
     pub ranges: Ranges,
@@ -67,7 +67,7 @@ pub struct WideNode {
 impl WideNode {
     /// Node without children.
     pub const EMPTY: Self = Self {
-        links: [Link::ROOT; LANES],
+        links: [Link::NONE; LANES],
         ranges: Ranges::NONE,
     };
 }
@@ -104,6 +104,8 @@ impl Link {
     const BLOCK: u32 = 1 << 31;
     /// The root node.
     pub const ROOT: Self = Self(0);
+    /// No child. Has the value of [`Self::ROOT`], which is no node's child.
+    pub const NONE: Self = Self(0);
 
     /// Returns the link to node `index`.
     #[must_use]
@@ -138,7 +140,7 @@ impl Link {
     /// Returns whether this links to a node other than the root.
     #[inline(always)]
     pub fn is_inner(self) -> bool {
-        !self.is_block() && self != Self::ROOT
+        !self.is_block() && self != Self::NONE
     }
 
     /// Returns the index of the node or of the block.

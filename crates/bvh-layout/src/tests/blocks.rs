@@ -20,9 +20,9 @@ fn below(tree: &BlockTree, node: usize, depth: usize, seen: &mut [u32], out: &mu
     );
     seen[node] += 1;
     let links = tree.nodes[node].links;
-    let children = links.iter().filter(|&&link| link != Link::ROOT).count();
+    let children = links.iter().filter(|&&link| link != Link::NONE).count();
     let (links, empty) = links.split_at(children);
-    assert!(empty.iter().all(|&link| link == Link::ROOT));
+    assert!(empty.iter().all(|&link| link == Link::NONE));
     assert_eq!(tree.nodes[node].ranges.count(), children.saturating_sub(1));
     // Blocks and inner children are in the order of nodes and lanes.
     let (blocks, nodes): (Vec<Link>, Vec<Link>) = links.iter().partition(|link| link.is_block());
@@ -81,7 +81,7 @@ fn full_subtrees_make_full_nodes() {
     let corners = triangles(scene(&tree));
     let wide = BlockTree::of(&record(&tree), &corners, CollapseOptions::default());
     let upper = &wide.nodes[wide.levels[1].clone()];
-    assert!(upper.iter().all(|node| !node.links.contains(&Link::ROOT)));
+    assert!(upper.iter().all(|node| !node.links.contains(&Link::NONE)));
     assert!(wide.blocks.len() * 4 < 20_000);
 }
 
@@ -121,7 +121,7 @@ fn asked_first(wide: &BlockTree) -> &Block {
     let mut link = Link::ROOT;
     while !link.is_block() {
         let links = &wide.nodes[link.index()].links;
-        link = *links.iter().rfind(|&&l| l != Link::ROOT).unwrap();
+        link = *links.iter().rfind(|&&l| l != Link::NONE).unwrap();
     }
     &wide.blocks[link.index()]
 }
@@ -153,7 +153,7 @@ fn areas_below(wide: &BlockTree, link: Link, boxes: &[Aabb]) -> (Aabb, f64) {
         }
     } else {
         let links = wide.nodes[link.index()].links;
-        for child in links.into_iter().filter(|&child| child != Link::ROOT) {
+        for child in links.into_iter().filter(|&child| child != Link::NONE) {
             let (below, areas) = areas_below(wide, child, boxes);
             bounds = bounds.union(below);
             sum += areas;

@@ -15,7 +15,7 @@ pub(super) struct Cut {
     /// The tree above, whose leaves are the roots: for each inner node in preorder, the number of roots to its left.
     pub(super) above: Vec<u32>,
     /// Index in the whole tree of each inner node of `above`.
-    pub(super) names: Vec<u32>,
+    pub(super) whole_tree_indices: Vec<u32>,
 }
 
 /// Maximum number of triangles of a tree that is cut into the largest subtrees that fit. A device has enough workgroups
@@ -50,7 +50,11 @@ impl Cut {
         while let Some(last) = levels.last()
             && !last.above.is_empty()
         {
-            let next = Self::new(&last.above, Treelets::LEAVES, Some(&last.names));
+            let next = Self::new(
+                &last.above,
+                Treelets::LEAVES,
+                Some(&last.whole_tree_indices),
+            );
             levels.push(next);
         }
         // From the top down: roots share a treelet only if they are leaves of the same treelet above.
@@ -66,7 +70,7 @@ impl Cut {
     /// Cuts a tree into the largest subtrees of at most `most` leaves. `below` has the index in the whole tree of each
     /// inner node; `None` if the indices are equal. The treelets remain empty.
     fn new(left_leaves: &[u32], most: usize, below: Option<&[u32]>) -> Self {
-        let (mut roots, mut above, mut names) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut roots, mut above, mut whole_tree_indices) = (Vec::new(), Vec::new(), Vec::new());
         let root = Subtree {
             inner: 0,
             first_leaf: 0,
@@ -86,13 +90,14 @@ impl Cut {
             let [left, right] = node.children(left_leaves);
             waiting.extend([(right, Some(above.len())), (left, None)]);
             above.push(roots.len() as u32);
-            names.push(below.map_or(node.inner, |names| names[node.inner as usize]));
+            whole_tree_indices
+                .push(below.map_or(node.inner, |indices| indices[node.inner as usize]));
         }
         Self {
             treelets: Vec::new(),
             roots,
             above,
-            names,
+            whole_tree_indices,
         }
     }
 

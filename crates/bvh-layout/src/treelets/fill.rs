@@ -21,7 +21,7 @@ struct Task<'a> {
     left_leaves: &'a [u32],
     /// Index in the whole tree of each inner node of the level; `None` on the lowest level, where the indices are
     /// equal.
-    names: Option<&'a [u32]>,
+    whole_tree_indices: Option<&'a [u32]>,
     places: &'a Places,
     roots: &'a [Subtree],
     root_words: &'a mut [u32],
@@ -116,7 +116,7 @@ fn tasks<'a>(
     mut outputs: Outputs<'a>,
     places: &'a Places,
 ) -> Vec<Task<'a>> {
-    let (mut left_leaves, mut names) = (tree.left_leaves(), None);
+    let (mut left_leaves, mut whole_tree_indices) = (tree.left_leaves(), None);
     let mut tasks = Vec::new();
     for cut in cuts {
         for treelet in &cut.treelets {
@@ -126,7 +126,7 @@ fn tasks<'a>(
             tasks.push(Task {
                 number: tasks.len() as u32,
                 left_leaves,
-                names,
+                whole_tree_indices,
                 places,
                 roots: &cut.roots[treelet.clone()],
                 root_words: take(&mut outputs.root_words, treelet.len()),
@@ -135,7 +135,7 @@ fn tasks<'a>(
                 inner: take(&mut outputs.inner, leaves.len()),
             });
         }
-        (left_leaves, names) = (&cut.above, Some(&cut.names[..]));
+        (left_leaves, whole_tree_indices) = (&cut.above, Some(&cut.whole_tree_indices[..]));
     }
     tasks
 }
@@ -196,9 +196,10 @@ impl Task<'_> {
         let own = inner.count;
         inner.count += 1;
         // Nodes of higher levels always have more triangles than a block.
-        if self.names.is_some() || node.leaves as usize > WideTree::LANES {
-            let name = (self.names).map_or(node.inner, |names| names[node.inner as usize]);
-            if let Some(place) = self.places.get(name as usize) {
+        if self.whole_tree_indices.is_some() || node.leaves as usize > WideTree::LANES {
+            let index = (self.whole_tree_indices)
+                .map_or(node.inner, |indices| indices[node.inner as usize]);
+            if let Some(place) = self.places.get(index as usize) {
                 place.store(self.number << 8 | own, Ordering::Relaxed);
             }
         }

@@ -1,12 +1,12 @@
 //! Ray-triangle tests in single precision. Each test prepares every triangle once per moment and every ray once.
 
 mod moller_trumbore;
-mod record;
+mod triangle_data;
 mod watertight;
 mod woop;
 
 pub use moller_trumbore::MollerTrumbore;
-pub use record::{Record, TriangleHit};
+pub use triangle_data::{TriangleData, TriangleHit};
 pub use watertight::{Watertight, has_equal_signs};
 pub use woop::Woop;
 
@@ -18,12 +18,12 @@ use geom::Triangle;
 
 /// Preprocesses an active, non-degenerate triangle, given in scaled units.
 #[inline]
-pub fn record(intersector: Intersector, corners: &Triangle) -> Record {
+pub fn preprocess(intersector: Intersector, corners: &Triangle) -> TriangleData {
     match intersector {
-        Intersector::MollerTrumbore => MollerTrumbore::record(corners),
-        Intersector::Woop => Woop::record(corners),
+        Intersector::MollerTrumbore => MollerTrumbore::preprocess(corners),
+        Intersector::Woop => Woop::preprocess(corners),
         // The filter of `exact` uses the intermediate results of the watertight test.
-        Intersector::Watertight | Intersector::Exact => Watertight::record(corners),
+        Intersector::Watertight | Intersector::Exact => Watertight::preprocess(corners),
     }
 }
 
@@ -45,7 +45,7 @@ impl RoundedTest {
 
     /// Intersects the ray's whole line with a triangle. The caller clamps `t` and applies the limits.
     #[inline]
-    pub(crate) fn intersect(&self, triangle: &Record) -> Option<TriangleHit> {
+    pub(crate) fn intersect(&self, triangle: &TriangleData) -> Option<TriangleHit> {
         match self {
             Self::MollerTrumbore(ray) => ray.intersect(triangle),
             Self::Woop(ray) => ray.intersect(triangle),

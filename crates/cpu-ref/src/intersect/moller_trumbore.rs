@@ -2,12 +2,12 @@
 //!
 //! *Fast, Minimum Storage Ray/Triangle Intersection* (1997), without culling and without its epsilon.
 
-use super::record::{Record, TriangleHit};
+use super::triangle_data::{TriangleData, TriangleHit};
 use crate::scale::PreparedRay;
 use geom::Triangle;
 use glam::Vec3;
 
-/// A ray for the test of Möller, Trumbore 1997. A record holds the first vertex and the edges to the other two.
+/// A ray for the test of Möller, Trumbore 1997. [`TriangleData`] holds the first vertex and the edges to the other two.
 #[derive(Clone, Copy, Debug)]
 pub struct MollerTrumbore {
     origin: Vec3,
@@ -15,9 +15,9 @@ pub struct MollerTrumbore {
 }
 
 impl MollerTrumbore {
-    pub(crate) fn record(corners: &Triangle) -> Record {
+    pub(crate) fn preprocess(corners: &Triangle) -> TriangleData {
         let [a, b, c] = corners.map(Vec3::from_array);
-        Record([a, b - a, c - a].map(|v| v.extend(0.0).to_array()))
+        TriangleData([a, b - a, c - a].map(|v| v.extend(0.0).to_array()))
     }
 
     pub(crate) fn new(ray: &PreparedRay) -> Self {
@@ -28,8 +28,8 @@ impl MollerTrumbore {
     }
 
     #[inline]
-    pub(crate) fn intersect(&self, record: &Record) -> Option<TriangleHit> {
-        let [a, e1, e2] = record.0.map(|[x, y, z, _]| Vec3::new(x, y, z));
+    pub(crate) fn intersect(&self, data: &TriangleData) -> Option<TriangleHit> {
+        let [a, e1, e2] = data.0.map(|[x, y, z, _]| Vec3::new(x, y, z));
         let p = self.direction.cross(e2);
         let inverse = 1.0 / e1.dot(p);
         let s = self.origin - a;

@@ -4,12 +4,12 @@
 //! Exact signs and a symbolic perturbation (Edelsbrunner, Mücke 1990) replace the paper's double-precision fallback. So
 //! a ray through a shared edge or vertex is treated like a ray that passes very close to it.
 
-use super::record::{Record, TriangleHit};
+use super::triangle_data::{TriangleData, TriangleHit};
 use crate::scale::{PreparedRay, flushed};
 use geom::{Point, Triangle};
 
 /// A ray for the test of Woop, Benthin, Wald 2013. Axes are in the order `kx, ky, kz`, and the shear aligns the ray
-/// with axis `kz`. A record holds the coordinates of the three vertices, axis by axis.
+/// with axis `kz`. [`TriangleData`] holds the coordinates of the three vertices, axis by axis.
 #[derive(Clone, Copy, Debug)]
 pub struct Watertight {
     axes: [usize; 3],
@@ -30,8 +30,8 @@ pub(crate) struct Sheared {
 }
 
 impl Watertight {
-    pub(crate) fn record([a, b, c]: &Triangle) -> Record {
-        Record([0, 1, 2].map(|axis| [a[axis], b[axis], c[axis], 0.0]))
+    pub(crate) fn preprocess([a, b, c]: &Triangle) -> TriangleData {
+        TriangleData([0, 1, 2].map(|axis| [a[axis], b[axis], c[axis], 0.0]))
     }
 
     pub(crate) fn new(ray: &PreparedRay) -> Self {
@@ -47,8 +47,8 @@ impl Watertight {
     }
 
     #[inline]
-    pub(crate) fn intersect(&self, record: &Record) -> Option<TriangleHit> {
-        let sheared = self.sheared(record);
+    pub(crate) fn intersect(&self, data: &TriangleData) -> Option<TriangleHit> {
+        let sheared = self.sheared(data);
         let edges = sheared.edges();
         let some_negative = edges.iter().any(|&e| e < 0.0);
         let some_positive = edges.iter().any(|&e| e > 0.0);
@@ -63,9 +63,9 @@ impl Watertight {
     }
 
     #[inline]
-    pub(crate) fn sheared(&self, record: &Record) -> Sheared {
+    pub(crate) fn sheared(&self, data: &TriangleData) -> Sheared {
         let from_origin: [Three; 3] = std::array::from_fn(|i| {
-            let [a, b, c, _] = record.0[self.axes[i]];
+            let [a, b, c, _] = data.0[self.axes[i]];
             [a, b, c].map(|coordinate| coordinate - self.origin[i])
         });
         let [x, y, along] = from_origin;

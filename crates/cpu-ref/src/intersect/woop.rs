@@ -5,12 +5,12 @@
 //! The third row of the transform is the unit normal. As part of the inverse of the basis `e1, e2, e1 x e2`, it would
 //! be the normal divided by its squared length, which underflows for small triangles.
 
-use super::record::{Record, TriangleHit};
+use super::triangle_data::{TriangleData, TriangleHit};
 use crate::scale::PreparedRay;
 use geom::{Point, Triangle};
 use glam::Vec3;
 
-/// A ray for the test of Woop 2004. A record holds the rows of the transform, each a vector and an offset.
+/// A ray for the test of Woop 2004. [`TriangleData`] holds the rows of the transform, each a vector and an offset.
 #[derive(Clone, Copy, Debug)]
 pub struct Woop {
     origin: Point,
@@ -20,20 +20,20 @@ pub struct Woop {
 impl Woop {
     /// Preprocesses a triangle.
     #[inline]
-    pub fn record(corners: &Triangle) -> Record {
+    pub fn preprocess(corners: &Triangle) -> TriangleData {
         let [a, b, c] = corners.map(Vec3::from_array);
         let (e1, e2) = (b - a, c - a);
         let normal = e1.cross(e2);
         let largest = normal.abs().max_element();
-        // The normal was rounded to zero though the area is not zero. A record of zeros is never hit.
+        // The normal was rounded to zero though the area is not zero. Data of zeros are never hit.
         if largest == 0.0 {
-            return Record::default();
+            return TriangleData::default();
         }
         let shape = normal / largest;
         let length = shape.length();
         let (unit, area) = (shape / length, length * largest);
         let rows = [e2.cross(unit) / area, unit.cross(e1) / area, unit];
-        Record(rows.map(|row| row.extend(-row.dot(a)).to_array()))
+        TriangleData(rows.map(|row| row.extend(-row.dot(a)).to_array()))
     }
 
     pub(crate) fn new(ray: &PreparedRay) -> Self {
@@ -44,8 +44,8 @@ impl Woop {
     }
 
     #[inline]
-    pub(crate) fn intersect(&self, record: &Record) -> Option<TriangleHit> {
-        let [to_u, to_v, to_height] = &record.0;
+    pub(crate) fn intersect(&self, data: &TriangleData) -> Option<TriangleHit> {
+        let [to_u, to_v, to_height] = &data.0;
         let point = |row| transformed(row, self.origin, 1.0);
         let vector = |row| transformed(row, self.direction, 0.0);
         let t = -point(to_height) / vector(to_height);

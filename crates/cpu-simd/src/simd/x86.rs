@@ -1,7 +1,8 @@
 //! Vectors in AVX2 and AVX-512 registers.
 //!
-//! Only [`super::Level::run`] uses `Avx2` and `Avx512`, and a [`super::Level`] exists only for an instruction set that
-//! was detected on this machine. So code that holds a vector of a set may use the instructions of that set.
+//! Only [`super::InstructionSet::run`] uses `Avx2` and `Avx512`, and a [`super::InstructionSet`] exists only for an
+//! instruction set that was detected on this machine. So code that holds a vector of a set may use the instructions of
+//! that set.
 
 #![expect(
     unsafe_code,
@@ -31,7 +32,7 @@ impl Isa for Avx2 {
         fn inside<P: Outlined<Avx2>>(part: P) -> P::Out {
             part.run()
         }
-        // SAFETY: only `Level::run` uses this set, and its level exists only if `has_avx2` returned `true`.
+        // SAFETY: only `InstructionSet::run` uses this set, and its value exists only if `has_avx2` returned `true`.
         unsafe { inside(part) }
     }
 }
@@ -50,7 +51,7 @@ impl Isa for Avx512 {
         fn inside<P: Outlined<Avx512>>(part: P) -> P::Out {
             part.run()
         }
-        // SAFETY: only `Level::run` uses this set, and its level exists only if `has_avx512` returned `true`.
+        // SAFETY: only `InstructionSet::run` uses this set, and its value exists only if `has_avx512` returned `true`.
         unsafe { inside(part) }
     }
 

@@ -1,11 +1,11 @@
 //! Tests of the boxes of inner nodes against the box test of `cpu-ref`.
 
-use crate::rays::{Group, InputRays, OneRay};
-use crate::simd::{Isa, Lanes, Level, Plain, VectorWork};
+use crate::rays::{InputRays, OneRay, PreparedRays};
+use crate::simd::{InstructionSet, Isa, Lanes, Plain, VectorWork};
 use crate::tree::{BoxPlanes, EMPTY, LANES, set_bounds};
 use crate::walk::{BoxTest, NodeRay};
 use cpu_ref::scale::{PreparedRay, Scale};
-use cpu_ref::{FARTHEST, NEAREST, PAD};
+use cpu_ref::{MAX_PADDING_DISTANCE, MIN_PADDING_DISTANCE, PAD};
 use geom::{Aabb, Point, Ray};
 use proptest::prelude::*;
 
@@ -53,7 +53,10 @@ fn strict(ray: &OneRay<'_, impl Lanes>, bounds: &Aabb) -> [f32; 2] {
     let group = ray.group;
     let away = |axis: usize, plane: f32| (plane - ray.at(&group.origin[axis])).abs();
     let ends = (0..3).flat_map(|i| [away(i, bounds.min[i]), away(i, bounds.max[i])]);
-    let slack = PAD * ends.fold(NEAREST, f32::max).min(FARTHEST);
+    let slack = PAD
+        * ends
+            .fold(MIN_PADDING_DISTANCE, f32::max)
+            .min(MAX_PADDING_DISTANCE);
     let mut span = [ray.at(&group.limits[0]), f32::INFINITY];
     for axis in 0..3 {
         let [o, r] = [&group.origin, &group.inverse].map(|of| ray.at(&of[axis]));
@@ -92,20 +95,27 @@ fn check(ray: &OneRay<'_, impl Lanes>, bounds: &Aabb) -> Result<(), TestCaseErro
     let lane = 5;
     let mut planes = EMPTY;
     set_bounds(&mut planes, lane, bounds);
-    let kinds = Level::all()
+    let kinds = InstructionSet::all()
         .into_iter()
-        .flat_map(|level| [(level, false), (level, true)]);
-    for (level, spread) in kinds {
+        .flat_map(|instruction_set| [(instruction_set, false), (instruction_set, true)]);
+    for (instruction_set, spread) in kinds {
         let meet = Meet {
             ray,
             planes,
             spread,
         };
-        let (lanes, entries) = level.run(meet);
+        let (lanes, entries) = instruction_set.run(meet);
         prop_assert_eq!(lanes & !(1 << lane), 0, "empty lanes are never met");
         if entry <= exit {
-            prop_assert_eq!(lanes, 1 << lane, "{:?}: {} {}", level, entry, exit);
-            prop_assert!(entries[lane] <= entry, "{:?}", level);
+            prop_assert_eq!(
+                lanes,
+                1 << lane,
+                "{:?}: {} {}",
+                instruction_set,
+                entry,
+                exit
+            );
+            prop_assert!(entries[lane] <= entry, "{:?}", instruction_set);
         }
     }
     Ok(())
@@ -120,9 +130,9 @@ proptest! {
         let Some(prepared) = PreparedRay::new(&ray, Scale::ONE) else {
             return Ok(());
         };
-        let alone = Group::alone(&prepared, &root);
+        let alone = PreparedRays::alone(&prepared, &root);
         check(&OneRay { group: &alone, lane: 0 }, &bounds)?;
-        let group = Group::<Plain<8>>::new(&InputRays::listed(&[ray]), Scale::ONE, &root);
+        let group = PreparedRays::<Plain<8>>::new(&InputRays::listed(&[ray]), Scale::ONE, &root);
         if group.ready & 1 == 1 {
             check(&OneRay { group: &group, lane: 0 }, &bounds)?;
         }

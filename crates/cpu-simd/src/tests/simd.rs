@@ -1,6 +1,6 @@
 //! Tests that every instruction set gives the same results as the portable one.
 
-use crate::simd::{Eight, Halves, Isa, Lanes, Level, Plain, PlaneVector, VectorWork};
+use crate::simd::{Eight, Halves, InstructionSet, Isa, Lanes, Plain, PlaneVector, VectorWork};
 use bvh_layout::Link;
 use geom::Point;
 
@@ -141,10 +141,14 @@ fn ends<L: Lanes>(numbers: &[f32; 16]) -> [f32; 2] {
 
 #[test]
 fn instruction_sets_give_identical_bits() {
-    let expected = Level::all()[0].run(Everything);
+    let expected = InstructionSet::all()[0].run(Everything);
     assert!(expected.len() > 16 * 10 * 16);
-    for level in Level::all() {
-        assert_eq!(level.run(Everything), expected, "{level:?}");
+    for instruction_set in InstructionSet::all() {
+        assert_eq!(
+            instruction_set.run(Everything),
+            expected,
+            "{instruction_set:?}"
+        );
     }
 }
 
