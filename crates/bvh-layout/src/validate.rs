@@ -46,7 +46,7 @@ pub(crate) fn validate(words: &[u32]) -> Result<(), TopologyError> {
     let differs = words.iter().zip(&expected).position(|(a, b)| a != b);
     differs.map_or(Ok(()), |at| {
         let (found, expected) = (words[at], expected[at]);
-        let cause = format!("word {at} is {found:#x}, its tree makes it {expected:#x}");
+        let cause = format!("word {at} is {found:#x}, expected {expected:#x}");
         Err(TopologyError(cause))
     })
 }
@@ -61,7 +61,7 @@ fn remake(words: &[u32]) -> Result<Vec<u32>, TopologyError> {
         _ => Header::default(),
     };
     let (found, expected) = (words.len(), header.record_words());
-    let cause = format!("the record has {found} words, its header asks for {expected}");
+    let cause = format!("the record has {found} words, expected {expected} by its header");
     ensure(found == expected, cause)?;
     let body = &words[Topology::HEADER_WORDS + header.levels as usize..];
     let (bits, rest) = body.split_at(header.bit_words());
@@ -94,7 +94,7 @@ fn check_triangles(leaf_triangles: &[u32], scene: u32) -> Result<(), TopologyErr
     sorted.sort_unstable();
     let is_distinct = sorted.windows(2).all(|pair| pair[0] < pair[1]);
     let is_below = sorted.last().is_none_or(|&last| last < scene);
-    let cause = format!("leaves name a triangle twice, or one that is not of {scene}");
+    let cause = format!("a triangle index occurs in two leaves, or is not below {scene}");
     ensure(is_distinct && is_below, cause)
 }
 
@@ -108,7 +108,8 @@ fn inner_per_level(bits: &[u32], all: usize) -> Result<Vec<u32>, TopologyError> 
         nodes = nodes.end..nodes.end + 2 * inner;
     }
     let (found, most) = (levels.len(), MAX_DEPTH as usize + 1);
-    let cause = format!("its bits make no tree of {all} nodes and at most {most} levels");
+    let cause =
+        format!("the leaf bits do not describe a tree of {all} nodes and at most {most} levels");
     ensure(nodes.end == all && found <= most, cause)?;
     Ok(levels)
 }

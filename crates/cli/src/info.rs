@@ -57,10 +57,10 @@ impl RunCommand for DoctorSettings {
     fn run(&self) -> Result<(), CliError> {
         let found = abvh::doctor();
         if !found.gpus.is_empty() {
-            return console::print(&format!("can be used: {}\n", found.gpus.join(", ")));
+            return console::print(&format!("usable GPUs: {}\n", found.gpus.join(", ")));
         }
         let each = found.problems.iter();
-        let lines = each.map(|p| format!("missing: {}\n  mend: {}\n", p.what, p.fix));
+        let lines = each.map(|p| format!("missing: {}\n  fix: {}\n", p.what, p.fix));
         console::print(&lines.collect::<String>())?;
         let why = "no GPU can be used here; the host's cores can";
         Err(CliError::failed(why))
@@ -87,7 +87,7 @@ fn text(report: &MachineReport) -> String {
         row("cpu", &format!("{cpu}, {threads}")),
     ];
     if let Some(AutoChoice { takes, why, .. }) = &report.auto {
-        rows.push(row("auto takes", &format!("{takes}: {why}")));
+        rows.push(row("auto chooses", &format!("{takes}: {why}")));
     }
     for backend in &report.backends {
         rows.push(row("", ""));
@@ -129,7 +129,7 @@ mod tests {
     #[test]
     fn wraps_long_values_within_columns() {
         let (name, why) = ("long name ".repeat(12), "because ".repeat(30));
-        let rows = [("  adapter 0", name), ("auto takes", why)];
+        let rows = [("  adapter 0", name), ("auto chooses", why)];
         let rows = rows.map(|(name, value)| [name.to_owned(), value]);
         let text = table(&rows, 100);
         assert!(text.lines().all(|l| l.chars().count() <= 100), "{text}");

@@ -126,7 +126,7 @@ impl Contenders {
                     self.all
                         .push(Contender::Rival(RivalPolicy { rival, tree_update }));
                 } else {
-                    let why = "is left out: it keeps its own tree, which it rebuilds or refits in each frame";
+                    let why = "is skipped: it keeps its own tree, which it rebuilds or refits in each frame";
                     self.skipped
                         .push(format!("{} with {policy} {why}", rival.name));
                 }

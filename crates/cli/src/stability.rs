@@ -68,9 +68,9 @@ impl RunCommand for StabilitySettings {
         console::print(&report.text(&intersectors))?;
         match report.failures() {
             0 => Ok(()),
-            1 => Err(CliError::failed("1 cell is out of its bound")),
+            1 => Err(CliError::failed("1 result is outside its bounds")),
             n => Err(CliError::failed(format!(
-                "{n} cells are out of their bounds"
+                "{n} results are outside their bounds"
             ))),
         }
     }

@@ -13,8 +13,8 @@ use std::path::PathBuf;
 /// The backends to test, and where results go.
 #[derive(Args, Debug)]
 pub(crate) struct TestSettings {
-    /// Backends. With stress, auto selects the best backend, otherwise all available ones except the reference
-    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = parsers::AUTO, value_parser = parsers::backend("As described above"))]
+    /// Backends. auto selects all available ones except the reference, or with stress the best one
+    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = parsers::AUTO, value_parser = parsers::backend("All available backends except the reference; with stress, the best one"))]
     pub(crate) backend: Vec<BackendChoice>,
     /// Adapter of the backends, by index or by part of its name
     #[arg(long, value_name = "INDEX|NAME-PART")]

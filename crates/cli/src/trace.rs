@@ -63,7 +63,7 @@ impl RunCommand for TraceSettings {
             Requirement::new(
                 "tree_time",
                 self.update == Some(Policy::Refit),
-                "goes only with --update refit",
+                "applies only with --update refit",
             ),
             needs_host_builds(&[self.update]),
         ];

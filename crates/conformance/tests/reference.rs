@@ -184,10 +184,10 @@ fn misuse_panics_with_a_reason() {
         }),
         (stale, |b| b.interpolate(moving().pose(1.0)).unwrap()),
         (stale, |b| b.preprocess().unwrap()),
-        ("generations rise", |b| {
+        ("is not greater than the current generation", |b| {
             drop(b.adopt(&senseless_tree(&moving()), Generation(1)));
         }),
-        ("never given", |b| drop(b.wait(Ticket(77)))),
+        ("was not issued", |b| drop(b.wait(Ticket(77)))),
     ];
     for (why, misuse) in table {
         let (animation, by) = (moving(), Intersector::Watertight);

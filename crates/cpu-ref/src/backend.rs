@@ -109,7 +109,7 @@ impl CpuBackend {
     }
 
     fn require(&self, state: State, why: &str) {
-        assert!(self.state >= state, "{why} comes first");
+        assert!(self.state >= state, "{why}");
     }
 
     /// Executes the recorded commands. `rays` is the list of a recorded trace, or empty.
@@ -167,14 +167,12 @@ impl CpuBackend {
     fn finished(&mut self, ticket: Ticket) -> &mut Submission {
         let mut submissions = self.submissions.iter_mut();
         let found = submissions.find(|s| s.ticket == Some(ticket));
-        found.unwrap_or_else(|| panic!("ticket {} was never given, or has expired", ticket.0))
+        found.unwrap_or_else(|| panic!("ticket {} was not issued, or has expired", ticket.0))
     }
 }
 
 fn loaded(scene: &mut Option<SceneState>) -> &mut SceneState {
-    scene
-        .as_mut()
-        .expect("no scene is current: load comes first")
+    scene.as_mut().expect("no scene is loaded: call load first")
 }
 
 impl Backend for CpuBackend {
@@ -205,9 +203,9 @@ impl Backend for CpuBackend {
         );
         assert!(
             self.generation < Some(generation),
-            "generations rise: {} comes after {:?}",
+            "generation {} is not greater than the current generation {}",
             generation.0,
-            self.generation
+            self.generation.map_or(0, |current| current.0)
         );
         let scene = loaded(&mut self.scene);
         run_in(&self.pool, || scene.adopt(tree, generation))?;
@@ -217,7 +215,10 @@ impl Backend for CpuBackend {
     }
 
     fn evaluate(&mut self, tree: &Topology, generation: Generation) -> Result<bool> {
-        self.require(State::Positions, "evaluate reads positions: interpolate");
+        self.require(
+            State::Positions,
+            "evaluate needs positions: call interpolate first",
+        );
         let scene = loaded(&mut self.scene);
         let (new_tree, pool) = (&self.new_tree, &self.pool);
         let is_loaded = run_in(pool, || scene.load_candidate(tree, generation, new_tree))?;
@@ -235,10 +236,13 @@ impl Backend for CpuBackend {
     }
 
     fn preprocess(&mut self) -> Result<()> {
-        self.require(State::Positions, "preprocess reads positions: interpolate");
+        self.require(
+            State::Positions,
+            "preprocess needs positions: call interpolate first",
+        );
         assert!(
             self.generation.is_some(),
-            "preprocess needs a tree: adopt comes first"
+            "preprocess needs a tree: call adopt first"
         );
         self.commands.push(Command::Preprocess);
         self.state = State::Records;
@@ -246,7 +250,10 @@ impl Backend for CpuBackend {
     }
 
     fn refit(&mut self) -> Result<()> {
-        self.require(State::Records, "refit reads boxes of leaves: preprocess");
+        self.require(
+            State::Records,
+            "refit needs the boxes of leaves: call preprocess first",
+        );
         self.commands.push(Command::Refit);
         self.state = State::Boxes;
         Ok(())
@@ -290,7 +297,7 @@ impl Backend for CpuBackend {
     fn request_positions(&mut self) -> Result<()> {
         self.require(
             State::Positions,
-            "there are no positions to copy: interpolate",
+            "there are no positions to copy: call interpolate first",
         );
         self.commands.push(Command::CopyPositions);
         Ok(())

@@ -77,7 +77,7 @@ pub struct AutoChoice {
 impl fmt::Display for AutoChoice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { what, takes, why } = self;
-        write!(f, "{what} auto takes {takes}: {why}")
+        write!(f, "auto chooses {what} {takes}: {why}")
     }
 }
 

@@ -89,9 +89,9 @@ fn info(sandbox: &Sandbox) {
     let mut adapters = all.flat_map(|backend| list(&backend["adapters"]));
     let doctor = sandbox.run("doctor");
     match adapters.any(|adapter| adapter["kind"] == "gpu") {
-        true => says(&doctor.succeeds().stdout, "can be used:"),
+        true => says(&doctor.succeeds().stdout, "usable GPUs:"),
         false => {
-            says(&doctor.stdout, "missing:|mend:");
+            says(&doctor.stdout, "missing:|fix:");
             doctor.fails(1, &["no GPU can be used here"]);
         }
     }
@@ -100,7 +100,7 @@ fn info(sandbox: &Sandbox) {
     let nowhere = [("WAYLAND_DISPLAY", display), ("XDG_RUNTIME_DIR", folder)];
     let run = sandbox.run_where("info", &nowhere).succeeds();
     assert_eq!(run.stderr, "");
-    says(&run.stdout, "auto takes|cpu-ref|adapter 0|[cpu]");
+    says(&run.stdout, "auto chooses|cpu-ref|adapter 0|[cpu]");
     let mut lines = run.stdout.lines();
     assert!(lines.all(|l| l.chars().count() <= 100), "{}", run.stdout);
 }
@@ -111,7 +111,7 @@ fn says_why(sandbox: &Sandbox) {
     let taken = entry(&stats["auto"], "what", "backend");
     assert!(taken["takes"] == stats["backend"], "{stats}");
     let [takes, why] = ["takes", "why"].map(|key| taken[key].as_str().unwrap_or_default());
-    let remark = format!("backend auto takes {takes}: {why}");
+    let remark = format!("auto chooses backend {takes}: {why}");
     assert!(run.stderr.lines().any(|l| l == remark), "{}", run.stderr);
     assert_eq!(&sandbox.run("info --json").parsed()["auto"], taken);
     let inspected = sandbox.run("inspect demo:twist:100 --json").parsed();
@@ -146,7 +146,7 @@ fn lacking(sandbox: &Sandbox, variables: &[(&str, &str)]) {
     }
     run(&format!("{RENDER} --backend wgpu")).fails(2, &["backend wgpu cannot run: no device"]);
     let rendered = run(&format!("{RENDER} --hits h")).succeeds();
-    let remark = format!("backend auto takes cpu: vulkan cannot run: {reason}");
+    let remark = format!("auto chooses backend cpu: vulkan cannot run: {reason}");
     assert!(rendered.stderr.contains(&remark), "{}", rendered.stderr);
     assert!(info["auto"]["takes"] == "cpu", "{info}");
     array::<u32>(sandbox, "h/hits_0000.npz", "triangle");

@@ -76,16 +76,16 @@ fn errors_name_the_invalid_word() {
     let (bits, leaf) = (8 + levels, length - 33);
     let (outside, twice) = (sample.triangle_count() as u32, sample.leaf_triangles()[2]);
     for (at, word, says) in [
-        (0, 5, "word 0 is 0x5, its tree makes it 0x48564241"),
-        (1, 2, "word 1 is 0x2, its tree makes it 0x1"),
-        (6, 9, "word 6 is 0x9, its tree makes it 0x0"),
-        (8, 2, "word 8 is 0x2, its tree makes it 0x1"),
+        (0, 5, "word 0 is 0x5, expected 0x48564241"),
+        (1, 2, "word 1 is 0x2, expected 0x1"),
+        (6, 9, "word 6 is 0x9, expected 0x0"),
+        (8, 2, "word 8 is 0x2, expected 0x1"),
         (2, u32::MAX, "the limit is 1073741824"),
-        (3, 39, "words, its header asks for"),
-        (4, u32::MAX, "words, its header asks for"),
-        (bits, 1, "its bits make no tree of 79 nodes"),
-        (leaf, outside, "leaves name a triangle twice, or one"),
-        (leaf, twice, "leaves name a triangle twice, or one"),
+        (3, 39, "by its header"),
+        (4, u32::MAX, "by its header"),
+        (bits, 1, "the leaf bits do not describe a tree of 79 nodes"),
+        (leaf, outside, "a triangle index occurs in two leaves"),
+        (leaf, twice, "a triangle index occurs in two leaves"),
     ] {
         let mut words = sample.words().to_vec();
         words[at] = word;
@@ -99,9 +99,14 @@ fn rejects_inconsistent_level_ends() {
     let deepest = [vec![1; 65], vec![0]].concat();
     let chain = [vec![0xaaaa_aaaa; 4], vec![6]].concat();
     for (leaves, levels, bits, says) in [
-        (0, vec![7], vec![], "word 4 is 0x1, its tree makes"),
-        (2, vec![1, 0, 0], vec![6], "word 4 is 0x3, its tree"),
-        (2, vec![1, 2], vec![0], "its bits make no tree of 3 nodes"),
+        (0, vec![7], vec![], "word 4 is 0x1, expected"),
+        (2, vec![1, 0, 0], vec![6], "word 4 is 0x3, expected"),
+        (
+            2,
+            vec![1, 2],
+            vec![0],
+            "the leaf bits do not describe a tree of 3 nodes",
+        ),
         (66, deepest, chain, "at most 65 levels"),
     ] {
         let [magic, count] = [Topology::MAGIC, levels.len() as u32];

@@ -116,7 +116,7 @@ impl OracleRow {
             ("hits", count(t.hits)),
             ("ties", count(t.ties)),
             ("on edges", count(t.edges)),
-            ("settled", count(t.settled)),
+            ("exact tests", count(t.settled)),
             ("wrong", count(t.wrong)),
             ("any-hit wrong", count(t.wrong_any)),
             ("t wrong", count(t.wrong_t)),

@@ -99,7 +99,7 @@ fn scatter_plot(chart: &Chart, scene: &ChartScene, axes: [Axis; 2]) -> Panel {
     });
     let front = chart.front(&scene.name);
     let mut legend = legend(&chart.points);
-    legend.push(LegendEntry::heading("fastest of its accuracy"));
+    legend.push(LegendEntry::heading("Pareto front"));
     legend.extend((1..).zip(&front).map(|(i, dot)| LegendEntry {
         text: format!("{i} {}", dot.point.name()),
         style: Some(of_point(dot.point)),

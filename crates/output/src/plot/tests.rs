@@ -169,7 +169,7 @@ fn draws_and_labels_every_point() {
         "moller-trumbore",
         "1 vulkan woop async",
         "4 vulkan exact async",
-        "fastest of its accuracy",
+        "Pareto front",
         "edges and vertices",
         "outlier",
     ] {

@@ -145,7 +145,10 @@ impl Backend for Fake {
         Ok(())
     }
     fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()> {
-        assert!(generation > self.generation, "generations rise");
+        assert!(
+            generation > self.generation,
+            "generation is not greater than the current one"
+        );
         let live = self.animation.as_ref().unwrap().live_count();
         assert_eq!(tree.leaf_count(), live);
         self.generation = generation;
@@ -187,7 +190,10 @@ impl Backend for Fake {
         Ok(())
     }
     fn rebuild(&mut self, generation: Generation) -> Result<()> {
-        assert!(generation > self.generation, "generations rise");
+        assert!(
+            generation > self.generation,
+            "generation is not greater than the current one"
+        );
         assert!(self.pose.is_some(), "positions come first");
         self.generation = generation;
         self.fresh = (false, false);
@@ -221,7 +227,7 @@ impl Backend for Fake {
         Ok(Ticket(self.ticket))
     }
     fn wait(&mut self, ticket: Ticket) -> Result<FrameReport> {
-        assert!(ticket.0 <= self.ticket, "this ticket was never given");
+        assert!(ticket.0 <= self.ticket, "this ticket was not issued");
         let costs = self.costs.remove(&ticket);
         Ok(FrameReport {
             sah_cost: costs.map_or(Some(3.0), |[_, current]| Some(current)),
