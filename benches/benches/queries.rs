@@ -26,7 +26,7 @@ fn main() {
     let device = device(&words().next().unwrap_or_default());
     let motions = STEP_SCENES.map(|scene| Motion::open(scene).expect("demos open"));
     let rows = motions.iter().map(|motion| many(motion, &device)).collect();
-    let header = "scene|device|one query ms|its 16 tiles|times|16 of its view|times";
+    let header = "scene|device|one camera ms|16 tiles ms|ratio|16 whole views ms|ratio";
     print_table("Rays of sixteen cameras of 640x480", header, rows);
     let rows = motions.iter().map(listed).collect();
     let header =

@@ -114,7 +114,7 @@ fn command(path: &Path) -> Result<(), String> {
         Some(2) if !told && is_refusal(&output) => Err(String::from_utf8_lossy(&output.stderr)
             .trim_end()
             .to_owned()),
-        _ => panic!("neither told nor refused: {output:?}"),
+        _ => panic!("neither printed help nor refused the command line: {output:?}"),
     }
 }
 

@@ -113,8 +113,8 @@ impl Unit {
 
     fn name(self) -> &'static str {
         match self {
-            Self::NsEach(_) => "ns a triangle",
-            Self::MillionsOf(_) => "million rays a second",
+            Self::NsEach(_) => "ns per triangle",
+            Self::MillionsOf(_) => "million rays per second",
         }
     }
 }
@@ -122,7 +122,7 @@ impl Unit {
 /// Measures one group, prints it and returns it as JSON. All contenders are compared with the first.
 fn group(title: &str, unit: Unit, contenders: Vec<Contender<'_>>) -> Value {
     let samples = in_turn(contenders, setting("ABVH_ROUNDS", ROUNDS));
-    let header = "|threads|best|median|by processor time|cores busy|time over the baseline's|processor time over it|hits";
+    let header = "|threads|best|median|by processor time|cores busy|wall time / baseline|processor time / baseline|hits";
     let (mut rows, mut contenders) = (Vec::new(), Vec::new());
     for one in &samples {
         let [wall, processor] = one.over(&samples[0]);

@@ -91,12 +91,12 @@ impl Queues {
             "the compute queue".to_owned()
         } else {
             let kind = if upload.family == compute.family {
-                "computes too"
+                "compute and transfer"
             } else {
-                "only copies"
+                "transfer only"
             };
             let (family, up, back) = (upload.family, upload.index, readback.index);
-            format!("family {family} ({kind}), queue {up} up, queue {back} back")
+            format!("family {family} ({kind}), upload queue {up}, readback queue {back}")
         };
         vec![
             ("timestamp bits", self.timestamp_bits.to_string()),

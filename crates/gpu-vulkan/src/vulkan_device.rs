@@ -90,7 +90,7 @@ impl VulkanDevice {
                 .map(|_| RecordingEncoder::new(gpu))
                 .collect::<Result<_>>()?,
             views: Vec::new(),
-            tree_staging: StagingPool::new("the tree's record"),
+            tree_staging: StagingPool::new("the tree's topology"),
             key_staging: StagingPool::new("key frames"),
             in_use: Pool::default(),
             spares: Spares::default(),

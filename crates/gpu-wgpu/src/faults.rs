@@ -28,7 +28,7 @@ impl Faults {
 
     /// Records an error that no error scope caught. The next call returns it.
     pub(crate) fn record(&self, error: &wgpu::Error) {
-        let error = self.translate("work begun earlier", 0, error);
+        let error = self.translate("earlier work", 0, error);
         lock(&self.pending).get_or_insert(error);
     }
 
@@ -114,6 +114,6 @@ mod tests {
         faults.lose("unplugged".into());
         let lost = Err(BackendError::DeviceLost("unplugged".into()));
         assert_eq!((faults.check(), faults.check()), (lost.clone(), lost));
-        assert_eq!(faults.messages(), ["work begun earlier: Out of Memory"]);
+        assert_eq!(faults.messages(), ["earlier work: Out of Memory"]);
     }
 }

@@ -200,7 +200,9 @@ impl OpenGpu {
         let polled = catch_unwind(AssertUnwindSafe(|| self.device.poll(how)));
         match polled {
             Ok(Ok(_)) => self.faults.check(),
-            Ok(Err(e)) => Err(BackendError::DeviceLost(format!("waiting: {e}"))),
+            Ok(Err(e)) => Err(BackendError::DeviceLost(format!(
+                "waiting for the device failed: {e}"
+            ))),
             Err(_) => Err(self
                 .faults
                 .lose("the device was lost while waiting for it".into())),

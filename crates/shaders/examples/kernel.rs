@@ -22,10 +22,10 @@ fn main() -> ExitCode {
     };
     let found: Vec<_> = all().filter(|k| matches(k, entry, values)).collect();
     let [kernel] = found[..] else {
-        eprintln!(
-            "{} kernels have this name: also name the intersector, or give no argument to list all",
-            found.len()
-        );
+        match found.len() {
+            0 => eprintln!("no kernel has this name: give no argument to list all"),
+            n => eprintln!("{n} kernels have this name: also name the intersector"),
+        }
         return ExitCode::FAILURE;
     };
     let fused = kernel.fused.filter(|_| values.iter().any(|v| v == "fused"));

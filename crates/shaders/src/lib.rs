@@ -116,7 +116,7 @@ backend::named! {
         /// Three finite vertices per triangle, for trees of the driver.
         Cleansed = "cleansed triangles",
         /// The tree's topology, as the host uploads it.
-        Topology = "the tree's record",
+        Topology = "the tree's topology",
         /// Three vertex indices per leaf.
         LeafCorners = "the leaves' vertex indices",
         /// Triangle records, in the format of the intersector.

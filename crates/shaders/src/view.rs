@@ -77,7 +77,7 @@ impl View<'_> {
         words.extend(ranks);
         words.extend(named);
         let topology = Topology::from_words(words);
-        topology.map_err(|e| format!("the device's tree makes no record: {e}"))
+        topology.map_err(|e| format!("the device's tree is not a valid topology: {e}"))
     }
 
     /// Returns one box per node in breadth-first order, in scene units, as [`backend::Inspect::boxes`] defines them.
@@ -218,7 +218,7 @@ mod tests {
         assert!(broken(4, LEAF | 3).ends_with("no leaf 3"));
         // One triangle twice and another one missing.
         for (at, link) in [(4, LEAF | 1), (2, LEAF)] {
-            assert!(broken(at, link).contains("makes no record: "));
+            assert!(broken(at, link).contains("is not a valid topology: "));
         }
     }
 }

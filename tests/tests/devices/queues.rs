@@ -82,7 +82,7 @@ fn bar(queue: &mut Transfer, gate: &Timeline, from: &Buffer, to: &Buffer) {
 pub(crate) fn lacks_queues() -> Option<String> {
     let backend = open_vulkan().ok()?;
     let three = backend.gpu().has_queues_for_copies();
-    (!three).then(|| "all work stands in one queue".to_owned())
+    (!three).then(|| "the device has no separate transfer queues".to_owned())
 }
 
 /// Returns whether a submission is done. Never waits.

@@ -210,7 +210,7 @@ fn on_disk() -> Trial {
     let trial = trial("killed::full_disk_leaves_no_partial_file", full_disk);
     match on_full_disk(Sandbox::new().path(), Path::new("true"), "") {
         Ok(tried) if tried.status.success() => trial,
-        _ => (trial.with_ignored_flag(true)).with_kind("needs leave to mount a tmpfs"),
+        _ => (trial.with_ignored_flag(true)).with_kind("needs permission to mount a tmpfs"),
     }
 }
 

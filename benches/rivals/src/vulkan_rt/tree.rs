@@ -227,7 +227,12 @@ impl Structure {
         let scratch = sizes.build_scratch_size.max(sizes.update_scratch_size);
         let storage = Buffer::new(gpu, what, bytes, BufferUse::Device)?;
         let room = scratch + rays.bounds.scratch_alignment;
-        let scratch = Buffer::new(gpu, "room for the driver's builds", room, BufferUse::Device)?;
+        let scratch = Buffer::new(
+            gpu,
+            "scratch for the driver's builds",
+            room,
+            BufferUse::Device,
+        )?;
         let made = vk::AccelerationStructureCreateInfoKHR::default()
             .buffer(storage.vk)
             .size(bytes)
