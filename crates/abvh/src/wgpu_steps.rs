@@ -35,7 +35,7 @@ impl ResidentScene {
 
     /// Drops the results of steps whose encoders were dropped, and of later steps, which depend on them.
     pub(crate) fn abandon_dropped(&mut self) {
-        let dropped = self.wgpu().map(WgpuBackend::give_up_dropped);
+        let dropped = self.wgpu().map(WgpuBackend::remove_dropped);
         let dropped = dropped.unwrap_or_default();
         if let Some(&first) = dropped.first() {
             self.driver.abandon(&dropped);

@@ -132,7 +132,8 @@ pub(crate) struct Bvh8 {
     pub(crate) nodes: Vec<Node8>,
     /// Blocks in the order of their nodes and lanes.
     pub(crate) blocks: Vec<TriangleBlock>,
-    /// Records of each block if the intersector is `woop`. Stale or empty for other intersectors, which read corners.
+    /// Triangle data of each block if the intersector is `woop`. Stale or empty for other intersectors, which read
+    /// corners.
     pub(crate) triangle_data: Vec<BlockTriangleData>,
     /// The root box, in scaled units.
     pub(crate) root: Aabb,

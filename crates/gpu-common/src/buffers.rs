@@ -5,7 +5,7 @@ use backend::{BackendError, Result};
 use shaders::BufferName;
 
 /// Returns an error if a need exceeds a limit.
-pub fn refuse_above(what: impl FnOnce() -> String, need: u64, limit: u64) -> Result<()> {
+pub fn check_limit(what: impl FnOnce() -> String, need: u64, limit: u64) -> Result<()> {
     if need <= limit {
         return Ok(());
     }

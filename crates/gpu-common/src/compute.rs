@@ -2,9 +2,9 @@
 
 mod trace;
 
-use crate::traces::as_given;
+use crate::traces::ray_source;
 use crate::tree::TreeBuffers;
-use crate::{Engine, GpuDevice, LastUse, PendingWork, Stage, Stale, check_kernels};
+use crate::{Engine, GpuDevice, LastUse, NextStage, PendingWork, Stage, check_kernels};
 use backend::{
     Backend, Capabilities, Device, FrameReport, Generation, Hits, Intersector, MemoryUse, Palette,
     Query, Result, Snapshot, Ticket, TreeFormat, TreeWriter,
@@ -37,7 +37,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
         engine.info.device.capabilities = Capabilities {
             tree_format: TreeFormat::Treelets,
             batches: true,
-            device_rebuild: check_kernels(&engine.info.kernel_limits, Kernel::makes_trees),
+            device_rebuild: check_kernels(&engine.info.kernel_limits, Kernel::builds_trees),
         };
         Ok(Self::with(engine))
     }
@@ -45,7 +45,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
     /// Returns a function that creates a backend for another scene on the same device. Any thread may call it. Both
     /// scenes can be loaded and traced at the same time.
     pub fn share_device(&self) -> impl FnOnce() -> Result<Self> + Send + use<D> {
-        let open = self.engine.another();
+        let open = self.engine.share_device();
         move || open().map(Self::with)
     }
 
@@ -70,8 +70,8 @@ impl<D: GpuDevice> ComputeBackend<D> {
 
     /// Forgets submissions whose command buffers the program dropped, and returns their tickets. The next submission
     /// must then begin with `interpolate`.
-    pub fn give_up_dropped(&mut self) -> Vec<Ticket> {
-        let dropped = self.engine.give_up_dropped();
+    pub fn remove_dropped(&mut self) -> Vec<Ticket> {
+        let dropped = self.engine.remove_dropped();
         if let Some(tree) = self.tree.as_mut().filter(|_| !dropped.is_empty()) {
             tree.submitted(false);
         }
@@ -102,7 +102,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
             spread: self.engine.frames.spread.into(),
             ..Params::of(self.engine.scene().scale_exponent, shape)
         };
-        params.at_range(self.range)
+        params.with_range(self.range)
     }
 
     /// Records a stage of the current tree.
@@ -122,23 +122,23 @@ impl<D: GpuDevice> ComputeBackend<D> {
         tree.progress.preprocessed(&tree.shape);
         let work = tree.progress.refit(params, &tree.shape);
         engine.run(Some(Stage::Refit), &work, |name| tree.get(name))?;
-        engine.frames.record().extents.candidate = true;
+        engine.frames.record().tree_stages.evaluated_candidate = true;
         Ok(())
     }
 
     /// Returns whether the current tree was built on the device from the current positions. Its triangle records and
     /// boxes are then up to date.
     fn is_built_at_pose(&self) -> bool {
-        let is_built_here = self.tree().is_built_here;
-        let anew = is_built_here && self.engine.stale < Stale::Fresh;
+        let built_on_device = self.tree().built_on_device;
+        let anew = built_on_device && self.engine.next_stage < NextStage::Trace;
         assert!(!anew, "new positions require a rebuild of the tree");
-        is_built_here
+        built_on_device
     }
 
     /// Records the build of a tree. See [`shaders::rebuild`].
     fn build_tree(&mut self, generation: Generation) -> Result<()> {
         let animation = Arc::clone(&self.engine.scene().animation);
-        let shape = Shape::made_on_device(animation.live_count() as u32);
+        let shape = Shape::built_on_device(animation.live_count() as u32);
         let tree = self.tree.as_mut().expect("a scene was loaded");
         let engine = &mut self.engine;
         if tree.build.is_none() {
@@ -148,9 +148,9 @@ impl<D: GpuDevice> ComputeBackend<D> {
         }
         tree.current.grow(&engine.gpu, &mut engine.frames, &shape)?;
         let params = Params::of(animation.scale_exponent(), &shape);
-        let extents = &mut engine.frames.record().extents;
-        extents.uncounted = Some(0);
-        extents.boxes = true;
+        let tree_stages = &mut engine.frames.record().tree_stages;
+        tree_stages.uncounted = Some(0);
+        tree_stages.summed_areas = true;
         let sort = rebuild::sort(params, animation.vertex_count(), &shape);
         engine.run(Some(Stage::Rebuild), &sort, |name| tree.get(name))?;
         let leaves = rebuild::leaves(self.intersector, params, &shape);
@@ -158,14 +158,14 @@ impl<D: GpuDevice> ComputeBackend<D> {
         let cluster = rebuild::cluster(params, &shape);
         engine.run(Some(Stage::Rebuild), &cluster, |name| tree.get(name))?;
         (tree.current.generation, tree.current.shape) = (generation, shape);
-        tree.is_built_here = true;
+        tree.built_on_device = true;
         Ok(())
     }
 }
 
 /// Returns the kernels that build trees for this intersector.
 fn builders(intersector: Intersector) -> impl Iterator<Item = &'static Kernel> {
-    let makes = move |k: &&Kernel| k.makes_trees() && k.serves(intersector);
+    let makes = move |k: &&Kernel| k.builds_trees() && k.serves(intersector);
     KERNELS.iter().filter(makes)
 }
 
@@ -188,7 +188,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         let usual = usual.filter(|k| k.serves(intersector));
         engine.pipelines.begin(&engine.gpu, usual);
         if animation.is_streamed() {
-            let later = work::kernels_of_arriving_keys(intersector);
+            let later = work::range_kernels(intersector);
             let copies = engine.info.copies_points.then(|| common("copy_points"));
             engine.pipelines.begin(&engine.gpu, later.chain(copies));
         }
@@ -210,12 +210,15 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         assert!(is_between, "trees are adopted between submissions");
         let current = self.tree.as_mut().expect("a scene was loaded");
         current.adopt(gpu, frames, tree, generation)?;
-        self.engine.stale = self.engine.stale.min(Stale::Records);
+        self.engine.next_stage = self.engine.next_stage.min(NextStage::Preprocess);
         Ok(())
     }
 
     fn evaluate(&mut self, tree: &Topology, generation: Generation) -> Result<bool> {
-        assert!(self.engine.stale >= Stale::Records, "positions come first");
+        assert!(
+            self.engine.next_stage >= NextStage::Preprocess,
+            "positions come first"
+        );
         let Engine { gpu, frames, .. } = &mut self.engine;
         let trees = self.tree.as_mut().expect("a scene was loaded");
         let loaded = trees.load_candidate(gpu, frames, tree, generation)?;
@@ -238,8 +241,11 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     fn upload_tree(&mut self, tree: &Topology, generation: Generation) -> Result<bool> {
         let (gpu, current) = (&mut self.engine.gpu, self.tree.as_mut());
         let current = current.expect("a scene was loaded");
-        let arrival = current.send(gpu, tree, generation)?;
-        gpu.has_finished(PendingWork::Use(LastUse { arrival, ticket: 0 }))
+        let upload_value = current.send(gpu, tree, generation)?;
+        gpu.has_finished(PendingWork::Use(LastUse {
+            upload_value,
+            ticket: 0,
+        }))
     }
 
     fn interpolate(&mut self, pose: Pose) -> Result<()> {
@@ -252,7 +258,10 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     }
 
     fn preprocess(&mut self) -> Result<()> {
-        assert!(self.engine.stale >= Stale::Records, "positions come first");
+        assert!(
+            self.engine.next_stage >= NextStage::Preprocess,
+            "positions come first"
+        );
         let generation = self.tree().current.generation;
         assert!(generation > Generation(0), "a tree comes first");
         if self.is_built_at_pose() {
@@ -262,16 +271,16 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         let progress = &tree.progress;
         let (work, uncounted) = progress.preprocess(self.intersector, params, &tree.shape);
         self.run(Stage::Preprocess, &work)?;
-        self.engine.frames.record().extents.uncounted = Some(uncounted);
+        self.engine.frames.record().tree_stages.uncounted = Some(uncounted);
         let tree = &mut self.tree_mut().current;
         tree.progress.preprocessed(&tree.shape);
-        self.engine.stale = Stale::Boxes;
+        self.engine.next_stage = NextStage::Refit;
         Ok(())
     }
 
     fn refit(&mut self) -> Result<()> {
         assert!(
-            self.engine.stale >= Stale::Boxes,
+            self.engine.next_stage >= NextStage::Refit,
             "boxes of leaves come first"
         );
         if self.is_built_at_pose() {
@@ -280,14 +289,17 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         let (params, tree) = (self.params(), &self.tree().current);
         let work = tree.progress.refit(params, &tree.shape);
         self.run(Stage::Refit, &work)?;
-        self.engine.frames.record().extents.boxes = true;
+        self.engine.frames.record().tree_stages.summed_areas = true;
         self.tree_mut().current.progress.refitted();
-        self.engine.stale = Stale::Fresh;
+        self.engine.next_stage = NextStage::Trace;
         Ok(())
     }
 
     fn rebuild(&mut self, generation: Generation) -> Result<()> {
-        assert!(self.engine.stale >= Stale::Records, "positions come first");
+        assert!(
+            self.engine.next_stage >= NextStage::Preprocess,
+            "positions come first"
+        );
         assert!(
             generation > self.tree().current.generation,
             "generations must increase"
@@ -298,9 +310,9 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
             .capabilities
             .device_rebuild
             .clone()?;
-        self.engine.stale = self.engine.stale.min(Stale::Records);
+        self.engine.next_stage = self.engine.next_stage.min(NextStage::Preprocess);
         self.build_tree(generation)?;
-        self.engine.stale = Stale::Fresh;
+        self.engine.next_stage = NextStage::Trace;
         Ok(())
     }
 
@@ -320,10 +332,10 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     }
 
     fn prepare(&mut self, query: Query<'_>, builds_trees: bool) {
-        let rays = as_given(&query);
+        let rays = ray_source(&query);
         let leaves = self.engine.scene().animation.live_count() as u32;
         let shape = if builds_trees {
-            Shape::made_on_device(leaves)
+            Shape::built_on_device(leaves)
         } else {
             Shape::expected(leaves)
         };

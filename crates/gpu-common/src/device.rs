@@ -206,7 +206,7 @@ pub trait GpuDevice: Send + Sized + 'static {
     type Staging: Staging;
 
     /// Returns a function that opens the same device for another scene. Both scenes can be used at the same time.
-    fn another(&self) -> impl FnOnce() -> Result<Self> + Send + use<Self>;
+    fn share_device(&self) -> impl FnOnce() -> Result<Self> + Send + use<Self>;
 
     /// Returns a function that compiles a kernel. Several threads may call it at the same time.
     fn compiler(
@@ -332,7 +332,7 @@ pub fn check_kernels(limits: &[KernelLimit], wanted: impl Fn(&Kernel) -> bool) -
         let kernels = shaders::KERNELS.iter().filter(|k| wanted(k));
         if let Some(kernel) = kernels.max_by_key(|k| (limit.need)(k)) {
             let what = || format!("kernel {} ({})", kernel.name, limit.name);
-            crate::refuse_above(what, (limit.need)(kernel).into(), limit.most.into())?;
+            crate::check_limit(what, (limit.need)(kernel).into(), limit.most.into())?;
         }
     }
     Ok(())

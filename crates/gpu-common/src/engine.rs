@@ -13,17 +13,17 @@ use shaders::work::{self, Work};
 use shaders::{BufferName, Kernel, Params, Traits};
 use std::sync::Arc;
 
-/// The stages that must run before a trace.
+/// The first stage that must run before the next trace. All later stages must run too.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Stale {
-    /// `interpolate` and all later stages.
-    Positions,
-    /// `preprocess` and all later stages.
-    Records,
+pub enum NextStage {
+    /// `interpolate`.
+    Interpolate,
+    /// `preprocess`.
+    Preprocess,
     /// `refit`.
-    Boxes,
-    /// No stage.
-    Fresh,
+    Refit,
+    /// None: the trace itself.
+    Trace,
 }
 
 /// A device with a scene, its positions, submissions and traces. The backend that owns the engine implements trees and
@@ -44,7 +44,7 @@ pub struct Engine<D: GpuDevice> {
     /// Pose of the current positions.
     pub pose: Pose,
     /// Stages that must run before a trace.
-    pub stale: Stale,
+    pub next_stage: NextStage,
     /// Compiled kernels.
     pub pipelines: Pipelines<D>,
     /// The device itself.
@@ -78,7 +78,7 @@ impl<D: GpuDevice> Engine<D> {
             scene: None,
             position: 0,
             pose: Pose::default(),
-            stale: Stale::Positions,
+            next_stage: NextStage::Interpolate,
             pipelines,
             gpu,
         }
@@ -86,9 +86,9 @@ impl<D: GpuDevice> Engine<D> {
 
     /// Returns a function that creates another engine on the same device. It reuses the test results and compiled
     /// kernels.
-    pub fn another(&self) -> impl FnOnce() -> Result<Self> + Send + use<D> {
+    pub fn share_device(&self) -> impl FnOnce() -> Result<Self> + Send + use<D> {
         let (info, pipelines) = (self.info.clone(), self.pipelines.ready());
-        let open = self.gpu.another();
+        let open = self.gpu.share_device();
         move || {
             let gpu = open()?;
             let frames = Frames::new(&gpu);
@@ -107,7 +107,7 @@ impl<D: GpuDevice> Engine<D> {
     /// Drops the recording, waits for unfinished submissions, and frees the scene.
     pub fn unload(&mut self) -> Result<()> {
         self.abandon();
-        self.give_up_dropped();
+        self.remove_dropped();
         self.frames.unload(&mut self.gpu)?;
         self.snapshots = Snapshots::default();
         (self.scene, self.position) = (None, 0);
@@ -129,8 +129,8 @@ impl<D: GpuDevice> Engine<D> {
         (self.position, self.pose) = (position, pose);
         let scene = self.scene.as_mut().expect("a scene was loaded");
         let last = self.frames.submitted;
-        let arrival = scene.keys.upload_pose(gpu, &scene.animation, pose, last)?;
-        self.frames.await_upload(arrival);
+        let upload_value = scene.keys.upload_pose(gpu, &scene.animation, pose, last)?;
+        self.frames.await_upload(upload_value);
         self.copy_points()?;
         let scene = self.scene();
         let (vertices, rows) = (scene.animation.vertex_count(), scene.moving_row_count);
@@ -140,7 +140,7 @@ impl<D: GpuDevice> Engine<D> {
             interpolate.alongside = true;
         }
         self.run(Some(Stage::Interpolate), &[interpolate], |_| None)?;
-        self.stale = Stale::Records;
+        self.next_stage = NextStage::Preprocess;
         Ok(())
     }
 
@@ -222,7 +222,10 @@ impl<D: GpuDevice> Engine<D> {
     /// Records a copy of the positions to the host. It runs as soon as they are computed, concurrently with work
     /// recorded later.
     pub fn request_positions(&mut self) -> Result<()> {
-        assert!(self.stale >= Stale::Records, "positions come first");
+        assert!(
+            self.next_stage >= NextStage::Preprocess,
+            "positions come first"
+        );
         let scene = self.scene.as_mut().expect("a scene was loaded");
         scene.make_positions(&mut self.gpu)?;
         self.snapshots.request(self.position);
@@ -245,18 +248,18 @@ impl<D: GpuDevice> Engine<D> {
 
     /// Forgets submissions whose command buffers the program dropped, and returns their tickets. Later submissions
     /// depend on earlier ones, so all data on the device is then stale.
-    pub fn give_up_dropped(&mut self) -> Vec<Ticket> {
-        let dropped = self.frames.give_up_dropped(&mut self.gpu);
+    pub fn remove_dropped(&mut self) -> Vec<Ticket> {
+        let dropped = self.frames.remove_dropped(&mut self.gpu);
         if !dropped.is_empty() {
             self.abandon();
-            self.snapshots.give_up(&dropped);
+            self.snapshots.remove(&dropped);
         }
         dropped
     }
 
     /// Drops the recording. It will never run, so all data on the device is stale.
     pub fn abandon(&mut self) {
-        self.stale = Stale::Positions;
+        self.next_stage = NextStage::Interpolate;
         self.frames.abandon();
         self.snapshots.requested = None;
     }

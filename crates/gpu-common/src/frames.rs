@@ -4,7 +4,7 @@ use crate::clock::StageSet;
 use crate::recorder::Recorder;
 use crate::{Clock, GpuDevice, Outcome, PendingWork, SubmissionOutput, TraceBuffers};
 use backend::{BackendError, FRAMES_IN_FLIGHT, FrameReport, Result, StageTimes, Ticket};
-use shaders::{Extents, RasterBackoff, TreeCounts};
+use shaders::{RasterBackoff, TreeCounts, TreeStages};
 use std::collections::VecDeque;
 use std::time::Instant;
 
@@ -48,7 +48,7 @@ struct SubmissionRecord<D: GpuDevice> {
     /// Stages without work.
     idle: StageSet,
     /// Recorded stages that update `tree_counts`.
-    extents: Extents,
+    tree_stages: TreeStages,
     readback_bytes: u64,
     /// `None` until the submission has finished.
     report: Option<FrameReport>,
@@ -85,8 +85,8 @@ impl<D: GpuDevice> Frames<D> {
     }
 
     /// Makes the next submission wait for this upload and all uploads before it.
-    pub(crate) fn await_upload(&mut self, arrival: u64) {
-        self.awaited_upload = self.awaited_upload.max(arrival);
+    pub(crate) fn await_upload(&mut self, upload_value: u64) {
+        self.awaited_upload = self.awaited_upload.max(upload_value);
     }
 
     /// Drops a buffer once the work recorded so far no longer uses it.
@@ -185,7 +185,7 @@ impl<D: GpuDevice> Frames<D> {
             never_active,
             at,
             idle: self.recorder.idle,
-            extents: self.recorder.extents,
+            tree_stages: self.recorder.tree_stages,
             readback_bytes: positions.map_or(0, |(_, bytes)| bytes),
             report: None,
         });
@@ -201,7 +201,7 @@ impl<D: GpuDevice> Frames<D> {
     }
 
     /// Forgets submissions whose command buffers the program dropped, and returns their tickets.
-    pub(crate) fn give_up_dropped(&mut self, gpu: &mut D) -> Vec<Ticket> {
+    pub(crate) fn remove_dropped(&mut self, gpu: &mut D) -> Vec<Ticket> {
         let mut dropped = Vec::new();
         for ticket in self.unfinished().collect::<Vec<_>>() {
             // An error is returned again when the program waits for the submission.
@@ -288,10 +288,10 @@ impl<D: GpuDevice> Frames<D> {
             readback_bytes: submission.readback_bytes,
             ..FrameReport::default()
         };
-        let (extents, never_active) = (submission.extents, submission.never_active);
-        self.tree_counts.update(&counts, extents, never_active);
+        let (tree_stages, never_active) = (submission.tree_stages, submission.never_active);
+        self.tree_counts.update(&counts, tree_stages, never_active);
         self.tree_counts.complete(&mut report);
-        if extents.candidate {
+        if tree_stages.evaluated_candidate {
             report.candidate_cost = counts.cost(counts.candidate_areas);
         }
         self.raster_backoff.update(&counts);

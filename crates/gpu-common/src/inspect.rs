@@ -19,8 +19,8 @@ impl<D: GpuDevice> Inspect for ComputeBackend<D> {
     }
 
     fn rebuilt(&mut self) -> Result<Topology> {
-        let is_built_here = self.tree().is_built_here;
-        assert!(is_built_here, "the tree in use was made on the host");
+        let built_on_device = self.tree().built_on_device;
+        assert!(built_on_device, "the tree in use was built on the host");
         self.view(|tree| tree.topology())
     }
 
@@ -44,9 +44,9 @@ impl<D: GpuDevice> ComputeBackend<D> {
     /// Reads the current tree back, after all submissions, and passes it to `look`.
     fn view<T>(&mut self, look: impl Fn(&View<'_>) -> std::result::Result<T, String>) -> Result<T> {
         let shape = self.tree().current.shape.clone();
-        let made_on_device = self.tree().is_built_here;
+        let built_on_device = self.tree().built_on_device;
         let leaves = shape.leaf_count as usize;
-        let (name, at) = if made_on_device {
+        let (name, at) = if built_on_device {
             (BufferName::Sorted, 0)
         } else {
             let at = shape.params.leaf_triangles_at as usize;
@@ -55,7 +55,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
         let words: Vec<u32> = self.read_tree(name, at + leaves)?;
         let rows = self.read_tree(BufferName::Nodes, shape.node_rows as usize)?;
         let seen = look(&View {
-            made_on_device,
+            built_on_device,
             rows: &rows,
             triangles: &words[at..],
             animation: &self.engine.scene().animation,

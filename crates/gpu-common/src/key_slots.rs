@@ -39,7 +39,7 @@ struct KeySlot<D: GpuDevice> {
     key: usize,
     buffer: D::Buffer,
     /// Number of the upload that fills it.
-    arrival: u64,
+    upload_value: u64,
     /// Value of the clock at the last use. The lowest one is evicted first.
     used: u64,
     /// Ticket of the last submission that reads it.
@@ -53,7 +53,7 @@ impl<D: GpuDevice> KeySlots<D> {
             Ok(KeySlot {
                 key,
                 buffer: gpu.buffer(BufferName::Earlier, size_of_val(&frame[..]) as u64)?,
-                arrival: 0,
+                upload_value: 0,
                 used: 0,
                 read_by: 0,
             })
@@ -88,7 +88,7 @@ impl<D: GpuDevice> KeySlots<D> {
         last: Ticket,
     ) -> Result<u64> {
         (self.pose, self.next) = (pose, last.0 + 1);
-        let mut arrival = 0;
+        let mut upload_value = 0;
         for key in pose.keys() {
             if self.find(key).is_none() {
                 self.upload(gpu, key, &animation.key(key)?)?;
@@ -96,9 +96,9 @@ impl<D: GpuDevice> KeySlots<D> {
             let next = self.next;
             let slot = self.touch(key).expect("it was sent");
             slot.read_by = next;
-            arrival = arrival.max(slot.arrival);
+            upload_value = upload_value.max(slot.upload_value);
         }
-        Ok(arrival)
+        Ok(upload_value)
     }
 
     /// Notes that the recording was submitted. Uploads the next upcoming key frame that is not on the device, if the
@@ -155,9 +155,16 @@ impl<D: GpuDevice> KeySlots<D> {
                 break;
             };
             let old = self.slots.remove(oldest);
-            let (arrival, ticket) = (old.arrival, old.read_by);
+            let (upload_value, ticket) = (old.upload_value, old.read_by);
             let size = D::size(&old.buffer);
-            self.free.put(old.buffer, size, LastUse { arrival, ticket });
+            self.free.put(
+                old.buffer,
+                size,
+                LastUse {
+                    upload_value,
+                    ticket,
+                },
+            );
         }
         let bytes = size_of_val(&frame[..]) as u64;
         let spare = self
@@ -179,12 +186,12 @@ impl<D: GpuDevice> KeySlots<D> {
             // Part of the upload may have started. If the wait fails too, the device is lost.
             let _ = gpu.wait(None);
         }
-        let arrival = sent?;
+        let upload_value = sent?;
         self.clock += 1;
         self.slots.push(KeySlot {
             key,
             buffer,
-            arrival,
+            upload_value,
             used: self.clock,
             read_by: 0,
         });

@@ -33,7 +33,7 @@ mod traces;
 mod tree;
 
 use buffers::BufferTable;
-pub use buffers::refuse_above;
+pub use buffers::check_limit;
 pub use clock::{Clock, Stage};
 pub use compute::ComputeBackend;
 pub use device::{
@@ -41,12 +41,12 @@ pub use device::{
     Outcome, PendingWork, PointsCopy, ReadPart, RecordingOf, Staging, SubmissionOutput, Upload,
     Validation, check_kernels, read_parts,
 };
-pub use engine::{Engine, Stale};
+pub use engine::{Engine, NextStage};
 pub use external_points::{ExternalPoints, PointsSource};
 pub use frames::Frames;
-pub use pipelines::{KernelCode, Pipelines, compile_door, device_door};
+pub use pipelines::{KernelCode, Pipelines, lock_compilation, lock_device_lifetime};
 pub use pool::{LastUse, Pool, with_slack};
 pub use recorder::Recorder;
 pub use recording::{BoundBuffer, Dispatch, PositionsCopy, RecordedCommand, Recording};
 pub use scene::AnimationBuffers;
-pub use traces::{TraceBuffers, are_given};
+pub use traces::{TraceBuffers, reads_ray_buffer};

@@ -14,20 +14,20 @@ pub type KernelCode = (&'static Kernel, Code);
 
 /// The kernels compiled so far.
 pub struct Pipelines<D: GpuDevice> {
-    made: Vec<(&'static Kernel, Arc<D::Pipeline>)>,
-    making: Vec<Making<D::Pipeline>>,
+    compiled: Vec<(&'static Kernel, Arc<D::Pipeline>)>,
+    compiling: Vec<CompilingKernels<D::Pipeline>>,
     /// Kernel variants that the device supports; known once the first kernel has run.
     pub(crate) traits: Traits,
 }
 
 /// Kernels that are being compiled in the background.
-struct Making<P> {
+struct CompilingKernels<P> {
     kernels: Vec<&'static Kernel>,
     /// Taken by the first wait.
     thread: Option<JoinHandle<Result<Vec<P>>>>,
 }
 
-impl<P> Drop for Making<P> {
+impl<P> Drop for CompilingKernels<P> {
     fn drop(&mut self) {
         // Drivers may fail if the process exits while they compile.
         let _ = self.thread.take().map(JoinHandle::join);
@@ -41,8 +41,8 @@ impl<D: GpuDevice> Pipelines<D> {
     /// [`backend::BackendError::NoDevice`] if the driver rejects one.
     pub fn of(gpu: &D, kernels: impl IntoIterator<Item = &'static Kernel>) -> Result<Self> {
         let mut all = Self {
-            made: Vec::new(),
-            making: Vec::new(),
+            compiled: Vec::new(),
+            compiling: Vec::new(),
             traits: Traits::default(),
         };
         all.prepare(gpu, kernels)?;
@@ -52,8 +52,8 @@ impl<D: GpuDevice> Pipelines<D> {
     /// Returns the compiled kernels, for another scene on the device.
     pub(crate) fn ready(&self) -> Self {
         Self {
-            made: self.made.clone(),
-            making: Vec::new(),
+            compiled: self.compiled.clone(),
+            compiling: Vec::new(),
             traits: self.traits,
         }
     }
@@ -77,7 +77,7 @@ impl<D: GpuDevice> Pipelines<D> {
         // If no thread can be created, the kernels are compiled when they are needed.
         if let Ok(thread) = thread::Builder::new().spawn(make_all) {
             let thread = Some(thread);
-            self.making.push(Making { kernels, thread });
+            self.compiling.push(CompilingKernels { kernels, thread });
         }
     }
 
@@ -91,27 +91,32 @@ impl<D: GpuDevice> Pipelines<D> {
             if self.find(kernel).is_some() {
                 continue;
             }
-            let has =
-                |making: &Making<D::Pipeline>| making.kernels.iter().any(|k| k.name == kernel.name);
-            if let Some(at) = self.making.iter().position(has) {
+            let has = |compiling: &CompilingKernels<D::Pipeline>| {
+                compiling.kernels.iter().any(|k| k.name == kernel.name)
+            };
+            if let Some(at) = self.compiling.iter().position(has) {
                 self.wait(at)?;
             } else {
                 let code = (kernel, kernel.code_for(self.traits));
-                let made = gpu.compiler()(code)?;
-                self.made.push((kernel, Arc::new(made)));
+                let compiled = gpu.compiler()(code)?;
+                self.compiled.push((kernel, Arc::new(compiled)));
             }
         }
         Ok(())
     }
 
     fn wait(&mut self, at: usize) -> Result<()> {
-        let mut making = self.making.swap_remove(at);
-        let thread = making.thread.take().expect("a thread is joined only once");
-        let made = thread
+        let mut compiling = self.compiling.swap_remove(at);
+        let thread = compiling
+            .thread
+            .take()
+            .expect("a thread is joined only once");
+        let compiled = thread
             .join()
             .unwrap_or_else(|e| std::panic::resume_unwind(e))?;
-        let made = made.into_iter().map(Arc::new);
-        self.made.extend(making.kernels.iter().copied().zip(made));
+        let compiled = compiled.into_iter().map(Arc::new);
+        self.compiled
+            .extend(compiling.kernels.iter().copied().zip(compiled));
         Ok(())
     }
 
@@ -119,7 +124,10 @@ impl<D: GpuDevice> Pipelines<D> {
     fn missing(&self, kernels: impl IntoIterator<Item = &'static Kernel>) -> Vec<KernelCode> {
         let mut missing: Vec<KernelCode> = Vec::new();
         for kernel in kernels {
-            let being_made = self.making.iter().flat_map(|making| &making.kernels);
+            let being_made = self
+                .compiling
+                .iter()
+                .flat_map(|compiling| &compiling.kernels);
             let mut known = being_made.chain(missing.iter().map(|(k, _)| k));
             if self.find(kernel).is_none() && known.all(|k| k.name != kernel.name) {
                 missing.push((kernel, kernel.code_for(self.traits)));
@@ -129,8 +137,8 @@ impl<D: GpuDevice> Pipelines<D> {
     }
 
     fn find(&self, kernel: &Kernel) -> Option<&Arc<D::Pipeline>> {
-        let mut made = self.made.iter();
-        let found = made.find(|(k, _)| k.name == kernel.name);
+        let mut compiled = self.compiled.iter();
+        let found = compiled.find(|(k, _)| k.name == kernel.name);
         found.map(|(_, pipeline)| pipeline)
     }
 
@@ -146,14 +154,14 @@ impl<D: GpuDevice> Pipelines<D> {
 
 /// Lock between compilation of kernels and creation or destruction of devices. NVIDIA's driver 580 deadlocks if they
 /// run at the same time.
-static DOOR: RwLock<()> = RwLock::new(());
+static DRIVER_LOCK: RwLock<()> = RwLock::new(());
 
 /// Locks out creation and destruction of devices while kernels are compiled. Several threads may hold this lock.
-pub fn compile_door() -> RwLockReadGuard<'static, ()> {
-    DOOR.read().unwrap_or_else(PoisonError::into_inner)
+pub fn lock_compilation() -> RwLockReadGuard<'static, ()> {
+    DRIVER_LOCK.read().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Locks out compilation of kernels while a device is created or destroyed.
-pub fn device_door() -> RwLockWriteGuard<'static, ()> {
-    DOOR.write().unwrap_or_else(PoisonError::into_inner)
+pub fn lock_device_lifetime() -> RwLockWriteGuard<'static, ()> {
+    DRIVER_LOCK.write().unwrap_or_else(PoisonError::into_inner)
 }

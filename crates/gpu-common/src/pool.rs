@@ -17,7 +17,7 @@ pub fn with_slack<B>(bytes: u64, make: impl Fn(u64) -> Result<B>) -> Result<B> {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct LastUse {
     /// Number of the upload.
-    pub arrival: u64,
+    pub upload_value: u64,
     /// Ticket of the submission.
     pub ticket: u64,
 }

@@ -7,7 +7,7 @@ use crate::{
 };
 use backend::{BackendError, Result, Ticket};
 use shaders::work::Work;
-use shaders::{BufferName, Counts, Extents};
+use shaders::{BufferName, Counts, TreeStages};
 use std::mem::offset_of;
 use std::sync::Arc;
 
@@ -26,7 +26,7 @@ pub struct Recorder<D: GpuDevice> {
     /// Whether `interpolate` was recorded last and its stage is still open, so that `preprocess` may run concurrently.
     open: bool,
     /// Recorded stages that update [`shaders::TreeCounts`].
-    pub extents: Extents,
+    pub tree_stages: TreeStages,
     max_groups: u32,
     splits: bool,
 }
@@ -39,7 +39,7 @@ impl<D: GpuDevice> Recorder<D> {
             stages: StageSet::default(),
             idle: StageSet::default(),
             open: false,
-            extents: Extents::default(),
+            tree_stages: TreeStages::default(),
             max_groups: info.max_groups,
             splits: info.splits,
         }
@@ -58,7 +58,7 @@ impl<D: GpuDevice> Recorder<D> {
         self.recording.clear();
         (self.is_begun, self.open) = (false, false);
         (self.stages, self.idle) = Default::default();
-        self.extents = Extents::default();
+        self.tree_stages = TreeStages::default();
     }
 
     /// Records dispatches, and then the end of `stage` if there is one. Checks all dispatches before it records the

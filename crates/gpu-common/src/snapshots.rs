@@ -48,7 +48,7 @@ impl Snapshots {
     }
 
     /// Forgets the copies of these submissions, which never run.
-    pub(crate) fn give_up(&mut self, dropped: &[Ticket]) {
+    pub(crate) fn remove(&mut self, dropped: &[Ticket]) {
         self.unfinished.retain(|(of, _)| !dropped.contains(of));
     }
 

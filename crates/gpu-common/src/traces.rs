@@ -1,6 +1,6 @@
 //! Output buffers of traces.
 
-use crate::{BufferTable, GpuDevice, LentRays, refuse_above};
+use crate::{BufferTable, GpuDevice, LentRays, check_limit};
 use backend::{BackendError, Hits, Intersector, Query, QueryKind, Rays, Result};
 use bytemuck::Pod;
 use geom::{Hit, Ray, convert_in_parallel, copy_in_parallel, set_each};
@@ -37,7 +37,7 @@ impl<D: GpuDevice> TraceBuffers<D> {
         };
         let (count, kind) = (query.rays.count(), query.kind);
         let has_tree = traced_by.is_some();
-        refuse_above(
+        check_limit(
             || "rays of a query".to_owned(),
             count as u64,
             u32::MAX.into(),
@@ -53,7 +53,7 @@ impl<D: GpuDevice> TraceBuffers<D> {
             }
         }
         let bytes = |each: usize| (count * each) as u64;
-        if has_tree && lent.is_none() && are_given(query) {
+        if has_tree && lent.is_none() && reads_ray_buffer(query) {
             let rays = buffers.fit(gpu, BufferName::Rays, bytes(size_of::<Ray>()))?;
             write_rays(gpu, query.rays, rays)?;
         }
@@ -169,15 +169,15 @@ fn lent_rays<D: GpuDevice>(gpu: &mut D, query: &Query<'_>) -> Result<Option<Lent
 
 /// Returns whether kernels read the rays of a query from a buffer. They generate camera rays, except for any-hit
 /// queries: there the host writes the rays, with the same bits.
-pub fn are_given(query: &Query<'_>) -> bool {
+pub fn reads_ray_buffer(query: &Query<'_>) -> bool {
     !matches!(query.rays, Rays::Camera(_)) || query.kind == QueryKind::Any
 }
 
 /// Returns where kernels find the rays of a query.
-pub(crate) fn as_given<'a>(query: &Query<'a>) -> work::RaySource<'a> {
+pub(crate) fn ray_source<'a>(query: &Query<'a>) -> work::RaySource<'a> {
     match query.rays {
-        Rays::Camera(camera) if !are_given(query) => work::RaySource::Camera(camera),
-        rays => work::RaySource::Given(rays.count() as u32),
+        Rays::Camera(camera) if !reads_ray_buffer(query) => work::RaySource::Camera(camera),
+        rays => work::RaySource::Buffer(rays.count() as u32),
     }
 }
 

@@ -30,13 +30,13 @@ pub(crate) struct TreeBuffers<D: GpuDevice> {
     /// Buffers for tree builds on the device; `None` before the first.
     pub(crate) build: Option<BufferTable<D>>,
     /// Whether the current tree was built on the device.
-    pub(crate) is_built_here: bool,
+    pub(crate) built_on_device: bool,
 }
 
 /// A tree with the boxes and triangle data of one pose.
 pub(crate) struct DeviceTree<D: GpuDevice> {
     /// The topology as the host uploaded it, with the number of its upload; `None` before the first.
-    record: Option<(D::Buffer, u64)>,
+    topology: Option<(D::Buffer, u64)>,
     /// Buffers by name. Those of nodes and costs fit the largest tree so far.
     pub(crate) buffers: BufferTable<D>,
     pub(crate) generation: Generation,
@@ -49,7 +49,7 @@ impl<D: GpuDevice> DeviceTree<D> {
     /// Creates buffers for every tree over `leaves` triangles. Those of nodes and costs [grow](Self::grow) later.
     fn new(gpu: &D, intersector: Intersector, leaves: u64) -> Result<Self> {
         Ok(Self {
-            record: None,
+            topology: None,
             buffers: BufferTable::new(gpu, tree_buffers(intersector, leaves))?,
             generation: Generation(0),
             shape: Shape::default(),
@@ -59,7 +59,7 @@ impl<D: GpuDevice> DeviceTree<D> {
 
     pub(crate) fn get(&self, name: BufferName) -> Option<&D::Buffer> {
         match name {
-            BufferName::Topology => self.record.as_ref().map(|(record, _)| record),
+            BufferName::Topology => self.topology.as_ref().map(|(topology, _)| topology),
             _ => self.buffers.get(name),
         }
     }
@@ -74,8 +74,8 @@ impl<D: GpuDevice> DeviceTree<D> {
     }
 
     fn held(&self) -> u64 {
-        let record = self.record.as_ref();
-        self.buffers.held() + record.map_or(0, |(record, _)| D::size(record).allocated)
+        let topology = self.topology.as_ref();
+        self.buffers.held() + topology.map_or(0, |(topology, _)| D::size(topology).allocated)
     }
 }
 
@@ -99,7 +99,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
             sent: None,
             written: Arc::default(),
             build: None,
-            is_built_here: false,
+            built_on_device: false,
         })
     }
 
@@ -145,11 +145,17 @@ impl<D: GpuDevice> TreeBuffers<D> {
         tree: &Topology,
         generation: Generation,
     ) -> Result<u64> {
-        let (buffer, arrival) = match self.sent.take() {
-            Some((of, buffer, arrival)) if of == generation => (buffer, arrival),
+        let (buffer, upload_value) = match self.sent.take() {
+            Some((of, buffer, upload_value)) if of == generation => (buffer, upload_value),
             left => {
-                if let Some((_, buffer, arrival)) = left {
-                    let (size, last) = (D::size(&buffer), LastUse { arrival, ticket: 0 });
+                if let Some((_, buffer, upload_value)) = left {
+                    let (size, last) = (
+                        D::size(&buffer),
+                        LastUse {
+                            upload_value,
+                            ticket: 0,
+                        },
+                    );
                     self.free.put(buffer, size, last);
                 }
                 let Written { staging, bytes, .. } = self.staged(gpu, tree, generation)?;
@@ -161,12 +167,12 @@ impl<D: GpuDevice> TreeBuffers<D> {
                     None => with_slack(bytes, |bytes| gpu.buffer(BufferName::Topology, bytes))?,
                 };
                 self.last_bytes = bytes;
-                let arrival = gpu.send(Upload::Staged(staging), &buffer)?;
-                (buffer, arrival)
+                let upload_value = gpu.send(Upload::Staged(staging), &buffer)?;
+                (buffer, upload_value)
             }
         };
-        self.sent = Some((generation, buffer, arrival));
-        Ok(arrival)
+        self.sent = Some((generation, buffer, upload_value));
+        Ok(upload_value)
     }
 
     /// Returns staging memory that contains the tree.
@@ -206,18 +212,18 @@ impl<D: GpuDevice> TreeBuffers<D> {
         if let Some(candidate) = evaluated.filter(|c| c.generation == generation) {
             std::mem::swap(&mut self.current, candidate);
             self.current.progress = self.current.progress.promoted();
-            self.is_built_here = false;
+            self.built_on_device = false;
             return Ok(());
         }
-        let record = self.arrive(gpu, tree, generation)?;
-        if let Err(e) = self.current.grow(gpu, frames, &record.shape) {
-            self.sent = Some((generation, record.buffer, record.arrival));
+        let uploaded = self.take_upload(gpu, tree, generation)?;
+        if let Err(e) = self.current.grow(gpu, frames, &uploaded.shape) {
+            self.sent = Some((generation, uploaded.buffer, uploaded.upload_value));
             return Err(e);
         }
-        frames.await_upload(record.arrival);
-        let old = record.place(&mut self.current, TreeProgress::default());
+        frames.await_upload(uploaded.upload_value);
+        let old = uploaded.place(&mut self.current, TreeProgress::default());
         self.release(old, frames.submitted);
-        self.is_built_here = false;
+        self.built_on_device = false;
         Ok(())
     }
 
@@ -236,16 +242,16 @@ impl<D: GpuDevice> TreeBuffers<D> {
         }
         let is_loaded = |tree: &DeviceTree<D>| tree.generation == generation;
         if self.candidate.as_ref().is_some_and(|c| !is_loaded(c)) {
-            let record = self.arrive(gpu, tree, generation)?;
+            let uploaded = self.take_upload(gpu, tree, generation)?;
             let Some(candidate) = &mut self.candidate else {
                 return Ok(None);
             };
-            if unless_too_large(candidate.grow(gpu, frames, &record.shape))?.is_none() {
-                self.sent = Some((generation, record.buffer, record.arrival));
+            if unless_too_large(candidate.grow(gpu, frames, &uploaded.shape))?.is_none() {
+                self.sent = Some((generation, uploaded.buffer, uploaded.upload_value));
                 return Ok(None);
             }
-            frames.await_upload(record.arrival);
-            let old = record.place(candidate, TreeProgress::of_candidate());
+            frames.await_upload(uploaded.upload_value);
+            let old = uploaded.place(candidate, TreeProgress::of_candidate());
             self.release(old, frames.submitted);
         }
         Ok(self.candidate.as_mut())
@@ -278,20 +284,20 @@ impl<D: GpuDevice> TreeBuffers<D> {
     }
 
     /// Returns the uploaded topology of a tree, for the next recording. Starts the upload if necessary.
-    fn arrive(
+    fn take_upload(
         &mut self,
         gpu: &mut D,
         tree: &Topology,
         generation: Generation,
-    ) -> Result<ArrivingTree<D::Buffer>> {
+    ) -> Result<UploadedTree<D::Buffer>> {
         let animation = &self.animation;
         check_tree(tree, animation)?;
         let shape = Shape::of(&tree.to_treelets());
         self.send(gpu, tree, generation)?;
-        let (_, buffer, arrival) = self.sent.take().expect("it was sent just now");
-        Ok(ArrivingTree {
+        let (_, buffer, upload_value) = self.sent.take().expect("it was sent just now");
+        Ok(UploadedTree {
             buffer,
-            arrival,
+            upload_value,
             generation,
             shape,
         })
@@ -299,9 +305,16 @@ impl<D: GpuDevice> TreeBuffers<D> {
 
     /// Returns a topology buffer to the pool. The recording after the `last` submission may still use it.
     fn release(&mut self, old: Option<(D::Buffer, u64)>, last: Ticket) {
-        if let Some((old, arrival)) = old {
+        if let Some((old, upload_value)) = old {
             let (size, ticket) = (D::size(&old), last.0);
-            self.free.put(old, size, LastUse { arrival, ticket });
+            self.free.put(
+                old,
+                size,
+                LastUse {
+                    upload_value,
+                    ticket,
+                },
+            );
         }
     }
 
@@ -340,14 +353,14 @@ impl<D: GpuDevice> TreeBuffers<D> {
 }
 
 /// A topology that is on the device, or will be when the next submission runs.
-struct ArrivingTree<B> {
+struct UploadedTree<B> {
     buffer: B,
-    arrival: u64,
+    upload_value: u64,
     generation: Generation,
     shape: Shape,
 }
 
-impl<B> ArrivingTree<B> {
+impl<B> UploadedTree<B> {
     /// Makes this the topology of `tree` and returns the previous one.
     fn place<D: GpuDevice<Buffer = B>>(
         self,
@@ -356,7 +369,7 @@ impl<B> ArrivingTree<B> {
     ) -> Option<(B, u64)> {
         (tree.generation, tree.shape) = (self.generation, self.shape);
         tree.progress = progress;
-        tree.record.replace((self.buffer, self.arrival))
+        tree.topology.replace((self.buffer, self.upload_value))
     }
 }
 

@@ -36,9 +36,9 @@ fn describe(host: &Host, index: usize, device: vk::PhysicalDevice) -> AdapterInf
         s.map_or_else(|_| String::new(), |s| s.to_string_lossy().into_owned())
     };
     let (name, info) = (driver.driver_name_as_c_str(), driver.driver_info_as_c_str());
-    let mut limits = DeviceLimits::of(host, device).named();
+    let mut limits = DeviceLimits::of(host, device).displayed_limits();
     if let Ok(queues) = Queues::find(host, device) {
-        limits.extend(queues.named());
+        limits.extend(queues.displayed_limits());
     }
     AdapterInfo {
         index,

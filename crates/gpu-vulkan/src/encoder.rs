@@ -29,7 +29,7 @@ pub struct RecordingEncoder {
     /// Whether kernels were recorded since the last barrier.
     needs_barrier: bool,
     counts: Buffer,
-    counts_back: Buffer,
+    counts_readback: Buffer,
     gpu: Arc<Gpu>,
 }
 
@@ -65,7 +65,7 @@ impl RecordingEncoder {
             timestamps: Timestamps::new(gpu, 0)?,
             needs_barrier: false,
             counts: Buffer::new(gpu, "counts", COUNTS, BufferUse::Device)?,
-            counts_back: Buffer::new(gpu, "counts", COUNTS, BufferUse::Readback)?,
+            counts_readback: Buffer::new(gpu, "counts", COUNTS, BufferUse::Readback)?,
             gpu: Arc::clone(gpu),
         })
     }
@@ -213,7 +213,7 @@ impl RecordingEncoder {
     fn end(&mut self) -> Result<()> {
         self.commands.barrier(KERNELS | COPIES, COPIES);
         let all = [vk::BufferCopy::default().size(COUNTS)];
-        let (from, to) = (self.counts.vk, self.counts_back.vk);
+        let (from, to) = (self.counts.vk, self.counts_readback.vk);
         self.commands.copy(from, to, &all);
         self.commands.barrier(COPIES, HOST);
         self.commands.end()
@@ -222,7 +222,7 @@ impl RecordingEncoder {
     /// Returns the output of the finished submission.
     pub(crate) fn finished(&self) -> Result<SubmissionOutput> {
         Ok(SubmissionOutput {
-            counts: self.counts_back.read::<Counts>(1)[0],
+            counts: self.counts_readback.read::<Counts>(1)[0],
             marks: self.timestamps.stages.clone(),
             ticks: self.timestamps.read()?,
         })

@@ -11,7 +11,7 @@ use ash::ext::pipeline_robustness;
 use ash::{khr, vk};
 use backend::{AdapterInfo, BackendError, DeviceKind, Result};
 use geom::lock;
-use gpu_common::{Options, check_kernels, device_door};
+use gpu_common::{Options, check_kernels, lock_device_lifetime};
 use std::collections::HashMap;
 use std::ffi::CStr;
 use std::sync::{Arc, Mutex};
@@ -77,7 +77,7 @@ impl Gpu {
         let adapter = AdapterInfo::choose(list, options.adapter)?.clone();
         let physical = host.physical_devices()?[adapter.index];
         let limits = DeviceLimits::of(&host, physical);
-        check_kernels(&limits.of_kernels(), |k| !k.makes_trees())?;
+        check_kernels(&limits.of_kernels(), |k| !k.builds_trees())?;
         let queues = Queues::find(&host, physical)?;
         let features = DeviceFeatures::of(&host, physical, traces_rays)?;
         let vk = create(&host, physical, &queues, &features)?;
@@ -92,7 +92,7 @@ impl Gpu {
         let import = Import::of(&host, physical, &vk, &features.sharing);
         let cache = PipelineCache::open(&host, physical, &vk, options.cache.as_deref());
         Ok(Arc::new(Self {
-            queues: opened(&vk, queues.places),
+            queues: opened(&vk, queues.indices),
             vk,
             cache,
             memory,
@@ -127,23 +127,23 @@ impl Gpu {
 }
 
 /// Opens each queue once, even if it has several purposes.
-fn opened(vk: &ash::Device, places: QueueSet<QueueIndex>) -> QueueSet<Arc<Queue>> {
+fn opened(vk: &ash::Device, indices: QueueSet<QueueIndex>) -> QueueSet<Arc<Queue>> {
     let mut known = HashMap::new();
-    let mut queue = |place: QueueIndex| {
-        let queue = known.entry(place).or_insert_with(|| {
+    let mut queue = |index: QueueIndex| {
+        let queue = known.entry(index).or_insert_with(|| {
             // SAFETY: the device was created with this family and at least this many queues.
-            let queue = unsafe { vk.get_device_queue(place.family, place.index) };
+            let queue = unsafe { vk.get_device_queue(index.family, index.index) };
             Arc::new(Queue {
                 queue: Mutex::new(queue),
-                family: place.family,
+                family: index.family,
             })
         });
         Arc::clone(queue)
     };
     QueueSet {
-        compute: queue(places.compute),
-        upload: queue(places.upload),
-        readback: queue(places.readback),
+        compute: queue(indices.compute),
+        upload: queue(indices.upload),
+        readback: queue(indices.readback),
     }
 }
 
@@ -151,7 +151,7 @@ impl Drop for Gpu {
     fn drop(&mut self) {
         // SAFETY: no user is left to submit work. An error means that the device is lost; there is nothing to wait for.
         let _ = unsafe { self.vk.device_wait_idle() };
-        let _door = device_door();
+        let _lock = lock_device_lifetime();
         self.cache.close(&self.vk);
         self.memory.close();
         // SAFETY: every object created from the device holds an `Arc` of this, so all are gone.
@@ -204,7 +204,7 @@ fn create(
     if features.has_pipeline_robustness {
         info = info.push_next(&mut robustness);
     }
-    let _door = device_door();
+    let _lock = lock_device_lifetime();
     // SAFETY: every pointer in `info` outlives the call; the device supports the requested features.
     unsafe { host.instance.create_device(device, &info, None) }
         .map_err(|e| BackendError::NoDevice(format!("the device cannot be opened: {e}")))

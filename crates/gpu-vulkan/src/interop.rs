@@ -113,11 +113,11 @@ impl VulkanDevice {
         if copies.is_empty() {
             return Ok(None);
         }
-        let arrival = self.upload.start_in_order(&copies, &self.external.waits)?;
+        let upload_value = self.upload.start_in_order(&copies, &self.external.waits)?;
         for source in std::mem::take(&mut self.external.points.pending) {
-            self.retain(source.buffer, 0, arrival);
+            self.retain(source.buffer, 0, upload_value);
         }
-        Ok(Some(arrival))
+        Ok(Some(upload_value))
     }
 
     /// Makes the next query of [`backend::Rays::OnDevice`] trace these rays. Their buffers must be

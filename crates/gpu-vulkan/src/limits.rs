@@ -5,7 +5,7 @@ use crate::sharing;
 use ash::ext::pipeline_robustness;
 use ash::vk;
 use backend::{BackendError, Result};
-use gpu_common::{KernelLimit, refuse_above};
+use gpu_common::{KernelLimit, check_limit};
 use shaders::storage_buffers;
 use std::ffi::CStr;
 
@@ -55,7 +55,7 @@ impl DeviceLimits {
             ("maxStorageBufferRange", self.storage_range),
             ("maxMemoryAllocationSize", self.allocation),
         ] {
-            refuse_above(|| format!("{what} (bytes, {name})"), bytes, most)?;
+            check_limit(|| format!("{what} (bytes, {name})"), bytes, most)?;
         }
         Ok(())
     }
@@ -77,7 +77,7 @@ impl DeviceLimits {
     }
 
     /// Returns names and values, for display.
-    pub(crate) fn named(&self) -> Vec<(&'static str, String)> {
+    pub(crate) fn displayed_limits(&self) -> Vec<(&'static str, String)> {
         vec![
             ("max storage buffer bytes", self.storage_range.to_string()),
             ("max allocation bytes", self.allocation.to_string()),
@@ -187,7 +187,7 @@ mod tests {
 
     #[test]
     fn refused_kernel_names_its_limit() {
-        let always = |k: &Kernel| !k.makes_trees();
+        let always = |k: &Kernel| !k.builds_trees();
         let admit = |limits: DeviceLimits, kernels: fn(&Kernel) -> bool| {
             check_kernels(&limits.of_kernels(), kernels)
         };
@@ -204,7 +204,7 @@ mod tests {
             ..LIMITS
         };
         let expected = "maxComputeWorkGroupInvocations) needs 256, the limit is 128";
-        for kernels in [always, Kernel::makes_trees] {
+        for kernels in [always, Kernel::builds_trees] {
             let refused = admit(small, kernels).unwrap_err().to_string();
             assert!(refused.ends_with(expected), "{refused}");
         }

@@ -4,7 +4,7 @@ use crate::errors::{failed, refused};
 use crate::gpu::Gpu;
 use ash::vk;
 use backend::Result;
-use gpu_common::compile_door;
+use gpu_common::lock_compilation;
 use shaders::{Kernel, Kind};
 use std::sync::Arc;
 
@@ -84,7 +84,7 @@ pub fn with_module<T>(
     spirv: &[u8],
     compile: impl FnOnce(vk::ShaderModule) -> Result<T>,
 ) -> Result<T> {
-    let _door = compile_door();
+    let _lock = lock_compilation();
     let words: Vec<u32> = bytemuck::pod_collect_to_vec(spirv);
     let info = vk::ShaderModuleCreateInfo::default().code(&words);
     // SAFETY: the words are SPIR-V that the build validated.

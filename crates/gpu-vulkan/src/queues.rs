@@ -24,7 +24,7 @@ pub(crate) struct QueueSet<Q> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Queues {
     /// The same queue occurs several times if there are too few.
-    pub(crate) places: QueueSet<QueueIndex>,
+    pub(crate) indices: QueueSet<QueueIndex>,
     /// Valid bits of a timestamp; 0 if the compute family has no clock.
     pub(crate) timestamp_bits: u32,
 }
@@ -54,17 +54,17 @@ impl Queues {
         };
         let computing = find(&|f| f.contains(compute))?;
         let moving = find(&|f| f.contains(transfer) && !f.intersects(other));
-        let place = |family: usize, index: u32| QueueIndex {
+        let index = |family: usize, index: u32| QueueIndex {
             family: family as u32,
             index: index.min(families[family].queue_count - 1),
         };
         let [up, back] = match moving {
-            Some(family) => [place(family, 0), place(family, 1)],
-            None => [place(computing, 1), place(computing, 2)],
+            Some(family) => [index(family, 0), index(family, 1)],
+            None => [index(computing, 1), index(computing, 2)],
         };
         Some(Self {
-            places: QueueSet {
-                compute: place(computing, 0),
+            indices: QueueSet {
+                compute: index(computing, 0),
                 upload: up,
                 readback: back,
             },
@@ -75,18 +75,18 @@ impl Queues {
     /// Returns each family in use with its number of queues in use.
     pub(crate) fn families(&self) -> Vec<(u32, u32)> {
         let mut all: Vec<(u32, u32)> = Vec::new();
-        for place in self.places.all() {
-            match all.iter_mut().find(|(family, _)| *family == place.family) {
-                Some((_, count)) => *count = (*count).max(place.index + 1),
-                None => all.push((place.family, place.index + 1)),
+        for index in self.indices.all() {
+            match all.iter_mut().find(|(family, _)| *family == index.family) {
+                Some((_, count)) => *count = (*count).max(index.index + 1),
+                None => all.push((index.family, index.index + 1)),
             }
         }
         all
     }
 
     /// Returns names and values, for display.
-    pub(crate) fn named(&self) -> Vec<(&'static str, String)> {
-        let [compute, upload, readback] = self.places.all();
+    pub(crate) fn displayed_limits(&self) -> Vec<(&'static str, String)> {
+        let [compute, upload, readback] = self.indices.all();
         let transfer = if upload == compute {
             "the compute queue".to_owned()
         } else {
@@ -116,9 +116,9 @@ mod tests {
             .timestamp_valid_bits(36)
     }
 
-    fn places(families: &[vk::QueueFamilyProperties]) -> [(u32, u32); 3] {
-        let places = Queues::among(families).unwrap().places;
-        places.all().map(|p| (p.family, p.index))
+    fn indices(families: &[vk::QueueFamilyProperties]) -> [(u32, u32); 3] {
+        let indices = Queues::among(families).unwrap().indices;
+        indices.all().map(|p| (p.family, p.index))
     }
 
     #[test]
@@ -130,13 +130,13 @@ mod tests {
         );
         let all = family(g | c | t, 16);
         let engines = [all, family(t, 2), family(c | t, 8)];
-        assert_eq!(places(&engines), [(0, 0), (1, 0), (1, 1)]);
-        assert_eq!(places(&[family(t, 1), all]), [(1, 0), (0, 0), (0, 0)]);
-        assert_eq!(places(&[all]), [(0, 0), (0, 1), (0, 2)]);
+        assert_eq!(indices(&engines), [(0, 0), (1, 0), (1, 1)]);
+        assert_eq!(indices(&[family(t, 1), all]), [(1, 0), (0, 0), (0, 0)]);
+        assert_eq!(indices(&[all]), [(0, 0), (0, 1), (0, 2)]);
         let two = family(g | c | t, 2);
-        assert_eq!(places(&[two]), [(0, 0), (0, 1), (0, 1)]);
+        assert_eq!(indices(&[two]), [(0, 0), (0, 1), (0, 1)]);
         let lone = family(g | c | t, 1);
-        assert_eq!(places(&[family(g, 1), lone]), [(1, 0); 3]);
+        assert_eq!(indices(&[family(g, 1), lone]), [(1, 0); 3]);
         assert_eq!(Queues::among(&[family(g, 1)]), None);
         let found = Queues::among(&engines).unwrap();
         assert_eq!(found.families(), [(0, 1), (1, 2)]);

@@ -46,9 +46,10 @@ impl Timelines<'_> {
     pub(crate) fn has_ended(self, last: LastUse, may_wait: bool) -> Result<bool> {
         if may_wait {
             self.submissions.wait(last.ticket)?;
-            self.uploads.wait(last.arrival)?;
+            self.uploads.wait(last.upload_value)?;
         }
-        Ok(self.submissions.has_reached(last.ticket)? && self.uploads.has_reached(last.arrival)?)
+        Ok(self.submissions.has_reached(last.ticket)?
+            && self.uploads.has_reached(last.upload_value)?)
     }
 }
 
@@ -91,10 +92,16 @@ impl StagingPool {
     ) -> Result<u64> {
         let StagingBuffer { buffer, filled } = from;
         let copy = BufferCopy::between(buffer.vk, to.vk).range(0..filled, 0);
-        let arrival = transfer.start(&copy, &[])?;
-        let (size, last) = (buffer.size(), LastUse { arrival, ticket: 0 });
+        let upload_value = transfer.start(&copy, &[])?;
+        let (size, last) = (
+            buffer.size(),
+            LastUse {
+                upload_value,
+                ticket: 0,
+            },
+        );
         self.free.put(buffer, size, last);
-        Ok(arrival)
+        Ok(upload_value)
     }
 }
 

@@ -173,22 +173,30 @@ impl VulkanDevice {
     }
 
     /// Keeps a resource until an upload has finished. `allocated` is its bytes of device memory.
-    pub(crate) fn retain(&mut self, resource: impl Send + 'static, allocated: u64, arrival: u64) {
+    pub(crate) fn retain(
+        &mut self,
+        resource: impl Send + 'static,
+        allocated: u64,
+        upload_value: u64,
+    ) {
         let bytes = allocated;
         let size = BufferSize { bytes, allocated };
-        let last = LastUse { arrival, ticket: 0 };
+        let last = LastUse {
+            upload_value,
+            ticket: 0,
+        };
         self.in_use.put(Box::new(resource), size, last);
     }
 
     /// Submits the parts of an encoded recording. Copies of positions wait only for the first of two parts.
     fn submit_parts(&mut self, recording: &VulkanRecording, ticket: Ticket) -> Result<()> {
-        let arrival = Some(recording.after_upload.max(self.results_at));
-        let arrival = arrival.filter(|&value| value > 0);
-        let arrival = arrival.map(|value| self.upload.done.at(value));
+        let upload_value = Some(recording.after_upload.max(self.results_at));
+        let upload_value = upload_value.filter(|&value| value > 0);
+        let upload_value = upload_value.map(|value| self.upload.done.at(value));
         let unread = recording.overwrites;
         let unread = unread.and_then(|ticket| self.copies.get(&ticket));
         let unread = unread.map(|copy| self.readback.done.at(copy.done_at));
-        let after = arrival.into_iter().chain(unread);
+        let after = upload_value.into_iter().chain(unread);
         let after: Vec<SemaphoreValue> = after.chain(self.external.waits.iter().copied()).collect();
         let (done, first_part) = (self.done.at(ticket.0), self.first_part.at(ticket.0));
         let parts = self.encoder(ticket).commands.all();
@@ -234,7 +242,7 @@ impl GpuDevice for VulkanDevice {
     type Native = NativeCommand;
     type Staging = StagingBuffer;
 
-    fn another(&self) -> impl FnOnce() -> Result<Self> + Send + use<> {
+    fn share_device(&self) -> impl FnOnce() -> Result<Self> + Send + use<> {
         let gpu = Arc::clone(&self.gpu);
         move || Self::over(&gpu, BackendName::Vulkan.name())
     }

@@ -35,7 +35,7 @@ fn describe(index: usize, adapter: &wgpu::Adapter) -> AdapterInfo {
         "WGSL"
     };
     let mut limits = vec![("interface", info.backend.to_string())];
-    limits.extend(crate::limits::named(&adapter.limits()));
+    limits.extend(crate::limits::displayed_limits(&adapter.limits()));
     limits.push(("timestamps", timestamps.to_owned()));
     limits.push(("kernels", kernels.to_owned()));
     AdapterInfo {

@@ -2,10 +2,10 @@
 
 use crate::adapters::{enumerate, instance, kind, takes_spirv};
 use crate::faults::Faults;
-use crate::limits::{check, generous, span, useful_features};
+use crate::limits::{check, max_storage_bytes, requested_limits, useful_features};
 use crate::pipeline_cache::AdapterPipelineCache;
 use backend::{AdapterInfo, BackendError, DeviceKind, Result};
-use gpu_common::{Options, Validation, device_door, refuse_above};
+use gpu_common::{Options, Validation, check_limit, lock_device_lifetime};
 use shaders::Packets;
 use std::ops::Deref;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -44,13 +44,13 @@ impl OpenGpu {
         let desc = wgpu::DeviceDescriptor {
             label: Some("abvh"),
             required_features: adapter.features() & useful_features(),
-            required_limits: generous(&adapter.limits()),
+            required_limits: requested_limits(&adapter.limits()),
             experimental_features: wgpu::ExperimentalFeatures::disabled(),
             memory_hints: wgpu::MemoryHints::Performance,
             trace: wgpu::Trace::Off,
         };
         let opened = {
-            let _door = device_door();
+            let _lock = lock_device_lifetime();
             pollster::block_on(adapter.request_device(&desc))
         };
         let (device, queue) = opened
@@ -224,9 +224,9 @@ pub(crate) fn make(gpu: &OpenGpu, what: &str, bytes: u64, usage: BufferUsages) -
     let size = bytes.max(16).next_multiple_of(16);
     let what_needs = || format!("{what} (bytes of one buffer)");
     if usage.contains(BufferUsages::STORAGE) {
-        refuse_above(what_needs, bytes, span(&gpu.limits))?;
+        check_limit(what_needs, bytes, max_storage_bytes(&gpu.limits))?;
     } else {
-        refuse_above(what_needs, size, gpu.limits.max_buffer_size)?;
+        check_limit(what_needs, size, gpu.limits.max_buffer_size)?;
     }
     let desc = wgpu::BufferDescriptor {
         label: Some(what),
@@ -269,7 +269,7 @@ impl Deref for OpenDevice {
 
 impl Drop for OpenDevice {
     fn drop(&mut self) {
-        let _door = device_door();
+        let _lock = lock_device_lifetime();
         self.0 = None;
     }
 }

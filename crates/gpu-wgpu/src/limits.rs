@@ -56,12 +56,12 @@ pub fn required_limits(animation: &Animation, rays: usize) -> Limits {
     Limits {
         max_buffer_size: bytes,
         max_storage_buffer_binding_size: bytes,
-        ..least()
+        ..minimum_limits()
     }
 }
 
 /// Returns the limits that every scene requires.
-fn least() -> Limits {
+fn minimum_limits() -> Limits {
     let all = KERNELS.iter().map(|k| storage_buffers(k.bindings));
     Limits {
         max_storage_buffers_per_shader_stage: all.max().unwrap_or(0),
@@ -70,20 +70,20 @@ fn least() -> Limits {
 }
 
 /// Returns the limits to request from an adapter: those required, with buffers as large as the adapter allows.
-pub(crate) fn generous(adapter: &Limits) -> Limits {
+pub(crate) fn requested_limits(adapter: &Limits) -> Limits {
     Limits {
         max_buffer_size: adapter.max_buffer_size,
         max_storage_buffer_binding_size: adapter.max_storage_buffer_binding_size,
         max_compute_workgroups_per_dimension: adapter.max_compute_workgroups_per_dimension,
         min_uniform_buffer_offset_alignment: adapter.min_uniform_buffer_offset_alignment,
         min_storage_buffer_offset_alignment: adapter.min_storage_buffer_offset_alignment,
-        ..least()
+        ..minimum_limits()
     }
 }
 
 /// Checks that a device meets the requirements of every scene.
 pub(crate) fn check(limits: &Limits) -> Result<()> {
-    check_kernels(&kernel_limits(limits), |k| !k.makes_trees())
+    check_kernels(&kernel_limits(limits), |k| !k.builds_trees())
 }
 
 /// Returns the limits that a kernel may exceed.
@@ -113,7 +113,7 @@ pub(crate) fn kernel_limits(limits: &Limits) -> Vec<KernelLimit> {
 }
 
 /// Returns names and values of limits that affect the work, for display.
-pub(crate) fn named(limits: &Limits) -> Vec<(&'static str, String)> {
+pub(crate) fn displayed_limits(limits: &Limits) -> Vec<(&'static str, String)> {
     let group = limits
         .max_compute_invocations_per_workgroup
         .min(limits.max_compute_workgroup_size_x);
@@ -141,7 +141,7 @@ pub(crate) fn named(limits: &Limits) -> Vec<(&'static str, String)> {
 }
 
 /// Returns the maximum bytes of a storage buffer. Kernels compute sizes in 32 bits, so it is at most 4 GiB.
-pub(crate) fn span(limits: &Limits) -> u64 {
+pub(crate) fn max_storage_bytes(limits: &Limits) -> u64 {
     let largest = limits
         .max_storage_buffer_binding_size
         .min(limits.max_buffer_size);
@@ -161,22 +161,22 @@ mod tests {
 
     #[test]
     fn refused_device_names_workgroup_memory_limit() {
-        assert_eq!(check(&least()), Ok(()));
+        assert_eq!(check(&minimum_limits()), Ok(()));
         let cramped = Limits {
             max_compute_workgroup_storage_size: 256,
-            ..least()
+            ..minimum_limits()
         };
         let refused = check(&cramped).unwrap_err().to_string();
         let expected = "(max_compute_workgroup_storage_size) needs 15376, the limit is 256";
         assert!(refused.ends_with(expected), "{refused}");
-        let makes_trees =
-            |limits: &Limits| check_kernels(&kernel_limits(limits), Kernel::makes_trees);
-        assert_eq!(makes_trees(&least()), Ok(()));
+        let builds_trees =
+            |limits: &Limits| check_kernels(&kernel_limits(limits), Kernel::builds_trees);
+        assert_eq!(builds_trees(&minimum_limits()), Ok(()));
         let cramped = Limits {
             max_compute_workgroup_storage_size: 15376,
-            ..least()
+            ..minimum_limits()
         };
         assert_eq!(check(&cramped), Ok(()));
-        assert!(makes_trees(&cramped).is_err());
+        assert!(builds_trees(&cramped).is_err());
     }
 }

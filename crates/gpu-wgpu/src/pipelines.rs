@@ -4,7 +4,7 @@
 use crate::gpu::OpenGpu;
 use crate::pipeline_cache::AdapterPipelineCache;
 use backend::Result;
-use gpu_common::{KernelCode, compile_door};
+use gpu_common::{KernelCode, lock_compilation};
 use shaders::{Binding, Code, Kernel, Kind, Params};
 use std::num::NonZeroU64;
 use wgpu::{
@@ -83,7 +83,7 @@ fn compute_pipeline(
         },
         cache: gpu.cache.as_ref().map(AdapterPipelineCache::wgpu),
     };
-    let _door = compile_door();
+    let _lock = lock_compilation();
     gpu.device.create_compute_pipeline(&desc)
 }
 

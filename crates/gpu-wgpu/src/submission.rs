@@ -15,20 +15,20 @@ const COUNTS: u64 = size_of::<Counts>() as u64;
 
 /// Maximum number of counts buffers per submission. In wgpu, dispatches that write the same buffer wait for each other,
 /// so each trace has its own buffer up to this number.
-const PLACES: usize = 16;
+const MAX_COUNT_BUFFERS: usize = 16;
 
 /// Offset of the stamp in a report.
-const STAMP: u64 = timestamps::BYTES + COUNTS * PLACES as u64;
+const STAMP: u64 = timestamps::BYTES + COUNTS * MAX_COUNT_BUFFERS as u64;
 
 /// Resources of one submission at a time.
 pub(crate) struct SubmissionEncoder {
     /// One buffer per trace index, created on first use.
     counts: Vec<Buffer>,
     /// Number of counts buffers that this submission uses.
-    places: usize,
+    count_buffers: usize,
     timestamps: Option<PassTimestamps>,
     /// The report that the host maps: timestamps, counts and the stamp.
-    back: Buffer,
+    report: Buffer,
     /// Contains the ticket of a submission that is recorded into the program's encoder. Its commands copy the ticket to
     /// the report.
     stamp: Buffer,
@@ -54,9 +54,9 @@ impl SubmissionEncoder {
         let usage = BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
         Ok(Self {
             counts: vec![make(gpu, "counts", COUNTS, STORAGE)?],
-            places: 1,
+            count_buffers: 1,
             timestamps: PassTimestamps::new(gpu)?,
-            back: make(gpu, "a report", STAMP + size_of::<u64>() as u64, READBACK)?,
+            report: make(gpu, "a report", STAMP + size_of::<u64>() as u64, READBACK)?,
             stamp: make(gpu, "a stamp", size_of::<u64>() as u64, usage)?,
             stamped: 0,
             is_refused: false,
@@ -83,10 +83,10 @@ impl SubmissionEncoder {
             write(&self.gpu, &self.stamp, 0, &[self.stamped])?;
         }
         self.gpu.guard("recording", 0, || {
-            let all = self.counts[..self.places].iter();
+            let all = self.counts[..self.count_buffers].iter();
             all.for_each(|counts| encoder.clear_buffer(counts, 0, None));
         })?;
-        let counts = &self.counts[..self.places];
+        let counts = &self.counts[..self.count_buffers];
         let launches = self.launches.bind(&self.gpu, counts, recording)?;
         let mut launches = launches.into_iter();
         // Complete stages that no pass contains yet, and the launches after them.
@@ -121,28 +121,28 @@ impl SubmissionEncoder {
             self.pass(encoder, &[StageLaunches { stage, launches }])?;
         }
         self.gpu.guard("the report of a frame", 0, || {
-            for (counts, at) in self.counts[..self.places].iter().zip(0..) {
+            for (counts, at) in self.counts[..self.count_buffers].iter().zip(0..) {
                 let at = timestamps::BYTES + COUNTS * at;
-                encoder.copy_buffer_to_buffer(counts, 0, &self.back, at, COUNTS);
+                encoder.copy_buffer_to_buffer(counts, 0, &self.report, at, COUNTS);
             }
             if stamp.is_some() {
-                encoder.copy_buffer_to_buffer(&self.stamp, 0, &self.back, STAMP, Some(8));
+                encoder.copy_buffer_to_buffer(&self.stamp, 0, &self.report, STAMP, Some(8));
             }
             if let Some(timestamps) = &self.timestamps {
-                timestamps.resolve(encoder, &self.back, 0);
+                timestamps.resolve(encoder, &self.report, 0);
             }
         })
     }
 
     /// Requests the mapping of the report. This must be the last call on the encoder.
     pub(crate) fn report(&self, encoder: &CommandEncoder) -> Mapping {
-        Mapping::on_submit(encoder, &self.back, MapMode::Read)
+        Mapping::on_submit(encoder, &self.report, MapMode::Read)
     }
 
     /// Unmaps the report after the submission failed, because wgpu maps it anyway.
     pub(crate) fn unmap_report(&self) {
         // If the device is lost, the next call reports it.
-        let _ = unmap(&self.gpu.device, &self.back);
+        let _ = unmap(&self.gpu.device, &self.report);
     }
 
     /// Encodes and removes all stages, as one pass if they can be timed within it.
@@ -189,12 +189,12 @@ impl SubmissionEncoder {
         if let Some(timestamps) = &mut self.timestamps {
             timestamps.stages.clear();
         }
-        let places = recording.commands.iter().map(|command| match command {
+        let count_buffers = recording.commands.iter().map(|command| match command {
             RecordedCommand::Dispatch(dispatch) => dispatch.work.trace_index + 1,
             _ => 1,
         });
-        self.places = places.max().unwrap_or(1).min(PLACES);
-        while self.counts.len() < self.places {
+        self.count_buffers = count_buffers.max().unwrap_or(1).min(MAX_COUNT_BUFFERS);
+        while self.counts.len() < self.count_buffers {
             let made = make(&self.gpu, "counts", COUNTS, STORAGE)?;
             self.counts.push(made);
         }
@@ -233,16 +233,16 @@ impl SubmissionEncoder {
             }
         }
         mapping.expect(gpu)?;
-        let view = self.back.get_mapped_range(..).map_err(unreadable)?;
+        let view = self.report.get_mapped_range(..).map_err(unreadable)?;
         let (report, stamp) = view.split_at(STAMP as usize);
         self.is_refused = self.stamped > 0 && !stamp.starts_with(&self.stamped.to_ne_bytes());
         let (ticks, counts) = report.split_at(timestamps::BYTES as usize);
         let ticks: Vec<u64> = bytemuck::pod_collect_to_vec(ticks);
         let each: Vec<Counts> = bytemuck::pod_collect_to_vec(counts);
-        let (mut counts, others) = (each[0], &each[1..self.places]);
+        let (mut counts, others) = (each[0], &each[1..self.count_buffers]);
         others.iter().for_each(|other| counts.add_trace(other));
         drop(view);
-        if !unmap(&gpu.device, &self.back) {
+        if !unmap(&gpu.device, &self.report) {
             return Err(gpu.faults.lose("a report was lost".into()));
         }
         if self.is_refused {

@@ -77,12 +77,12 @@ impl PassTimestamps {
         }
     }
 
-    /// Records a copy of the timestamps to `back`, from byte `at`.
-    pub(crate) fn resolve(&self, encoder: &mut CommandEncoder, back: &Buffer, at: u64) {
+    /// Records a copy of the timestamps to `report`, from byte `at`.
+    pub(crate) fn resolve(&self, encoder: &mut CommandEncoder, report: &Buffer, at: u64) {
         let marks = self.stages.len() as u32;
         if marks > 0 {
             encoder.resolve_query_set(&self.set, 0..marks, &self.resolved, 0);
-            encoder.copy_buffer_to_buffer(&self.resolved, 0, back, at, u64::from(marks) * 8);
+            encoder.copy_buffer_to_buffer(&self.resolved, 0, report, at, u64::from(marks) * 8);
         }
     }
 }

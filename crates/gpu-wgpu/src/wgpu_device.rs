@@ -174,7 +174,7 @@ impl GpuDevice for WgpuDevice {
     type Native = Infallible;
     type Staging = MappedStaging;
 
-    fn another(&self) -> impl FnOnce() -> Result<Self> + Send + use<> {
+    fn share_device(&self) -> impl FnOnce() -> Result<Self> + Send + use<> {
         let gpu = Arc::clone(&self.gpu);
         move || Self::over(gpu)
     }

@@ -38,7 +38,7 @@ pub use pictures::{Packets, RasterBackoff};
 pub use shape::{MovingShape, Shape, moving_rows};
 pub use sizes::{RANGE_BYTES, occluded_words, tree_buffers};
 pub(crate) use sizes::{candidate_capacity, fallback_workers, undecided_shadows_at};
-pub use tree_counts::{Extents, TreeCounts};
+pub use tree_counts::{TreeCounts, TreeStages};
 #[cfg(any(test, feature = "inspect"))]
 pub use view::View;
 
@@ -210,7 +210,7 @@ impl Kernel {
     }
 
     /// Returns whether only [`rebuild`] uses the kernel. A host loads such kernels when it first builds a tree.
-    pub fn makes_trees(&self) -> bool {
+    pub fn builds_trees(&self) -> bool {
         rebuild::KERNELS.contains(&self.entry)
     }
 }

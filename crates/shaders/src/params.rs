@@ -146,7 +146,7 @@ impl Params {
     }
 
     /// Sets the range of the coordinates. `None` lets the device measure it; [`Params::spread`] then keeps its value.
-    pub fn at_range(mut self, range: Option<CoordinateRange>) -> Self {
+    pub fn with_range(mut self, range: Option<CoordinateRange>) -> Self {
         match range {
             Some(range) => {
                 self.clearance = range.clearance * scale(self.scale_exponent);
@@ -159,7 +159,7 @@ impl Params {
     }
 
     /// Removes the mark of an unknown range. Rays are then extreme only because of their origins.
-    pub(crate) fn known(mut self) -> Self {
+    pub(crate) fn without_unknown_range(mut self) -> Self {
         if self.is_unknown() {
             self.extreme = 0;
         }
@@ -187,7 +187,7 @@ impl Params {
     }
 
     /// Sets the camera.
-    pub(crate) fn through(mut self, camera: &Camera) -> Self {
+    pub(crate) fn with_camera(mut self, camera: &Camera) -> Self {
         (self.eye, self.corner) = (camera.eye, camera.corner);
         (self.across, self.down) = (camera.across, camera.down);
         (self.width, self.height) = (camera.width, camera.height);
@@ -196,7 +196,7 @@ impl Params {
     }
 
     /// Sets the light.
-    pub(crate) fn lit(mut self, light: Point) -> Self {
+    pub(crate) fn with_light(mut self, light: Point) -> Self {
         self.light = scaled_point(light, self.scale_exponent);
         self
     }
@@ -359,7 +359,7 @@ mod tests {
         let point = [3.0e-3, f32::MIN_POSITIVE, -2.0e-39];
         let (least, none) = ((-64_f32).exp2(), Shape::default());
         for k in -126..=126 {
-            let params = Params::of(k, &none).lit(point);
+            let params = Params::of(k, &none).with_light(point);
             let exact = point.map(|x| f64::from(x) * (-f64::from(k)).exp2());
             let snap = |x: f64| {
                 if x.abs() < f64::from(least) {
@@ -372,7 +372,7 @@ mod tests {
             let found = params.light.map(f32::to_bits);
             assert_eq!(found, snapped.map(f32::to_bits), "{k}");
         }
-        let odd = Params::of(3, &none).lit([f32::NAN, f32::INFINITY, 0.0]);
+        let odd = Params::of(3, &none).with_light([f32::NAN, f32::INFINITY, 0.0]);
         assert!(odd.light[0].is_nan() && odd.light[1] == f32::INFINITY);
     }
 }

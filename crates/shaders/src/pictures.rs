@@ -69,7 +69,7 @@ fn is_suited(params: &Params) -> bool {
 }
 
 /// Returns whether packets are faster than single rays. `params` must contain a camera.
-pub(crate) fn packets_pay(params: &Params, how: Packets) -> bool {
+pub(crate) fn are_packets_faster(params: &Params, how: Packets) -> bool {
     let (triangles, pixels) = sizes(params);
     is_suited(params)
         && params.wide_root != 0
@@ -78,7 +78,7 @@ pub(crate) fn packets_pay(params: &Params, how: Packets) -> bool {
 }
 
 /// Returns whether rasterization is faster than single rays, if packets are not. `params` must contain a camera.
-pub(crate) fn rasterization_pays(params: &Params, how: Packets) -> bool {
+pub(crate) fn is_rasterization_faster(params: &Params, how: Packets) -> bool {
     let (triangles, pixels) = sizes(params);
     let are_dense = pixels < PIXELS_A_TRIANGLE * u64::from(triangles);
     let is_fast = how == Packets::BySubgroups
@@ -146,16 +146,16 @@ mod tests {
         let most = 64 * 48 / 4;
         let [usual, more] = [most, most + 1].map(|triangles| params(triangles, [64, 48]));
         for how in [Packets::BySubgroups, Packets::ByGroups] {
-            assert!(packets_pay(&usual, how));
-            assert!(!packets_pay(&more, how));
+            assert!(are_packets_faster(&usual, how));
+            assert!(!are_packets_faster(&more, how));
         }
         let spread = Params { spread: 1, ..usual };
-        assert!(!packets_pay(&spread, Packets::BySubgroups));
+        assert!(!are_packets_faster(&spread, Packets::BySubgroups));
         let no_wide_tree = Params {
             wide_root: 0,
             ..usual
         };
-        assert!(!packets_pay(&no_wide_tree, Packets::BySubgroups));
+        assert!(!are_packets_faster(&no_wide_tree, Packets::BySubgroups));
     }
 
     #[test]
@@ -178,7 +178,7 @@ mod tests {
             (100, [16, 15], false, false),
         ] {
             let found = [Packets::BySubgroups, Packets::ByGroups]
-                .map(|how| rasterization_pays(&params(triangles, size), how));
+                .map(|how| is_rasterization_faster(&params(triangles, size), how));
             let expected = [by_subgroups, by_groups];
             assert_eq!(found, expected, "{triangles} triangles, {size:?}");
         }

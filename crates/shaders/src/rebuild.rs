@@ -130,7 +130,7 @@ mod tests {
     #[test]
     fn cost_buffer_fits_every_tile() {
         for leaves in [1, 2, 511, 513, 100_000, 1 << 24] {
-            let tree = Shape::made_on_device(leaves);
+            let tree = Shape::built_on_device(leaves);
             let work = cluster(Params::default(), &tree);
             let (sum, phases) = work.split_last().unwrap();
             let last = phases::of(leaves).pop().unwrap();

@@ -67,7 +67,7 @@ impl Shape {
     }
 
     /// Returns the shape of a tree that the device builds. It has no treelets, because it needs no refit.
-    pub fn made_on_device(leaves: u32) -> Self {
+    pub fn built_on_device(leaves: u32) -> Self {
         Self {
             params: params_of(leaves),
             leaf_count: leaves,

@@ -5,13 +5,13 @@ use backend::FrameReport;
 
 /// The stages that ran in one submission.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Extents {
+pub struct TreeStages {
     /// Number of zero-area triangles that the last preprocess skipped and did not count; `None` if no preprocess ran.
     pub uncounted: Option<u32>,
     /// Whether a refit or a build summed the areas of boxes.
-    pub boxes: bool,
+    pub summed_areas: bool,
     /// Whether a candidate tree was evaluated next to the current one.
-    pub candidate: bool,
+    pub evaluated_candidate: bool,
 }
 
 /// Statistics that stay valid until a stage runs again.
@@ -25,12 +25,12 @@ pub struct TreeCounts {
 impl TreeCounts {
     /// Updates the statistics from the counts of a submission. Submissions come in order. `never_active` is the number of
     /// triangles that are inactive in every key frame and therefore in no tree.
-    pub fn update(&mut self, counts: &Counts, extents: Extents, never_active: u64) {
-        if let Some(uncounted) = extents.uncounted {
+    pub fn update(&mut self, counts: &Counts, tree_stages: TreeStages, never_active: u64) {
+        if let Some(uncounted) = tree_stages.uncounted {
             self.inactive = u64::from(counts.inactive) + never_active;
             self.degenerate = u64::from(counts.degenerate) + u64::from(uncounted);
         }
-        if extents.boxes {
+        if tree_stages.summed_areas {
             self.sah_cost = counts.cost(counts.areas);
         }
     }

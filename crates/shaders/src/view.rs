@@ -8,7 +8,7 @@ use geom::{Aabb, Animation, Point};
 #[derive(Clone, Copy, Debug)]
 pub struct View<'a> {
     /// Whether the tree was built on the device.
-    pub made_on_device: bool,
+    pub built_on_device: bool,
     /// The buffer `nodes`, of length [`crate::Shape::node_rows`].
     pub rows: &'a [[u32; 4]],
     /// The triangles of the leaves: from the buffer `sorted` if the tree was built on the device, else from the topology.
@@ -86,7 +86,7 @@ impl View<'_> {
     /// # Errors
     /// Fails if the tree was built on the device and its nodes do not form a tree.
     pub fn boxes(&self, positions: &[Point]) -> Result<Vec<Aabb>, String> {
-        if self.made_on_device {
+        if self.built_on_device {
             self.topology()?;
         }
         let bounds = |node: DeviceNode| match node.bounds {
@@ -195,7 +195,7 @@ mod tests {
     /// Reads a tree whose nodes have these references.
     fn read(names: [u32; 6]) -> Result<Topology, String> {
         let view = View {
-            made_on_device: true,
+            built_on_device: true,
             rows: &names.map(|name| [[0, 0, 0, name], [0; 4]]).concat(),
             triangles: &[7, 8, 9],
             animation: &Animation::new(vec![vec![[0.0; 3]]], vec![[0; 3]; 10]).unwrap(),

@@ -51,7 +51,7 @@ pub(crate) fn adjacent_pairs_share_a_leaf(backend: &mut dyn Subject) {
     let at = |i: u32| [(i / 2) as f32 * 10.0 + 0.1 * (i % 2) as f32, 0.0, 0.0];
     let scene = at_points((0..600).map(at), 1.0);
     made(backend, &scene, 0.0);
-    let rows = Shape::made_on_device(600).node_rows as usize;
+    let rows = Shape::built_on_device(600).node_rows as usize;
     let words = backend.words(BufferName::Nodes, 4 * rows);
     // See geometry/node.wgsl.
     let is_there = |leaf: u32| words.contains(&(3 << 30 | leaf));

@@ -8,7 +8,7 @@ use backend::{
     Device, DeviceBytes, FrameReport, Hits, Intersector, Query, QueryKind, Rays, Result,
 };
 use geom::{Animation, Pose};
-use gpu_common::{Stage, TraceBuffers, are_given, refuse_above};
+use gpu_common::{Stage, TraceBuffers, check_limit, reads_ray_buffer};
 use gpu_vulkan::commands::{KERNELS, RAYS};
 use gpu_vulkan::{NativeCommand, RayBindings, VulkanDevice};
 use shaders::work;
@@ -59,7 +59,7 @@ impl Rival for VulkanRt {
 
 /// Returns the ray generation shader of a query.
 fn maker(query: &Query<'_>) -> &'static str {
-    match (query.kind, are_given(query)) {
+    match (query.kind, reads_ray_buffer(query)) {
         (QueryKind::Any, _) => "explicit_any",
         (QueryKind::Closest, true) => "explicit_closest",
         (QueryKind::Closest, false) => "camera_closest",
@@ -133,7 +133,9 @@ impl VulkanRt {
     fn launch_size(&self, query: &Query<'_>) -> Result<[u32; 2]> {
         let bounds = self.rays.rays.bounds;
         let size = match query.rays {
-            Rays::Camera(c) if !are_given(query) => [u64::from(c.width), u64::from(c.height)],
+            Rays::Camera(c) if !reads_ray_buffer(query) => {
+                [u64::from(c.width), u64::from(c.height)]
+            }
             _ => {
                 let count = query.rays.count() as u64;
                 let rows = count.div_ceil(bounds.along[0]).max(1);
@@ -143,14 +145,14 @@ impl VulkanRt {
         let what = || "rays (of one launch, maxRayDispatchInvocationCount)".to_owned();
         let [x, y] = bounds.along;
         for (need, most) in [(size[0], x), (size[1], y), (size[0] * size[1], bounds.rays)] {
-            refuse_above(what, need, most)?;
+            check_limit(what, need, most)?;
         }
         Ok(size.map(|n| n as u32))
     }
 
     /// Records a launch of rays, unless the scene has no live triangle that they could hit.
     fn launch(&mut self, query: &Query<'_>, trace: &TraceBuffers<VulkanDevice>, size: [u32; 2]) {
-        let params = work::rays(self.params(), query, are_given(query));
+        let params = work::rays(self.params(), query, reads_ray_buffer(query));
         let engine = &mut self.engine;
         if size[0] == 0 || !trace.has_tree {
             engine

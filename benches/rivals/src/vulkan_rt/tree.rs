@@ -6,7 +6,7 @@ use super::support::RayTracing;
 use crate::TreeUpdate;
 use ash::vk;
 use backend::Result;
-use gpu_common::{AnimationBuffers, Engine, GpuDevice, refuse_above};
+use gpu_common::{AnimationBuffers, Engine, GpuDevice, check_limit};
 use gpu_vulkan::commands::{BUILDS, KERNELS, RAYS};
 use gpu_vulkan::errors::failed_for;
 use gpu_vulkan::memory::{Buffer, BufferUse};
@@ -49,7 +49,7 @@ impl DriverTree {
         let scene = engine.scene();
         let triangles = scene.animation.triangle_count() as u64;
         let what = || "the driver's tree (triangles, maxPrimitiveCount)".to_owned();
-        refuse_above(what, triangles, rays.bounds.triangles)?;
+        check_limit(what, triangles, rays.bounds.triangles)?;
         let triangles = triangles as u32;
         let geometry = [triangles_of(scene, &scene.positions[0], cleansed)];
         let about = info(Level::BOTTOM_LEVEL).flags(flags).geometries(&geometry);

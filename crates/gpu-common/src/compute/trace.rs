@@ -1,8 +1,8 @@
 //! Traces and their output buffers.
 
 use super::ComputeBackend;
-use crate::traces::as_given;
-use crate::{GpuDevice, Stage, Stale, TraceBuffers};
+use crate::traces::ray_source;
+use crate::{GpuDevice, NextStage, Stage, TraceBuffers};
 use backend::{Intersector, Query, QueryKind, Result, Ticket};
 use shaders::work::{self, TraceInput};
 use shaders::{BufferName, Params};
@@ -17,7 +17,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
         count: usize,
     ) -> Result<()> {
         assert!(
-            self.engine.stale == Stale::Fresh,
+            self.engine.next_stage == NextStage::Trace,
             "a stale tree must not be traced"
         );
         let pending = self.engine.frames.pending.len();
@@ -40,7 +40,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
             TraceInput {
                 intersector,
                 params,
-                rays: as_given(query),
+                rays: ray_source(query),
                 kind: query.kind,
             },
             traits,
@@ -74,7 +74,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
     /// boxes are stale or the intersector is not `watertight`.
     pub fn traced_scene(&self) -> Option<(Params, [&D::Buffer; 3])> {
         let is_watertight = self.intersector == Intersector::Watertight;
-        let is_ready = is_watertight && self.engine.stale == Stale::Fresh;
+        let is_ready = is_watertight && self.engine.next_stage == NextStage::Trace;
         let (params, tree) = (self.params().for_module(), self.tree());
         let scene = self.engine.scene();
         let buffer = |name| tree.get(name).or_else(|| scene.get(name, 0, 0));

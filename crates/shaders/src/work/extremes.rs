@@ -30,7 +30,7 @@ impl Extremes {
             _ if !has_extremes(input.intersector) => Self::None,
             _ if params.extreme == 1 => Self::All,
             RaySource::Camera(camera) if params.is_extreme(camera.eye) => Self::All,
-            RaySource::Given(..) => Self::Some,
+            RaySource::Buffer(..) => Self::Some,
             _ if params.is_unknown() => Self::Some,
             _ => Self::None,
         }
@@ -51,11 +51,11 @@ pub(super) fn work(input: &TraceInput<'_>, how: Extremes) -> Vec<Work> {
         answer_words: if kind == QueryKind::Any { 1 } else { 4 },
     });
     let params = match rays {
-        RaySource::Given(..) => params,
+        RaySource::Buffer(..) => params,
         RaySource::Camera(camera) if params.is_extreme(camera.eye) => {
-            params.known().through(camera)
+            params.without_unknown_range().with_camera(camera)
         }
-        RaySource::Camera(camera) => params.through(camera),
+        RaySource::Camera(camera) => params.with_camera(camera),
     };
     let sharers = match how {
         Extremes::All => rays.count(),
@@ -78,7 +78,7 @@ pub(super) fn work(input: &TraceInput<'_>, how: Extremes) -> Vec<Work> {
 
 /// Returns the kernel of [`measure_range`] and the kernel that reads its result. Empty if the intersector has no
 /// kernels for extreme rays.
-pub fn kernels_of_arriving_keys(intersector: Intersector) -> impl Iterator<Item = &'static Kernel> {
+pub fn range_kernels(intersector: Intersector) -> impl Iterator<Item = &'static Kernel> {
     let both = ["measure_range", "extreme_rays"].map(common);
     both.into_iter().filter(move |_| has_extremes(intersector))
 }

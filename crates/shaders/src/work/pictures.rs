@@ -2,7 +2,7 @@
 //! so their parameters include the inverse of the camera's matrix.
 
 use super::{Groups, Trace, Work};
-use crate::pictures::{packets_pay, rasterization_pays};
+use crate::pictures::{are_packets_faster, is_rasterization_faster};
 use crate::{Params, RasterParams, Traits, common, kernel};
 use backend::Intersector;
 use geom::{Camera, Point};
@@ -22,8 +22,8 @@ pub(super) fn by_packets(
     traits: Traits,
 ) -> Option<Trace> {
     let how = traits.packets?;
-    let seen = params.through(camera);
-    if !packets_pay(&seen, how) {
+    let seen = params.with_camera(camera);
+    if !are_packets_faster(&seen, how) {
         return None;
     }
     let params = projected(seen, camera)?;
@@ -48,8 +48,8 @@ pub(super) fn by_rasterization(
     traits: Traits,
 ) -> Option<Trace> {
     let how = traits.packets.filter(|_| traits.rasterizes)?;
-    let seen = params.through(camera);
-    if !rasterization_pays(&seen, how) {
+    let seen = params.with_camera(camera);
+    if !is_rasterization_faster(&seen, how) {
         return None;
     }
     let pixels = camera.width * camera.height;
@@ -93,7 +93,7 @@ pub fn shade(params: Params, camera: &Camera, lamp: Point) -> Work {
     let params = Params {
         // In scene units.
         light: lamp,
-        ..params.through(camera)
+        ..params.with_camera(camera)
     };
     over_blocks("shade", Intersector::Watertight, params, [width, height])
 }

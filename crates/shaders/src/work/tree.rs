@@ -17,7 +17,7 @@ pub struct TreeProgress {
     has_records: bool,
     has_boxes: bool,
     /// Whether `preprocess` computed all boxes in this recording.
-    has_climbed: bool,
+    has_refitted_all_levels: bool,
     /// Whether the tree is a candidate that is evaluated next to the current one.
     is_candidate: bool,
 }
@@ -44,7 +44,7 @@ impl TreeProgress {
 
     /// Returns the dispatches that compute records, and the boxes of all nodes in treelets of triangles, from positions. The
     /// first work on a tree also gathers the leaves' vertices. Also returns the number of zero-area triangles that the
-    /// dispatches skip, for [`crate::Extents::uncounted`].
+    /// dispatches skip, for [`crate::TreeStages::uncounted`].
     ///
     /// Small trees are computed from key frames; the later one has the weight [`Params::alpha`]. Such work does not read
     /// positions, so it can run concurrently with `interpolate`.
@@ -63,14 +63,14 @@ impl TreeProgress {
 
     /// Reports that the dispatches of [`Self::preprocess`] were recorded for `tree`.
     pub fn preprocessed(&mut self, tree: &Shape) {
-        self.has_climbed = climbs(tree);
+        self.has_refitted_all_levels = refits_all_levels(tree);
         self.has_records = true;
     }
 
     /// Returns the dispatches that compute the boxes of all other nodes level by level, and the tree's cost. The list is empty
     /// if `preprocess` has done so.
     pub fn refit(&self, params: Params, tree: &Shape) -> Vec<Work> {
-        if self.has_climbed || tree.leaf_count == 0 {
+        if self.has_refitted_all_levels || tree.leaf_count == 0 {
             return Vec::new();
         }
         self.boxes(params, tree)
@@ -89,7 +89,7 @@ impl TreeProgress {
         let lowest = levels(tree, moving).first().cloned().unwrap_or_default();
         let own = TreeletsParams {
             uses_list: moving.is_some().into(),
-            treelet_count: if climbs(tree) {
+            treelet_count: if refits_all_levels(tree) {
                 tree.treelet_count()
             } else {
                 0
@@ -144,7 +144,7 @@ impl TreeProgress {
 
     /// Reports that the recording was submitted, so that the next one starts.
     pub fn submitted(&mut self) {
-        self.has_climbed = false;
+        self.has_refitted_all_levels = false;
     }
 }
 
@@ -170,7 +170,7 @@ fn reads_keys(tree: &Shape) -> bool {
 /// Returns whether `preprocess` also computes the boxes of all other treelets. This avoids a barrier per level, but
 /// takes longer for large trees. On an H200: 2 us less at 70K and 250K triangles, 20 us more at 1.6M. For skipped
 /// treelets, `costs` still contains the root boxes of the first run, which covers the whole tree.
-fn climbs(tree: &Shape) -> bool {
+fn refits_all_levels(tree: &Shape) -> bool {
     reads_keys(tree) && tree.treelet_count() > 1
 }
 

@@ -6,7 +6,7 @@ import package::build::treelet::{
     ENTRY_WORDS, LEAF_COUNT_IN_ENTRY, LEAVES, inner_word, load_treelet, merge_boxes, refit_treelet, store_box,
     store_leaf_reference, treelet_nodes, treelet_of_dispatch, write_treelet,
 };
-import package::build::treelet_refit::{finish_and_climb, prefetch_parent};
+import package::build::treelet_refit::{finish_and_refit_parents, prefetch_parent};
 import package::geometry::node::{LEAF, TWO_TRIANGLES};
 import package::geometry::record::{record_of, store_triangle_index};
 import package::geometry::triangle::{is_degenerate, is_finite, point_of, surely_has_area};
@@ -204,7 +204,7 @@ fn build_treelet(local: u32, index: u32) {
     workgroupBarrier();
     area += refit_treelet(t, packed_inner);
     @if(preprocess_treelets_from_key_frames)
-    finish_and_climb(treelet_index, local, area);
+    finish_and_refit_parents(treelet_index, local, area);
     @else
     finish_treelet(treelet_index, local, area);
 }

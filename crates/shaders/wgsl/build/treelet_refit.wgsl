@@ -191,7 +191,7 @@ fn arrive_at_parent() -> u32 {
 }
 
 // Ends a treelet whose boxes are complete, and continues upwards. All invocations of the workgroup must call it.
-fn finish_and_climb(first: u32, local: u32, area: f32) {
+fn finish_and_refit_parents(first: u32, local: u32, area: f32) {
     let sum = sum_of_group(local, area);
     if local == 0u { store_cost(first, sum); }
     let last = params.treelets.treelet_count - 1u;
