@@ -10,7 +10,7 @@ mod rays;
 mod rounds;
 mod trees;
 
-pub use ::rivals::embree::{EmbreeScene, Made, Packet16};
+pub use ::rivals::embree::{EmbreeScene, Packet16, SceneMode};
 pub use mesh::{Mesh, meshes};
 pub use ours::{Ours, Tracer, built};
 pub use rays::{blocks, camera, diffuse_rays, light, random_numbers, random_rays, shadow_rays};

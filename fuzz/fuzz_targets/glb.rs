@@ -1,3 +1,3 @@
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| integration::fuzz::GLB.attack(bytes));
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| integration::fuzz::GLB.load_bytes(bytes));

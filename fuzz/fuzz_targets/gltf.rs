@@ -1,3 +1,3 @@
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| integration::fuzz::GLTF.attack(bytes));
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| integration::fuzz::GLTF.load_bytes(bytes));

@@ -52,7 +52,7 @@ const fn format(
 
 impl Format {
     /// Loads `bytes` from a temporary file of this format. They may be valid or not.
-    pub fn attack(self, bytes: &[u8]) {
+    pub fn load_bytes(self, bytes: &[u8]) {
         let folder = TempDir::new().expect("a temporary folder can be had");
         let path = folder.path().join("case").with_extension(self.extension);
         fs::write(&path, bytes).expect("a case can be written");

@@ -42,7 +42,7 @@ impl Stage {
     }
 
     /// Adopts a tree built from the vertices at `time`.
-    pub fn plant(&mut self, time: f64) {
+    pub fn adopt_tree_at(&mut self, time: f64) {
         self.generation.0 += 1;
         let tree = tree_at(&self.animation, time);
         let adopted = self.backend.adopt(&tree, self.generation);

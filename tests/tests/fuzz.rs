@@ -36,7 +36,7 @@ fn cases(format: Format, count: usize) -> impl Iterator<Item = Vec<u8>> {
 /// Formats that are read without starting a process.
 const READ: [Format; 6] = [OBJ, PLY, GLTF, GLB, NPY, TOPOLOGY];
 
-fn attack(format: Format, full: usize) {
+fn load_mutated(format: Format, full: usize) {
     let name = format!("{}-failed.{}", format.name, format.extension);
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     for bytes in cases(format, count(500.min(full / 40), full)) {
@@ -77,7 +77,8 @@ fn some_mutations_remain_loadable() {
 
 #[test]
 fn damaged_files_do_not_panic() {
-    READ.into_iter().for_each(|format| attack(format, FILES));
+    READ.into_iter()
+        .for_each(|format| load_mutated(format, FILES));
 }
 
 /// Tests command lines. Each case starts a process.
@@ -85,5 +86,5 @@ fn damaged_files_do_not_panic() {
 fn damaged_command_lines_do_not_panic() {
     // Builds the program before time is measured.
     let _program = integration::program::abvh();
-    attack(COMMAND, 2_000);
+    load_mutated(COMMAND, 2_000);
 }

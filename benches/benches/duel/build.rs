@@ -1,7 +1,7 @@
 //! Tree builds and refits.
 
 use crate::{INTERSECTOR, Unit, embree, group};
-use benches::{Contender, Made, Mesh, Ours, Tracer, pool, thread_counts};
+use benches::{Contender, Mesh, Ours, SceneMode, Tracer, pool, thread_counts};
 use rayon::ThreadPool;
 use serde_json::Value;
 
@@ -9,7 +9,7 @@ use serde_json::Value;
 pub(crate) fn times(mesh: &Mesh, threads: usize) -> Value {
     let counts = thread_counts().into_iter().filter(|&n| n <= threads);
     let pools: Vec<_> = counts.map(|n| (n, pool(n))).collect();
-    let mut embree = embree(mesh, threads, Made::Fast);
+    let mut embree = embree(mesh, threads, SceneMode::Fast);
     let mut contenders = vec![Contender::new("Embree 4, medium", threads, || {
         embree.rebuild();
         0
@@ -24,7 +24,7 @@ pub(crate) fn times(mesh: &Mesh, threads: usize) -> Value {
 
 /// Measures refits: from vertices in memory to a traceable tree of unchanged topology.
 pub(crate) fn refits(mesh: &Mesh, threads: usize) -> Value {
-    let mut embree = embree(mesh, threads, Made::Refitted);
+    let mut embree = embree(mesh, threads, SceneMode::Refitted);
     let theirs = Contender::new("Embree 4", threads, || {
         embree.rebuild();
         0

@@ -12,7 +12,7 @@ mod trace;
 
 use backend::Intersector;
 use benches::{
-    Contender, EmbreeScene, Made, Mesh, in_turn, least, median, meshes, print_table, setting,
+    Contender, EmbreeScene, Mesh, SceneMode, in_turn, least, median, meshes, print_table, setting,
     thread_counts, words,
 };
 use serde_json::{Value, json};
@@ -54,7 +54,7 @@ fn main() {
 }
 
 /// Builds Embree's scene of a mesh at its start. Panics if the library is absent.
-fn embree(mesh: &Mesh, threads: usize, made: Made) -> EmbreeScene {
+fn embree(mesh: &Mesh, threads: usize, made: SceneMode) -> EmbreeScene {
     let (vertices, triangles) = (mesh.positions(mesh.start()), mesh.animation.triangles());
     EmbreeScene::new(&vertices, triangles, threads, made).expect("Embree is installed")
 }

@@ -4,7 +4,7 @@ use crate::{INTERSECTOR, Unit, embree, group};
 use backend::QueryKind::{Any, Closest};
 use backend::{Query, QueryKind, Rays};
 use benches::{
-    Contender, EmbreeScene, Made, Mesh, Packet16, Tracer, blocks, camera, diffuse_rays, light,
+    Contender, EmbreeScene, Mesh, Packet16, SceneMode, Tracer, blocks, camera, diffuse_rays, light,
     pool, random_rays, setting, shadow_rays, thread_counts,
 };
 use geom::{Camera, Hit, Ray};
@@ -87,7 +87,7 @@ impl<'a> Stage<'a> {
             mesh,
             threads,
             pool: pool(threads),
-            scenes: [Made::Fast, Made::Robust].map(|made| embree(mesh, threads, made)),
+            scenes: [SceneMode::Fast, SceneMode::Robust].map(|made| embree(mesh, threads, made)),
         }
     }
 

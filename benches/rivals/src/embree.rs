@@ -6,7 +6,7 @@
 mod raw;
 mod scene;
 
-pub use scene::{EmbreeScene, Made, Packet16};
+pub use scene::{EmbreeScene, Packet16, SceneMode};
 
 use crate::{Rival, TreeUpdate};
 use backend::{
@@ -169,8 +169,8 @@ impl Loaded {
             scene.rebuild();
         } else {
             let made = match self.tree_update {
-                TreeUpdate::Rebuild => Made::Fast,
-                TreeUpdate::Refit => Made::Refitted,
+                TreeUpdate::Rebuild => SceneMode::Fast,
+                TreeUpdate::Refit => SceneMode::Refitted,
             };
             let mut vertices = vec![[0.0; 3]; self.animation.vertex_count()];
             times.interpolate_ms = pool.install(|| interpolate(&mut vertices));

@@ -96,8 +96,8 @@ pub const RIVALS: &[RivalInfo] = &[
 
 /// Returns the rival with the given name.
 #[must_use]
-pub fn known(name: &str) -> Option<&'static RivalInfo> {
-    RIVALS.iter().find(|known| known.name == name)
+pub fn rival_named(name: &str) -> Option<&'static RivalInfo> {
+    RIVALS.iter().find(|rival| rival.name == name)
 }
 
 impl RivalInfo {

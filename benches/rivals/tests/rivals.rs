@@ -11,7 +11,7 @@ use geom::{Animation, Camera, Point, Pose, Ray};
 use gpu_common::{Options, Validation};
 use integration::program;
 use rivals::vulkan_rt::{Prefer, VulkanRt};
-use rivals::{RIVALS, Rival, RivalInfo, TreeUpdate, known};
+use rivals::{RIVALS, Rival, RivalInfo, TreeUpdate, rival_named};
 use scene::Viewpoint;
 use std::ffi::OsStr;
 use std::process::ExitCode;
@@ -300,7 +300,7 @@ fn points(rival: &'static RivalInfo) {
 }
 
 fn unknown_adapter() {
-    let opened = known("vulkan-rt").unwrap().open(Some(999), 1);
+    let opened = rival_named("vulkan-rt").unwrap().open(Some(999), 1);
     let why = opened.err().unwrap().to_string();
     assert!(why.starts_with("no device: "), "{why}");
 }

@@ -72,7 +72,7 @@ pub(crate) struct MeasureSettings {
 
 /// Returns the rival with this name.
 fn known_rival(name: String) -> &'static RivalInfo {
-    rivals::known(&name).expect("the parser admits names of rivals only")
+    rivals::rival_named(&name).expect("the parser admits names of rivals only")
 }
 
 /// A scene, and the frames that are measured.

@@ -43,7 +43,7 @@ impl Mutator {
         bytes.truncate(MAX_BYTES);
         // Half of the files get correct lengths, so that readers reach damage inside.
         if self.rng.bool() {
-            mend_lengths(&mut bytes);
+            fix_lengths(&mut bytes);
         }
         bytes
     }
@@ -148,9 +148,9 @@ fn runs(bytes: &[u8], inside: impl Fn(u8) -> bool) -> Vec<Range<usize>> {
 }
 
 /// Corrects the lengths within a GLB or NPY file, from the end of its text.
-fn mend_lengths(bytes: &mut Vec<u8>) {
+fn fix_lengths(bytes: &mut Vec<u8>) {
     if bytes.starts_with(b"glTF") && bytes.len() > 20 {
-        mend_glb(bytes);
+        fix_glb_lengths(bytes);
     } else if bytes.starts_with(b"\x93NUMPY\x01") {
         let end = bytes.iter().position(|&b| b == b'\n');
         if let Some(length) = end.and_then(|end| (end + 1).checked_sub(10)) {
@@ -159,7 +159,7 @@ fn mend_lengths(bytes: &mut Vec<u8>) {
     }
 }
 
-fn mend_glb(bytes: &mut Vec<u8>) {
+fn fix_glb_lengths(bytes: &mut Vec<u8>) {
     const HEAD: usize = 20;
     let name = bytes[HEAD..].windows(4).position(|w| w == b"BIN\0");
     let json = name.and_then(|at| at.checked_sub(4));

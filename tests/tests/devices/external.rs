@@ -6,7 +6,7 @@ use crate::lent::{
 };
 use crate::open_vulkan;
 use crate::other_device::{Exported, Importer, OtherDevice};
-use crate::scenes::{go, hits, open, rays, record_refit};
+use crate::scenes::{hits, open, rays, record_refit, submit_trace};
 use abvh::external_memory::{ExternalBuffer, ExternalRays};
 use abvh::{Device, Error, MeshId, Point, Query, Ray, Scene, Source, Step, Tracer, Update};
 use backend::{Backend, Hits, Inspect, QueryKind, Rays, Ticket};
@@ -139,25 +139,25 @@ impl<O: Importer> LentRays for SharedRays<O> {
         &mut self.tracer
     }
 
-    fn ask(&mut self, query: Query, has_room: bool) -> Found {
-        let [(rays, _), (room, _)] = &self.memory;
+    fn trace(&mut self, query: Query, has_results: bool) -> Found {
+        let [(rays, _), (results, _)] = &self.memory;
         let asked = ExternalRays {
             rays,
             count: self.count,
-            results: has_room.then_some(room),
+            results: has_results.then_some(results),
         };
         found(&mut self.tracer, query, |step| {
             step.trace_external(asked, query)
         })
     }
 
-    fn fill_room(&mut self, byte: u8) {
-        let (room, bytes) = &self.memory[1];
-        let all = vec![byte; room.size() as usize];
+    fn fill_results(&mut self, byte: u8) {
+        let (results, bytes) = &self.memory[1];
+        let all = vec![byte; results.size() as usize];
         self.other.write(*bytes, 0, &all);
     }
 
-    fn room(&mut self, words: usize) -> Vec<u32> {
+    fn results(&mut self, words: usize) -> Vec<u32> {
         let read = self.other.read(self.memory[1].1, 4 * words);
         bytemuck::cast_slice(&read).to_vec()
     }
@@ -278,7 +278,7 @@ pub(crate) fn timeline_bounds_external_memory_access() {
     let (list, closest) = (rays(500), QueryKind::Closest);
     let [still, moved] = [0.5, 0.25].map(|height| {
         arrive(&mut backend, sheet(height));
-        let ticket = go(&mut backend, Rays::List(&list), closest);
+        let ticket = submit_trace(&mut backend, Rays::List(&list), closest);
         hits(&mut backend, ticket)
     });
     assert!(still != moved);
@@ -294,7 +294,7 @@ pub(crate) fn timeline_bounds_external_memory_access() {
         results: None,
     });
     arrive(&mut backend, sheet(0.5));
-    let ticket = go(&mut backend, Rays::OnDevice(500), closest);
+    let ticket = submit_trace(&mut backend, Rays::OnDevice(500), closest);
     let seen = let_go(&mut backend, (&timeline, 1), Some(ticket), || {
         other.write(to_rays, 0, bytemuck::cast_slice(&list));
     });
@@ -314,7 +314,7 @@ pub(crate) fn timeline_bounds_external_memory_access() {
     };
     bring(&mut backend, 3, 4);
     arrive(&mut backend, sheet(0.5));
-    let ticket = go(&mut backend, Rays::List(&list), closest);
+    let ticket = submit_trace(&mut backend, Rays::List(&list), closest);
     let seen = let_go(&mut backend, (&timeline, 3), Some(ticket), || write(0.25));
     assert!(seen == moved);
 

@@ -2,7 +2,8 @@
 
 use crate::Subject;
 use crate::scenes::{
-    SHADOWED, arrive, bits, camera, go, look, open, rays, record_refit, report, see, swarm, tree_at,
+    SHADOWED, arrive, bits, camera, look, open, rays, record_refit, report, submit_trace, swarm,
+    trace, tree_at,
 };
 use backend::{Backend, BackendError, Generation, Hits, Intersector, Query, QueryKind, Rays};
 use geom::{Animation, Camera};
@@ -18,7 +19,7 @@ pub(crate) fn stages_are_timed_by_one_clock(backend: &mut dyn Subject) {
     open(backend, &animation);
     let tickets = [0.0, 0.3, 0.6].map(|time| {
         record_refit(backend, &animation, time);
-        go(backend, Rays::Camera(&camera), SHADOWED)
+        submit_trace(backend, Rays::Camera(&camera), SHADOWED)
     });
     for ticket in tickets {
         let times = backend.wait(ticket).unwrap().times;
@@ -70,7 +71,7 @@ pub(crate) fn device_memory_is_counted_and_freed(backend: &mut dyn Subject) {
     assert_eq!((after.scene, after.tree), (before.scene, before.tree));
     assert!(after.frames < before.frames + (1 << 18), "{after:?}");
     let frames = backend.memory().held.unwrap().frames;
-    go(backend, Rays::Camera(&camera()), SHADOWED);
+    submit_trace(backend, Rays::Camera(&camera()), SHADOWED);
     let grown = backend.memory().held.unwrap().frames - frames;
     let least = 20 * camera().pixels() as u64;
     // Drivers round up the size of both buffers, NVIDIA's to 64 bytes.
@@ -91,7 +92,7 @@ pub(crate) fn steady_frames_create_no_buffers(backend: &mut dyn Subject) {
         if frame % 3 == 0 {
             backend.request_positions().unwrap();
         }
-        let found = see(backend, Rays::Camera(&camera), SHADOWED);
+        let found = trace(backend, Rays::Camera(&camera), SHADOWED);
         assert!(found.closest.iter().any(|h| h.is_hit()));
         if frame % 3 == 0 {
             arrive(backend);
@@ -121,14 +122,14 @@ pub(crate) fn too_large_query_is_refused(backend: &mut dyn Subject) {
     let camera = square(((limit / 16) as f64).sqrt() as u32 + 1);
     assert_eq!(limit_met(&camera), limit);
     let rays_of = Rays::Camera(&camera);
-    let found = see(backend, Rays::List(&rays(8)), kind);
+    let found = trace(backend, Rays::List(&rays(8)), kind);
     assert_eq!(found.closest.len(), 8);
     // Queries that were recorded together with it are discarded, too.
     let few = rays(5);
     let queries = [Rays::List(&few), rays_of].map(|rays| Query { rays, kind });
     let refused = backend.trace(&queries);
     assert!(matches!(refused, Err(BackendError::Limit { .. })));
-    let again = see(backend, Rays::List(&rays(8)), kind);
+    let again = trace(backend, Rays::List(&rays(8)), kind);
     assert_eq!(again, found);
 }
 
@@ -158,7 +159,7 @@ pub(crate) fn range_is_measured_after_refused_query(backend: &mut dyn Subject) {
         if asked.is_ok() {
             report(backend);
         }
-        see(backend, Rays::List(&rays(200)), kind)
+        trace(backend, Rays::List(&rays(200)), kind)
     });
     assert!(found[0] == found[1]);
 }
@@ -176,7 +177,7 @@ fn play(backend: &mut dyn Backend, animation: &Arc<Animation>) -> Vec<(Hits, Vec
         }
         record_refit(backend, animation, time);
         backend.request_positions().unwrap();
-        let seen = see(backend, Rays::Camera(&camera()), SHADOWED);
+        let seen = trace(backend, Rays::Camera(&camera()), SHADOWED);
         (seen, bits(&arrive(backend).1))
     });
     frames.collect()
@@ -226,7 +227,7 @@ pub(crate) fn dropping_a_busy_backend_is_safe(mut backend: Box<dyn Subject>) {
     open(subject, &animation);
     record_refit(subject, &animation, 0.5);
     subject.request_positions().unwrap();
-    go(subject, Rays::Camera(&camera()), SHADOWED);
+    submit_trace(subject, Rays::Camera(&camera()), SHADOWED);
     let tree = tree_at(&animation, 0.5);
     subject.adopt(&tree, Generation(2)).unwrap();
     record_refit(subject, &animation, 0.6);

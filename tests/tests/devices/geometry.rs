@@ -2,7 +2,7 @@
 
 use crate::Subject;
 use crate::scenes::{
-    SHADOWED, apart, camera, go, hits, open, record_refit, report, swarm, tree_at,
+    SHADOWED, apart, camera, hits, open, record_refit, report, submit_trace, swarm, tree_at,
 };
 use backend::{FrameReport, Generation, Inspect, Intersector, QueryKind, Rays};
 use bvh_layout::Topology;
@@ -39,7 +39,7 @@ pub(crate) fn submission_accepts_many_stages(backend: &mut dyn Subject) {
         record_refit(backend, &animation, 0.0);
     }
     let camera = camera();
-    let ticket = go(backend, Rays::Camera(&camera), QueryKind::Closest);
+    let ticket = submit_trace(backend, Rays::Camera(&camera), QueryKind::Closest);
     let times = backend.wait(ticket).unwrap().times;
     assert!(times.refit_ms.unwrap() < times.device_ms);
     assert!(hits(backend, ticket).closest.iter().any(|h| h.is_hit()));
@@ -102,7 +102,7 @@ pub(crate) fn skipping_static_treelets_preserves_bits(backend: &mut dyn Subject)
                 backend.submit().unwrap();
             }
             backend.refit().unwrap();
-            let ticket = go(backend, Rays::Camera(&camera()), SHADOWED);
+            let ticket = submit_trace(backend, Rays::Camera(&camera()), SHADOWED);
             let report = backend.wait(ticket).unwrap();
             let cost = report.sah_cost.unwrap().to_bits();
             // Only the submission that preprocessed has counts.
@@ -136,7 +136,7 @@ pub(crate) fn trees_of_any_shape_have_the_references_hits_and_boxes(backend: &mu
         for (tree, (generation, time)) in trees.iter().zip([(2, 0.3), (3, 0.0)]) {
             backend.adopt(tree, Generation(generation)).unwrap();
             record_refit(backend, &animation, time);
-            let ticket = go(backend, Rays::Camera(&camera), QueryKind::Closest);
+            let ticket = submit_trace(backend, Rays::Camera(&camera), QueryKind::Closest);
             let boxes = backend.boxes().unwrap();
             let report = backend.wait(ticket).unwrap();
             seen.push((hits(backend, ticket), boxes, report));

@@ -159,10 +159,10 @@ fn one_replaced<S: Sheets>() -> S {
 pub(crate) trait LentRays {
     fn tracer(&mut self) -> &mut Tracer;
     /// Returns the hits of the rays, with or without writing results to the buffer.
-    fn ask(&mut self, query: Query, has_room: bool) -> Found;
-    fn fill_room(&mut self, byte: u8);
+    fn trace(&mut self, query: Query, has_results: bool) -> Found;
+    fn fill_results(&mut self, byte: u8);
     /// Returns the first `words` words of the results.
-    fn room(&mut self, words: usize) -> Vec<u32>;
+    fn results(&mut self, words: usize) -> Vec<u32>;
 }
 
 /// Bits of `t`, `u`, `v`, and the triangle of each ray's hit, as in results. All zero for any-hit queries.
@@ -240,18 +240,18 @@ pub(crate) fn check_rays_match_host<L: LentRays>(open: impl Fn(Scene, &[Ray]) ->
         for query in [Query::Any, Query::Closest] {
             let expected = found(lent.tracer(), query, |step| step.trace(&list, query));
             assert_eq!(expected.iter().flatten().count() > 100, hits_some);
-            lent.fill_room(7);
-            for has_room in [false, true] {
-                let seen = lent.ask(query, has_room);
-                assert!(seen == expected, "{query:?} {has_room}");
+            lent.fill_results(7);
+            for has_results in [false, true] {
+                let seen = lent.trace(query, has_results);
+                assert!(seen == expected, "{query:?} {has_results}");
             }
             let miss = [f32::INFINITY.to_bits(), 0, 0, u32::MAX];
             if query == Query::Any {
-                let met = lent.room(list.len()).into_iter().map(|word| word != 0);
+                let met = lent.results(list.len()).into_iter().map(|word| word != 0);
                 assert!(met.eq(expected.iter().map(Option::is_some)));
             } else {
                 let words: Vec<_> = expected.iter().map(|hit| hit.unwrap_or(miss)).collect();
-                assert!(lent.room(4 * list.len()) == words.as_flattened());
+                assert!(lent.results(4 * list.len()) == words.as_flattened());
             }
         }
         lent

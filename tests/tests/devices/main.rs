@@ -189,18 +189,18 @@ fn main() -> ExitCode {
     ] {
         let excused = excused(absent, name);
         let own = if name == "vulkan" { OF_KERNELS } else { &[] };
-        let trial = |law, body| trial(format!("{name}::{law}"), excused.as_deref(), body);
-        for &(law, body) in SHARED.iter().chain(own) {
+        let trial = |property, body| trial(format!("{name}::{property}"), excused.as_deref(), body);
+        for &(property, body) in SHARED.iter().chain(own) {
             let device = Arc::clone(device);
-            trials.push(trial(law, Box::new(move || watch(&device, body))));
+            trials.push(trial(property, Box::new(move || watch(&device, body))));
         }
-        for &(law, body) in FRESH {
+        for &(property, body) in FRESH {
             let device = Arc::clone(device);
             let body = move || {
                 body(open().unwrap());
                 watch(&device, |_| ());
             };
-            trials.push(trial(law, Box::new(body)));
+            trials.push(trial(property, Box::new(body)));
         }
     }
     let mut own = vec![

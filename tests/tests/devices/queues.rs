@@ -2,8 +2,8 @@
 
 use crate::open_vulkan;
 use crate::scenes::{
-    SHADOWED, arrive, bits, camera, go, hits, open, positions, rays, record_refit, see, swarm,
-    tree_at,
+    SHADOWED, arrive, bits, camera, hits, open, positions, rays, record_refit, submit_trace, swarm,
+    trace, tree_at,
 };
 use backend::{Backend, BackendError, FRAMES_IN_FLIGHT, Generation, QueryKind, Rays, Ticket};
 use geom::Animation;
@@ -96,7 +96,7 @@ pub(crate) fn submissions_in_flight_are_bounded() {
     open(&mut backend, &animation);
     for frame in 0..8 {
         record_refit(&mut backend, &animation, 0.2 * f64::from(frame));
-        let Ticket(number) = go(&mut backend, Rays::Camera(&camera), SHADOWED);
+        let Ticket(number) = submit_trace(&mut backend, Rays::Camera(&camera), SHADOWED);
         let older = Ticket(number - FRAMES_IN_FLIGHT as u64);
         assert!(is_done(&backend, older), "{number}");
     }
@@ -127,7 +127,7 @@ pub(crate) fn shared_key_frames_equal_copied_ones() {
             memory.copy_from_slice(&moved);
             let time = streamed.push(memory).unwrap();
             record_refit(&mut backend, &streamed, time);
-            see(&mut backend, Rays::List(&list), QueryKind::Closest)
+            trace(&mut backend, Rays::List(&list), QueryKind::Closest)
         });
         frames.collect::<Vec<_>>()
     });
@@ -167,7 +167,7 @@ pub(crate) fn frames_continue_during_blocked_copies() {
     let (animation, camera) = (swarm(5000), camera());
     open(&mut backend, &animation);
     record_refit(&mut backend, &animation, 0.0);
-    let ticket = go(&mut backend, Rays::Camera(&camera), SHADOWED);
+    let ticket = submit_trace(&mut backend, Rays::Camera(&camera), SHADOWED);
     backend.wait(ticket).unwrap();
 
     let gate = Timeline::new(&gpu).unwrap();
@@ -175,22 +175,22 @@ pub(crate) fn frames_continue_during_blocked_copies() {
     bar(&mut backend.gpu_mut().readback, &gate, &from, &to);
     record_refit(&mut backend, &animation, 0.4);
     backend.request_positions().unwrap();
-    let asked = go(&mut backend, Rays::Camera(&camera), SHADOWED);
+    let asked = submit_trace(&mut backend, Rays::Camera(&camera), SHADOWED);
     for frame in 0..5 {
         record_refit(&mut backend, &animation, 0.5 + 0.1 * f64::from(frame));
-        let ticket = go(&mut backend, Rays::Camera(&camera), SHADOWED);
+        let ticket = submit_trace(&mut backend, Rays::Camera(&camera), SHADOWED);
         let report = backend.wait(ticket).unwrap();
         assert!(report.hits > 0 && backend.take_positions().unwrap().is_none());
     }
     // Adopting a tree does not wait, and earlier frames are not delayed.
     bar(&mut backend.gpu_mut().upload, &gate, &from, &to);
     record_refit(&mut backend, &animation, 1.5);
-    let before = go(&mut backend, Rays::Camera(&camera), SHADOWED);
+    let before = submit_trace(&mut backend, Rays::Camera(&camera), SHADOWED);
     let tree = tree_at(&animation, 1.5);
     backend.adopt(&tree, Generation(2)).unwrap();
     backend.preprocess().unwrap();
     backend.refit().unwrap();
-    let after = go(&mut backend, Rays::Camera(&camera), SHADOWED);
+    let after = submit_trace(&mut backend, Rays::Camera(&camera), SHADOWED);
     assert!(backend.wait(before).unwrap().hits > 0);
     let early = is_done(&backend, after);
     gate.signal(1).unwrap();

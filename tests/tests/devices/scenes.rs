@@ -85,7 +85,7 @@ pub(crate) fn record_refit(backend: &mut dyn Backend, animation: &Animation, tim
 }
 
 /// Records a trace and submits.
-pub(crate) fn go(backend: &mut dyn Backend, rays: Rays<'_>, kind: QueryKind) -> Ticket {
+pub(crate) fn submit_trace(backend: &mut dyn Backend, rays: Rays<'_>, kind: QueryKind) -> Ticket {
     stage::start(backend, rays, kind).unwrap()
 }
 
@@ -96,7 +96,7 @@ pub(crate) fn hits(backend: &mut dyn Backend, ticket: Ticket) -> Hits {
 }
 
 /// Records a trace, submits, and returns the hits.
-pub(crate) fn see(backend: &mut dyn Backend, rays: Rays<'_>, kind: QueryKind) -> Hits {
+pub(crate) fn trace(backend: &mut dyn Backend, rays: Rays<'_>, kind: QueryKind) -> Hits {
     stage::trace_and_wait(backend, rays, kind).unwrap().hits
 }
 
@@ -113,10 +113,10 @@ pub(crate) fn check_picture(
     camera: &Camera,
 ) {
     record_refit(backend, animation, time);
-    let together = see(backend, Rays::Camera(camera), SHADOWED);
+    let together = trace(backend, Rays::Camera(camera), SHADOWED);
     let rays: Vec<_> = camera.rays().collect();
     record_refit(backend, animation, time);
-    let apart = see(backend, Rays::List(&rays), SHADOWED);
+    let apart = trace(backend, Rays::List(&rays), SHADOWED);
     assert!(together == apart, "{camera:?} at {time}");
 }
 

@@ -2,7 +2,8 @@
 
 use crate::Subject;
 use crate::scenes::{
-    SHADOWED, SQUARE, apart, cameras, check_picture, look, numbers, positions, see, swarm, tree_at,
+    SHADOWED, SQUARE, apart, cameras, check_picture, look, numbers, positions, swarm, trace,
+    tree_at,
 };
 use backend::{Generation, Intersector, Rays};
 use bvh_layout::Topology;
@@ -140,7 +141,7 @@ fn sheets(count: u32) -> Arc<Animation> {
 }
 
 /// Returns whether rasterization of the last picture was complete, according to the visibility buffer.
-fn told_all(backend: &mut dyn Subject, intersector: Intersector) -> bool {
+fn is_rasterization_complete(backend: &mut dyn Subject, intersector: Intersector) -> bool {
     let numbers = match intersector {
         Intersector::Watertight => PIXELS,
         _ => 2 * PIXELS,
@@ -161,7 +162,7 @@ fn check_rasterization(backend: &mut dyn Subject, intersector: Intersector) {
     for camera in cameras() {
         check_picture(backend, (&dust, 0.0), &camera);
         assert!(
-            told_all(backend, intersector),
+            is_rasterization_complete(backend, intersector),
             "{intersector:?}, {camera:?}"
         );
     }
@@ -198,15 +199,15 @@ fn check_fallback_to_rays(backend: &mut dyn Subject, intersector: Intersector) {
         check_picture(backend, (&animation, 0.0), &cameras()[0]);
         let triangles = animation.triangle_count();
         assert!(
-            !told_all(backend, intersector),
+            !is_rasterization_complete(backend, intersector),
             "{intersector:?}, {triangles} triangles"
         );
     }
     // Rasterization is retried after a while. This camera has fewer triangles to cover.
     let away = look([0.0, 0.0, 3.0], [0.0, 0.0, 9.0], (50.0, SQUARE));
     let mut tried = (0..1000).map(|_| {
-        see(backend, Rays::Camera(&away), SHADOWED);
-        told_all(backend, intersector)
+        trace(backend, Rays::Camera(&away), SHADOWED);
+        is_rasterization_complete(backend, intersector)
     });
     assert_eq!(tried.position(|told| told), Some(63));
     drop(tried);
@@ -214,5 +215,5 @@ fn check_fallback_to_rays(backend: &mut dyn Subject, intersector: Intersector) {
     let dust = dust_for(intersector);
     open_by(backend, &dust, intersector);
     check_picture(backend, (&dust, 0.0), &cameras()[0]);
-    assert!(told_all(backend, intersector));
+    assert!(is_rasterization_complete(backend, intersector));
 }

@@ -1,7 +1,9 @@
 //! Tests steps that are recorded into the program's command encoder.
 
 use crate::lent::{Met, OnHost, Sheets, bits, sheet, two_sheets};
-use crate::scenes::{SHADOWED, camera, go, hits, open, record_refit, see, swarm, tree_at};
+use crate::scenes::{
+    SHADOWED, camera, hits, open, record_refit, submit_trace, swarm, trace, tree_at,
+};
 use crate::wgpu_lent::{bytes_of, device_with, lent, own_device};
 use crate::wgpu_points::Own;
 use abvh::own_device::{
@@ -319,11 +321,11 @@ pub(crate) fn tree_outlives_commands_that_read_it() {
     let mut backend = lent(&own).unwrap();
     open(&mut backend, &animation);
     record_refit(&mut backend, &animation, 0.3);
-    let expected = see(&mut backend, Rays::Camera(&camera), SHADOWED);
+    let expected = trace(&mut backend, Rays::Camera(&camera), SHADOWED);
     record_refit(&mut backend, &animation, 0.3);
     let commands = own.device.create_command_encoder(&Default::default());
     backend.gpu_mut().set_encoder(commands).unwrap();
-    let ticket = go(&mut backend, Rays::Camera(&camera), SHADOWED);
+    let ticket = submit_trace(&mut backend, Rays::Camera(&camera), SHADOWED);
     let commands = backend.gpu_mut().take_encoder().unwrap();
     let second = Generation(2);
     backend.adopt(&tree_at(&animation, 0.0), second).unwrap();

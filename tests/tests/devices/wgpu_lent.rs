@@ -1,7 +1,7 @@
 //! Tests devices that the program opened: with few features, with low limits, or lost.
 
 use crate::scenes::{
-    SHADOWED, arrive, camera, go, open, rays, record_refit, report, see, swarm, tree_at,
+    SHADOWED, arrive, camera, open, rays, record_refit, report, submit_trace, swarm, trace, tree_at,
 };
 use abvh::own_device::OwnDevice;
 use abvh::{Device, Scene, Tracer};
@@ -121,7 +121,7 @@ pub(crate) fn too_large_scene_names_its_limit() {
         other => panic!("{other}"),
     };
     assert_eq!(need, 1_280_000);
-    go(&mut backend, Rays::List(&many[..100]), QueryKind::Closest);
+    submit_trace(&mut backend, Rays::List(&many[..100]), QueryKind::Closest);
 }
 
 pub(crate) fn device_with_few_buffers_is_refused() {
@@ -157,7 +157,7 @@ pub(crate) fn lent_device_keeps_its_handlers() {
     open(&mut backend, &animation);
     record_refit(&mut backend, &animation, 0.5);
     backend.request_positions().unwrap();
-    let ticket = go(&mut backend, Rays::Camera(&camera), SHADOWED);
+    let ticket = submit_trace(&mut backend, Rays::Camera(&camera), SHADOWED);
     backend.wait(ticket).unwrap();
     device.destroy();
     let _ = backend.wait(ticket);
@@ -183,7 +183,7 @@ pub(crate) fn stages_are_timed_within_shared_passes() {
         backend.preprocess().unwrap();
         let preprocess = report(&mut backend).times;
         backend.refit().unwrap();
-        let ticket = go(&mut backend, Rays::Camera(&camera), SHADOWED);
+        let ticket = submit_trace(&mut backend, Rays::Camera(&camera), SHADOWED);
         let last = backend.wait(ticket).unwrap().times;
         for (times, stages) in [
             (interpolate, [interpolate.interpolate_ms; 2]),
@@ -213,7 +213,7 @@ fn results(
         (Rays::List(&list), QueryKind::Closest),
         (Rays::List(&list), QueryKind::Any),
     ];
-    let hits = queries.map(|(rays, kind)| see(backend, rays, kind));
+    let hits = queries.map(|(rays, kind)| trace(backend, rays, kind));
     assert!(hits[0].closest.iter().any(|h| h.is_hit()));
     (backend.boxes().unwrap(), hits)
 }
@@ -266,7 +266,7 @@ pub(crate) fn calls_after_device_loss_return_errors() {
         open(&mut backend, &animation);
         record_refit(&mut backend, &animation, 0.5);
         backend.request_positions().unwrap();
-        let ticket = go(&mut backend, Rays::List(&list), QueryKind::Closest);
+        let ticket = submit_trace(&mut backend, Rays::List(&list), QueryKind::Closest);
         backend.wait(ticket).unwrap();
         let (_, held) = arrive(&mut backend);
         own.device.destroy();

@@ -24,7 +24,7 @@ struct Own {
     tracer: Tracer,
     count: usize,
     rays: Buffer,
-    room: Buffer,
+    results: Buffer,
 }
 
 impl Own {
@@ -37,7 +37,7 @@ impl Own {
             tracer: builder.build(scene).unwrap(),
             count: rays.len(),
             rays: filled(&device, bytemuck::cast_slice(rays), USAGE),
-            room: filled(&device, &vec![0; 16 * rays.len()], USAGE),
+            results: filled(&device, &vec![0; 16 * rays.len()], USAGE),
             device,
         }
     }
@@ -48,23 +48,23 @@ impl LentRays for Own {
         &mut self.tracer
     }
 
-    fn ask(&mut self, query: Query, has_room: bool) -> Found {
+    fn trace(&mut self, query: Query, has_results: bool) -> Found {
         let asked = RayBuffers {
             rays: &self.rays,
             count: self.count,
-            results: has_room.then_some(&self.room),
+            results: has_results.then_some(&self.results),
         };
         found(&mut self.tracer, query, |step| {
             step.trace_buffers(asked, query)
         })
     }
 
-    fn fill_room(&mut self, byte: u8) {
-        self.room = filled(&self.device, &vec![byte; 16 * self.count], USAGE);
+    fn fill_results(&mut self, byte: u8) {
+        self.results = filled(&self.device, &vec![byte; 16 * self.count], USAGE);
     }
 
-    fn room(&mut self, words: usize) -> Vec<u32> {
-        let bytes = bytes_of(&self.device, &self.room);
+    fn results(&mut self, words: usize) -> Vec<u32> {
+        let bytes = bytes_of(&self.device, &self.results);
         bytemuck::cast_slice(&bytes[..4 * words]).to_vec()
     }
 }
@@ -79,7 +79,7 @@ pub(crate) fn reads_rays_from_caller_buffers() {
         let done = step.submit().unwrap();
         let hits = own.tracer.hits_buffer(done, asked).unwrap();
         let hits = bytes_of(&own.device, &hits);
-        assert!(hits[..16 * list.len()] == bytes_of(&own.device, &own.room));
+        assert!(hits[..16 * list.len()] == bytes_of(&own.device, &own.results));
         // Later rays from the host do not overwrite the program's buffer.
         for query in [Query::Closest, Query::Any].repeat(4) {
             let ray = [Ray::new([9.0; 3], [1.0; 3])];
@@ -96,7 +96,7 @@ pub(crate) fn long_lists_fit_the_requested_limits() {
     let mut own = Own::new(flying(), &all, HOW[0]);
     for query in [Query::Closest, Query::Any, Query::Closest] {
         let sent = found(&mut own.tracer, query, |step| step.trace(&all, query));
-        assert!(sent == own.ask(query, false), "{query:?}");
+        assert!(sent == own.trace(query, false), "{query:?}");
     }
 }
 
@@ -110,7 +110,7 @@ pub(crate) fn ray_buffers_are_released() {
     own.count = few.len();
     let mut step = || {
         own.rays = filled(&own.device, bytemuck::cast_slice(&all), USAGE);
-        own.ask(Query::Closest, false);
+        own.trace(Query::Closest, false);
         let report = own.device.device.generate_allocator_report();
         report.map(|report| report.total_allocated_bytes)
     };
@@ -169,5 +169,5 @@ pub(crate) fn unsuitable_ray_buffer_is_an_error() {
     step.trace_buffers(foreign, Query::Closest).unwrap();
     is_device(step.submit().err());
     // Later steps are not affected.
-    assert!(own.ask(Query::Closest, false) == other.ask(Query::Closest, false));
+    assert!(own.trace(Query::Closest, false) == other.trace(Query::Closest, false));
 }

@@ -34,7 +34,7 @@ fn expected(cloth: &Demo, vertices: &[Point], camera: &Camera) -> Vec<u8> {
 /// Traces a picture of an animation at time 0 with the scalar reference.
 fn hits_by_reference(animation: &Arc<Animation>, view: LitView<'_>) -> backend::Hits {
     let mut stage = Stage::new(animation, Intersector::Watertight, 1);
-    stage.plant(0.0);
+    stage.adopt_tree_at(0.0);
     let query = backend::Query::picture(view.camera, view.light);
     stage.trace(0.0, query.rays, query.kind)
 }

@@ -29,7 +29,7 @@ pub(crate) fn rays(source: Source) {
         let rays = pixels(&animation);
         let expected = exact(time, &rays);
         let mut stage = Stage::new(&animation, Intersector::Watertight, 2);
-        stage.plant(time);
+        stage.adopt_tree_at(time);
         let found = stage.closest(time, &rays).closest;
         let off = |(hit, expected): &(&Hit, &Option<ExactHit>)| match expected {
             Some(e) => hit.triangle != e.triangle || (f64::from(hit.t) - e.t).abs() > T_ERROR * e.t,
@@ -53,7 +53,7 @@ pub(crate) fn check(
     time: f64,
     rays: &[Ray],
 ) -> Vec<Option<ExactHit>> {
-    stage.plant(time);
+    stage.adopt_tree_at(time);
     let closest = stage.closest(time, rays).closest;
     let any = stage.trace(time, Rays::List(rays), QueryKind::Any).blocked;
     let bits = |values: [f32; 3]| values.map(f32::to_bits);
@@ -97,7 +97,7 @@ pub(crate) fn shadows(source: Source) {
     let corners = triangles(&animation, time);
     let oracle = Oracle::new(corners.clone());
     let mut stage = Stage::new(&animation, Intersector::Exact, 2);
-    stage.plant(time);
+    stage.adopt_tree_at(time);
     let kind = QueryKind::ClosestAndShadow { light };
     let hits = stage.trace(time, Rays::List(&rays), kind);
     let all = corners.iter().filter(|c| is_active(c) && !is_degenerate(c));
@@ -154,7 +154,7 @@ pub(crate) fn check_ray_limits(source: Source) {
 fn cut(animation: &Arc<Animation>, by: Intersector) {
     let time = 0.5 * animation.end();
     let mut stage = Stage::new(animation, by, 2);
-    stage.plant(time);
+    stage.adopt_tree_at(time);
     let mut rays = camera(animation, [64, 48]).rays().collect::<Vec<_>>();
     for target in Target::ALL {
         rays.extend(aimed(animation, time, target, 1.5, 333));

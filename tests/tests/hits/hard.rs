@@ -108,7 +108,7 @@ fn watertight(mut backend: Box<dyn Backend>) -> Box<dyn Backend> {
         (sliver(), vec![AT_SLIVER], vec![0]),
     ] {
         let mut stage = Stage::over(backend, &animation, Intersector::Watertight);
-        stage.plant(0.0);
+        stage.adopt_tree_at(0.0);
         let hits = stage.closest(0.0, &rays).closest;
         assert!(hits.iter().map(|h| h.triangle).eq(expected), "{hits:?}");
         backend = stage.into_backend();
@@ -149,7 +149,7 @@ fn against_the_host(mut backend: Box<dyn Backend>) {
         let light = picture.light;
         let kind = QueryKind::ClosestAndShadow { light };
         let ask = |stage: &mut Stage| {
-            stage.plant(0.0);
+            stage.adopt_tree_at(0.0);
             stage.trace(picture.time, Rays::Camera(&picture.camera), kind)
         };
         let mut device = Stage::over(backend, &picture.animation, Intersector::Exact);

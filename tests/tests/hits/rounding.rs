@@ -132,7 +132,7 @@ fn ties_at_zero(mut backend: Box<dyn Backend>) {
         [second, first, FAR],
     ] {
         let mut stage = Stage::over(backend, &soup(&corners), Intersector::MollerTrumbore);
-        stage.plant(0.0);
+        stage.adopt_tree_at(0.0);
         let hit = stage.closest(0.0, &[ray]).closest[0];
         assert_eq!((hit.triangle, hit.t), (0, 0.0), "{corners:?}");
         backend = stage.into_backend();
@@ -196,14 +196,14 @@ fn needles_in_a_picture(backend: Box<dyn Backend>) {
     let animation = needles(&camera);
     let rays: Vec<Ray> = camera.rays().collect();
     let mut reference = Stage::new(&animation, Intersector::Watertight, 2);
-    reference.plant(0.0);
+    reference.adopt_tree_at(0.0);
     let expected = reference.closest(0.0, &rays).closest;
     let needles = expected.iter().filter(|h| h.is_hit() && h.triangle > 1);
     let count = needles.count();
     assert!(count > 100, "only {count} needles are hit");
     let mut stage = Stage::over(backend, &animation, Intersector::Watertight);
     let light = [0.0, 5.0, 0.0];
-    stage.plant(0.0);
+    stage.adopt_tree_at(0.0);
     let kind = QueryKind::ClosestAndShadow { light };
     let found = stage.trace(0.0, Rays::Camera(&camera), kind).closest;
     let other = expected.iter().zip(&found).position(|(a, b)| a != b);

@@ -91,7 +91,7 @@ pub(crate) fn trials() -> Vec<Trial> {
     let clip = robot.map(|scene| {
         scene.trial("unknown_clip_lists_valid_ones", |scene| {
             let words = format!("render {} --clip gallop", scene.path());
-            Sandbox::new().refuses(&words, &["gallop", "Dance", "Idle"]);
+            Sandbox::new().assert_refused(&words, &["gallop", "Dance", "Idle"]);
         })
     });
     let beside = BACKENDS.into_iter().map(|on| {
@@ -112,7 +112,7 @@ fn refused(sandbox: &Sandbox, cases: &str, options: &str) {
     for case in cases.lines().filter(|line| !line.is_empty()) {
         let (words, says) = case.split_once(" | ").unwrap();
         let says: Vec<&str> = says.split(" | ").collect();
-        sandbox.refuses(&format!("{words}{options}"), &says);
+        sandbox.assert_refused(&format!("{words}{options}"), &says);
         let after = sandbox.files();
         let is_as_before = before == after && !sandbox.path().join("abvh-out").exists();
         assert!(is_as_before, "{words} left {after:?}");

@@ -1,7 +1,7 @@
 //! `bench`: a table for people, and a file with every frame of every run for programs.
 
 use crate::devices::{BACKENDS, HOST, Subject};
-use crate::sandbox::{Sandbox, list, says, trial};
+use crate::sandbox::{Sandbox, assert_contains, list, trial};
 use crate::stats::{FRAME, has_all};
 use libtest_mimic::Trial;
 use serde_json::Value;
@@ -31,7 +31,9 @@ fn warm_up(sandbox: &Sandbox, backend: &str) {
     let rows = |seconds: &str| -> Vec<Value> {
         let what = format!("bench demo:collide:600 --backend {backend} --update {updates}");
         let how = format!("--frames 4 --size 16x12 --warm-up {seconds}");
-        let json = sandbox.tells(&format!("{what} {how} --quiet"), "--json").1;
+        let json = sandbox
+            .run_json(&format!("{what} {how} --quiet"), "--json")
+            .1;
         list(&json["rows"]).to_vec()
     };
     let facts = |row: &Value| -> Vec<Vec<Value>> {
@@ -62,9 +64,9 @@ fn camera(sandbox: &Sandbox) {
         list(&json[rows]).iter().map(hits).collect()
     };
     let counts = |camera: &str| {
-        let (_, bench) = sandbox.tells(&format!("bench {common} {camera}"), "--json");
+        let (_, bench) = sandbox.run_json(&format!("bench {common} {camera}"), "--json");
         let render = format!("render {common} {camera} --no-images");
-        let (_, render) = sandbox.tells(&render, "--stats");
+        let (_, render) = sandbox.run_json(&render, "--stats");
         let ours = hits(&bench["rows"][0], "per_frame");
         assert_eq!(ours, hits(&render, "frames"), "{camera}");
         ours
@@ -80,7 +82,7 @@ fn camera(sandbox: &Sandbox) {
 fn memory(sandbox: &Sandbox, backend: &str) {
     let words = "--update refit,device-rebuild --frames 3 --size 16x12 --quiet";
     let what = format!("bench demo:twist:20000 --backend {backend} {words}");
-    let (_, json) = sandbox.tells(&what, "--json");
+    let (_, json) = sandbox.run_json(&what, "--json");
     let part = |row: usize, name: &str| {
         let each = &json["rows"][row]["memory"]["bytes_per_triangle"];
         each[name].as_f64().unwrap_or(f64::NAN)
@@ -101,7 +103,7 @@ fn memory(sandbox: &Sandbox, backend: &str) {
 fn moving(sandbox: &Sandbox) {
     let words = "--backend cpu --update refit --frames 2 --size 8x8 --quiet";
     let two = "demo:hall:2000+demo:hall:2000@0,0,9.5*0.5";
-    let (_, json) = sandbox.tells(&format!("bench {two} {words}"), "--json");
+    let (_, json) = sandbox.run_json(&format!("bench {two} {words}"), "--json");
     let row = &json["rows"][0];
     let one = scene::open("demo:hall:2000", &scene::SceneOptions::default()).unwrap();
     let [moving, all] = [one.animation.moving_count(), one.animation.triangle_count()];
@@ -113,9 +115,9 @@ const SMALL: &str = "bench demo:twist:500 --backend cpu --size 16x12 --quiet";
 
 fn file(sandbox: &Sandbox) {
     let words = "--frames 0..5 --update refit,async";
-    let (run, json) = sandbox.tells(&format!("{SMALL} {words}"), "--json");
+    let (run, json) = sandbox.run_json(&format!("{SMALL} {words}"), "--json");
     let told = "geometry|wall|age|SAH|cpu: ";
-    says(&run.stdout, told);
+    assert_contains(&run.stdout, told);
     let here = json["command_line"][1] == "bench" && json["cores"].as_u64() > Some(0);
     assert!(here, "no machine");
     let rows = list(&json["rows"]);
@@ -139,7 +141,7 @@ fn file(sandbox: &Sandbox) {
 
 fn random_rays(sandbox: &Sandbox) {
     let words = "--frames 17 --update refit,auto --rays camera,random";
-    let (run, json) = sandbox.tells(&format!("{SMALL} {words}"), "--json");
+    let (run, json) = sandbox.run_json(&format!("{SMALL} {words}"), "--json");
     assert!(
         run.stdout.contains("watertight, random rays"),
         "{}",
@@ -164,7 +166,7 @@ fn failed(sandbox: &Sandbox) {
     let words = "bench bad.obj demo:twist:500 --backend wgpu,cpu --adapter host --update refit \
                  --size 16x12 --frames 2 --quiet --json b.json --csv b.csv";
     let run = sandbox.run(words);
-    says(
+    assert_contains(
         &run.stdout,
         "cpu: |wgpu|bad.obj wgpu refit watertight failed: ",
     );
@@ -186,5 +188,5 @@ fn failed(sandbox: &Sandbox) {
 /// Tests an unknown adapter.
 fn refused(sandbox: &Sandbox) {
     let elsewhere = format!("{SMALL} --adapter nothing-like-it");
-    sandbox.refuses(&elsewhere, &["nothing-like-it"]);
+    sandbox.assert_refused(&elsewhere, &["nothing-like-it"]);
 }

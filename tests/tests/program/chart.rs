@@ -1,7 +1,7 @@
 //! `chart`: four files with the same content, and counts of wrong answers. `bench --csv`: a table over sizes.
 
 use crate::devices::{BACKENDS, Subject};
-use crate::sandbox::{Run, Sandbox, list, says, trial};
+use crate::sandbox::{Run, Sandbox, assert_contains, list, trial};
 use libtest_mimic::Trial;
 use serde_json::Value;
 
@@ -23,7 +23,7 @@ pub(crate) fn trials() -> Vec<Trial> {
 const SMALL: &str = "chart demo:collide:300 --backend cpu --frames 2 --size 64x40 --out c";
 
 fn draw(sandbox: &Sandbox, rays: usize, more: &str) -> (Run, Vec<Value>) {
-    let run = sandbox.does(&format!("{SMALL} --rays {rays} {more}"));
+    let run = sandbox.run_ok(&format!("{SMALL} --rays {rays} {more}"));
     let json = sandbox.json("c/points.json");
     assert!(json["schema"] == 1, "{json}");
     (run, list(&json["points"]).to_vec())
@@ -64,8 +64,8 @@ fn files(sandbox: &Sandbox) {
     let commas = |line: &str| line.matches(',').count();
     let first = csv.lines().next().map(commas);
     assert!(csv.lines().all(|l| Some(commas(l)) == first), "{csv}");
-    says(&sandbox.text("c/chart.svg"), "extreme-keys|</svg>");
-    says(&sandbox.text("c/chart.html"), "All points|</svg>");
+    assert_contains(&sandbox.text("c/chart.svg"), "extreme-keys|</svg>");
+    assert_contains(&sandbox.text("c/chart.html"), "All points|</svg>");
 }
 
 fn judged(sandbox: &Sandbox) {
@@ -92,7 +92,7 @@ fn failed(sandbox: &Sandbox) {
     sandbox.write("bad.obj", "f 1 2 3");
     let words = "chart bad.obj demo:collide:300 --backend cpu --update refit --intersector woop,exact --frames 2";
     let run = sandbox.run(&format!("{words} --size 16x10 --rays 100 --out c --quiet"));
-    says(&run.stdout, "bad.obj cpu woop refit failed: ");
+    assert_contains(&run.stdout, "bad.obj cpu woop refit failed: ");
     run.fails(1, &["2 of 4 points could not be measured"]);
     let json = sandbox.json("c/points.json");
     assert_eq!(list(&json["points"]).len(), 2);
@@ -101,14 +101,14 @@ fn failed(sandbox: &Sandbox) {
     assert!(failures.len() == 2 && failures.iter().all(told), "{json}");
     let csv = sandbox.text("c/points.csv");
     assert!(csv.lines().count() == 5, "{csv}");
-    says(&sandbox.text("c/chart.html"), "<li>bad.obj cpu exact refit");
+    assert_contains(&sandbox.text("c/chart.html"), "<li>bad.obj cpu exact refit");
 }
 
 /// Checks that robust intersectors have the host's counts. One device traces all methods in turn.
 fn robust(sandbox: &Sandbox, backend: &str) {
     let words = "--quiet --update refit,async --intersector watertight,exact";
     let what = "chart demo:collide:300 --frames 2 --size 64x40 --out c --rays 4000";
-    sandbox.does(&format!("{what} --backend {backend},cpu {words}"));
+    sandbox.run_ok(&format!("{what} --backend {backend},cpu {words}"));
     let json = sandbox.json("c/points.json");
     let points = list(&json["points"]);
     assert_eq!(points.len(), 8);
@@ -146,7 +146,7 @@ fn refused(sandbox: &Sandbox) {
         ("no/such/scene", "no/such/scene"),
         ("--out file/below", "file"),
     ] {
-        sandbox.refuses(&format!("chart --quiet {words}"), &[says]);
+        sandbox.assert_refused(&format!("chart --quiet {words}"), &[says]);
     }
     let files = sandbox.files();
     assert!(files.len() == 1, "{files:?}");
@@ -157,7 +157,7 @@ fn refused(sandbox: &Sandbox) {
 fn sizes(sandbox: &Sandbox) {
     let words = "bench demo:twist:300 demo:twist:1000 --backend cpu --update async,refit --frames 5 \
                  --size 16x12 --builder-threads 1 --csv b.csv --quiet";
-    sandbox.does(words);
+    sandbox.run_ok(words);
     let csv = sandbox.text("b.csv");
     let rows: Vec<Vec<&str>> = csv.lines().map(|l| l.split(',').collect()).collect();
     // Two sizes, two policies, and the heading.

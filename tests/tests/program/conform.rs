@@ -1,6 +1,6 @@
 //! `conform`: properties by name, rays against exact answers. `stability`: error rates by family and intersector, within bounds.
 
-use crate::sandbox::{Sandbox, list, says, trial};
+use crate::sandbox::{Sandbox, assert_contains, list, trial};
 use libtest_mimic::Trial;
 use serde_json::Value;
 
@@ -18,20 +18,20 @@ pub(crate) fn trials() -> Vec<Trial> {
 }
 
 fn keeps(sandbox: &Sandbox) {
-    let (run, json) = sandbox.tells("conform --backend cpu --seed 5 --cases 4", "--json");
+    let (run, json) = sandbox.run_json("conform --backend cpu --seed 5 --cases 4", "--json");
     assert!(json["schema"] == 1 && json["seed"] == 5, "{json}");
     assert_eq!(json["backends"][0]["backend"], "cpu");
     let rows = list(&json["rows"]);
     assert!(rows.len() >= 19, "{} rows", rows.len());
     let held = |r: &Value| r["held"].as_u64() >= Some(4) && r["disagreement"].is_null();
     assert!(rows.iter().all(held), "{json}");
-    says(&run.stdout, "trees of other scenes are refused");
+    assert_contains(&run.stdout, "trees of other scenes are refused");
     assert!(!run.stdout.contains("DISAGREES"), "{}", run.stdout);
     let lines = || run.stderr.lines();
     let held = lines().filter(|line| line.contains(": held in "));
     assert_eq!([lines().count(), held.count()], [rows.len(); 2]);
     let property = "--property hits_equal_the_reference --case 7";
-    let (_, json) = sandbox.tells(&format!("conform --backend cpu {property}"), "--json");
+    let (_, json) = sandbox.run_json(&format!("conform --backend cpu {property}"), "--json");
     let rows = list(&json["rows"]);
     assert!(rows.len() == 1 && rows[0]["held"] == 1, "{json}");
 }
@@ -42,7 +42,7 @@ fn sum(rows: &Value, what: &str) -> u64 {
 
 fn oracle(sandbox: &Sandbox) {
     let words = "conform --backend cpu --cases 0 --oracle-rays 7500";
-    let (run, json) = sandbox.tells(words, "--json");
+    let (run, json) = sandbox.run_json(words, "--json");
     let rows = list(&json["oracle"]);
     assert_eq!(rows.len(), 15);
     assert!(rows.iter().all(|r| r["rays"] == 500), "{json}");
@@ -63,14 +63,14 @@ fn refused(sandbox: &Sandbox) {
         ("--adapter nowhere", "cpu"),
         ("--json no/such/file", "no/such/file"),
     ] {
-        sandbox.refuses(&format!("conform --backend cpu --quiet {words}"), &[says]);
+        sandbox.assert_refused(&format!("conform --backend cpu --quiet {words}"), &[says]);
     }
     for (words, says) in [
         ("--adapter nowhere", "nowhere"),
         ("--json no/such/file", "no/such/file"),
         ("--record no/such/file", "no/such/file"),
     ] {
-        sandbox.refuses(&format!("stability --backend cpu --quiet {words}"), &[says]);
+        sandbox.assert_refused(&format!("stability --backend cpu --quiet {words}"), &[says]);
     }
     assert!(sandbox.files().is_empty(), "{:?}", sandbox.files());
 }
@@ -79,7 +79,7 @@ fn refused(sandbox: &Sandbox) {
 const FAMILIES: usize = 21;
 
 fn expected(sandbox: &Sandbox) {
-    let (run, json) = sandbox.tells("stability --backend cpu --rays 2048", "--json");
+    let (run, json) = sandbox.run_json("stability --backend cpu --rays 2048", "--json");
     let rows = list(&json["rows"]);
     assert!(json["schema"] == 1 && json["seed"] == 1, "{json}");
     assert_eq!(rows.len(), 4 * FAMILIES);
@@ -101,7 +101,7 @@ fn expected(sandbox: &Sandbox) {
         }
     }
     assert_eq!(closed, 12);
-    says(&run.stdout, "needles|leaks, double hits");
+    assert_contains(&run.stdout, "needles|leaks, double hits");
     for mark in ["WORSE", "BETTER", "UNKNOWN"] {
         assert!(!run.stdout.contains(mark), "{}", run.stdout);
     }
@@ -110,14 +110,14 @@ fn expected(sandbox: &Sandbox) {
 
 fn repeatable(sandbox: &Sandbox) {
     let words = "stability --backend cpu --intersector woop --rays 600 --quiet --seed";
-    let [first, again, other] = [4, 4, 5].map(|seed| sandbox.does(&format!("{words} {seed}")));
+    let [first, again, other] = [4, 4, 5].map(|seed| sandbox.run_ok(&format!("{words} {seed}")));
     assert_eq!(first.stdout, again.stdout);
     assert_ne!(first.stdout, other.stdout);
     assert_eq!(first.stderr, "");
 }
 
 fn recorded(sandbox: &Sandbox) {
-    let (run, json) = sandbox.tells("stability --backend cpu --seeds 1 --quiet", "--record");
+    let (run, json) = sandbox.run_json("stability --backend cpu --seeds 1 --quiet", "--record");
     assert_eq!(json["arithmetic"]["rounds_division"], true);
     let ground = json["ground"].as_str().unwrap();
     let told = ground.contains("8192 rays a family") && run.stdout.contains(ground);

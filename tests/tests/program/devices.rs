@@ -1,7 +1,7 @@
 //! Backends and adapters that are named, chosen by `auto`, or absent.
 
 use crate::files::array;
-use crate::sandbox::{Sandbox, list, says, trial};
+use crate::sandbox::{Sandbox, assert_contains, list, trial};
 use backend::BackendName;
 use libtest_mimic::Trial;
 use serde_json::Value;
@@ -51,7 +51,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         trial("devices::without_a_driver", |s| lacking(s, &NO_DRIVER)),
         trial("devices::cpu_rejects_device_rebuild", |s| {
             let words = format!("{RENDER} --backend cpu --update device-rebuild");
-            s.refuses(&words, &["cpu does not support tree builds on the device"]);
+            s.assert_refused(&words, &["cpu does not support tree builds on the device"]);
         }),
     ];
     if cfg!(target_os = "linux") {
@@ -89,9 +89,9 @@ fn info(sandbox: &Sandbox) {
     let mut adapters = all.flat_map(|backend| list(&backend["adapters"]));
     let doctor = sandbox.run("doctor");
     match adapters.any(|adapter| adapter["kind"] == "gpu") {
-        true => says(&doctor.succeeds().stdout, "usable GPUs:"),
+        true => assert_contains(&doctor.succeeds().stdout, "usable GPUs:"),
         false => {
-            says(&doctor.stdout, "missing:|fix:");
+            assert_contains(&doctor.stdout, "missing:|fix:");
             doctor.fails(1, &["no GPU can be used here"]);
         }
     }
@@ -100,14 +100,14 @@ fn info(sandbox: &Sandbox) {
     let nowhere = [("WAYLAND_DISPLAY", display), ("XDG_RUNTIME_DIR", folder)];
     let run = sandbox.run_where("info", &nowhere).succeeds();
     assert_eq!(run.stderr, "");
-    says(&run.stdout, "auto chooses|cpu-ref|adapter 0|[cpu]");
+    assert_contains(&run.stdout, "auto chooses|cpu-ref|adapter 0|[cpu]");
     let mut lines = run.stdout.lines();
     assert!(lines.all(|l| l.chars().count() <= 100), "{}", run.stdout);
 }
 
 /// Checks that standard error, the statistics, `info` and `inspect` name the same choice and reason.
 fn says_why(sandbox: &Sandbox) {
-    let (run, stats) = sandbox.tells(RENDER, "--stats");
+    let (run, stats) = sandbox.run_json(RENDER, "--stats");
     let taken = entry(&stats["auto"], "what", "backend");
     assert!(taken["takes"] == stats["backend"], "{stats}");
     let [takes, why] = ["takes", "why"].map(|key| taken[key].as_str().unwrap_or_default());
@@ -117,7 +117,7 @@ fn says_why(sandbox: &Sandbox) {
     let inspected = sandbox.run("inspect demo:twist:100 --json").parsed();
     assert_eq!(entry(&inspected["auto"], "what", "backend"), taken);
     let says = ["backend has an adapter 'voodoo'", "cpu 0: host"];
-    sandbox.refuses(&format!("{RENDER} --adapter voodoo"), &says);
+    sandbox.assert_refused(&format!("{RENDER} --adapter voodoo"), &says);
 }
 
 const NOWHERE: &str = "/nonexistent";
@@ -161,12 +161,12 @@ fn as_listed(sandbox: &Sandbox, backend: &str) {
     let render = format!("{RENDER} --backend {backend} --adapter");
     for intersector in intersectors {
         let how = format!("0 --intersector {intersector}");
-        let stdout = sandbox.does(&format!("{render} {how}")).stdout;
+        let stdout = sandbox.run_ok(&format!("{render} {how}")).stdout;
         assert!(stdout.contains(adapter), "{stdout}");
     }
     assert!(sandbox.files().is_empty(), "it left files");
     for none in ["999999", "voodoo"] {
         let says = format!("{backend} has no adapter '{none}'; there is 0: {adapter}");
-        sandbox.refuses(&format!("{render} {none}"), &[&says]);
+        sandbox.assert_refused(&format!("{render} {none}"), &[&says]);
     }
 }

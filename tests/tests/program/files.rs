@@ -2,7 +2,7 @@
 
 use crate::bad::npy;
 use crate::devices::{BACKENDS, HOST, Subject};
-use crate::sandbox::{Sandbox, says, trial};
+use crate::sandbox::{Sandbox, assert_contains, trial};
 use libtest_mimic::Trial;
 use serde_json::json;
 use std::ffi::OsStr;
@@ -31,10 +31,10 @@ pub(crate) fn trials() -> Vec<Trial> {
 
 /// Checks names and messages. `images` checks size and pixels.
 fn table(sandbox: &Sandbox) {
-    let run = sandbox.does("render demo:twist:500 --size 32x24 --frames 3");
+    let run = sandbox.run_ok("render demo:twist:500 --size 32x24 --frames 3");
     let expected = [0, 1, 2].map(|i| PathBuf::from(format!("abvh-out/frame_000{i}.png")));
     assert_eq!(sandbox.files(), expected);
-    says(&run.stdout, "interpolate|preprocess|refit|trace|median|p95");
+    assert_contains(&run.stdout, "interpolate|preprocess|refit|trace|median|p95");
 }
 
 /// Checks that a run takes at least two thirds of the expected memory, and no more than expected.
@@ -50,7 +50,7 @@ fn memory_estimate_is_accurate(sandbox: &Sandbox, backend: &str) {
         "--size 64x48 --update async --lockstep 1",
         "--size 640x480 --update rebuild",
     ] {
-        let (_, stats) = sandbox.tells(&format!("{words} {how} --no-images"), "--stats");
+        let (_, stats) = sandbox.run_json(&format!("{words} {how} --no-images"), "--stats");
         let expected = stats["expected_memory"][of].as_u64().unwrap();
         let taken = stats["summary"][of]["worst"].as_f64().unwrap() as u64;
         let foreseen = (taken..=taken * 3 / 2).contains(&expected);
@@ -62,12 +62,12 @@ fn help(sandbox: &Sandbox) {
     // The width of the terminal must not affect output to a pipe.
     let narrow = [("COLUMNS", OsStr::new("20"))];
     for words in ["--help", "render --help", "trace --help", "info"] {
-        let run = sandbox.does(words);
+        let run = sandbox.run_ok(words);
         let is_help = words == "info" || run.stdout.contains("Usage");
         assert!(is_help && run.stderr.is_empty(), "{words}");
         assert_eq!(sandbox.run_where(words, &narrow).stdout, run.stdout);
     }
-    assert!(sandbox.does("--version").stdout.starts_with("abvh "));
+    assert!(sandbox.run_ok("--version").stdout.starts_with("abvh "));
 }
 
 /// Closes the reading end of the pipe before the program writes.
@@ -104,9 +104,9 @@ fn recentred(sandbox: &Sandbox) {
         npy("<f8", "(2, 6)", &bytes.collect::<Vec<u8>>()),
     );
     let trace = "trace a.obj --time 0 --backend cpu --intersector exact";
-    let plain = sandbox.does(&format!("{trace} --rays rays.npy --out plain.npz"));
-    says(&plain.stderr, "a.obj: coordinates lose up to|--recentre");
-    sandbox.does(&format!("{trace} --recentre --rays rays.npy --out h.npz"));
+    let plain = sandbox.run_ok(&format!("{trace} --rays rays.npy --out plain.npz"));
+    assert_contains(&plain.stderr, "a.obj: coordinates lose up to|--recentre");
+    sandbox.run_ok(&format!("{trace} --recentre --rays rays.npy --out h.npz"));
     let (shape, offset) = array::<f64>(sandbox, "h.npz", "offset");
     assert_eq!(shape, [3]);
     let centre = [691_608.5, 5_334_760.7, 520.05];
@@ -130,7 +130,7 @@ fn recentred(sandbox: &Sandbox) {
     let words = format!(
         "render a.obj --recentre {view} {frame} --hits r --rays-out out.npy --stats s.json"
     );
-    sandbox.does(&words);
+    sandbox.run_ok(&words);
     let triangles = array::<u32>(sandbox, "r/hits_0000.npz", "triangle").1;
     assert!(
         triangles.contains(&0) && triangles.contains(&1),
@@ -139,7 +139,7 @@ fn recentred(sandbox: &Sandbox) {
     assert_eq!(array::<f64>(sandbox, "r/hits_0000.npz", "offset").1, offset);
     let stats = sandbox.json("s.json");
     assert_eq!(stats["scene"]["facts"]["offset"], json!(offset));
-    sandbox.does(&format!(
+    sandbox.run_ok(&format!(
         "{trace} --recentre --rays out.npy --out again.npz"
     ));
     assert_eq!(array::<u32>(sandbox, "again.npz", "triangle").1, triangles);
@@ -149,7 +149,7 @@ fn recentred(sandbox: &Sandbox) {
 fn trace_repeats_render(sandbox: &Sandbox) {
     let scene = "demo:collide:2000";
     let frame = "--time-range 7.25..9 --frames 2 --size 40x30 --no-images --quiet";
-    sandbox.does(&format!(
+    sandbox.run_ok(&format!(
         "render {scene} {frame} --hits . --rays-out rays.npy"
     ));
     let expected = bits(sandbox, "hits_0000.npz");
@@ -157,10 +157,10 @@ fn trace_repeats_render(sandbox: &Sandbox) {
     assert_eq!(shape, [30, 40]);
     let words = format!("trace {scene} --time 7.25 --rays rays.npy --out h.npz");
     for options in "|--update refit --tree-time 0|--update rebuild --threads 1".split('|') {
-        sandbox.does(&format!("{words} {options}"));
+        sandbox.run_ok(&format!("{words} {options}"));
         assert!(bits(sandbox, "h.npz") == expected, "{options}");
     }
-    sandbox.does(&format!("{words} --any-hit"));
+    sandbox.run_ok(&format!("{words} --any-hit"));
     let hit: Vec<u8> = array(sandbox, "h.npz", "hit").1;
     let met = expected[0].iter().map(|&i| u8::from(i != u32::MAX));
     assert!(met.eq(hit), "any-hit disagrees");

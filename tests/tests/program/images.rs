@@ -57,7 +57,7 @@ fn picture(sandbox: &Sandbox, name: &str, words: &str, frame: usize) {
     sandbox.write("house.obj", HOUSE);
     sandbox.write("nothing.obj", NOTHING);
     let how = "--size 96x64 --update refit --quiet --out .";
-    sandbox.does(&format!("render {words} {how}"));
+    sandbox.run_ok(&format!("render {words} {how}"));
     let new = sandbox.path().join(format!("frame_{frame:04}.png"));
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("golden");
     let golden = folder.join(format!("{name}.png"));

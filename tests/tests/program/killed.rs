@@ -40,7 +40,7 @@ fn whole_or_absent(undisturbed: &Sandbox) {
     // The first call builds the program, which must not count as run time.
     let _ = integration::program::abvh();
     let start = Instant::now();
-    undisturbed.does(WORDS);
+    undisturbed.run_ok(WORDS);
     let whole_run = start.elapsed();
     let all = whole_files(undisturbed);
     assert_eq!(all.len(), 26, "{all:?}");
@@ -53,7 +53,7 @@ fn whole_or_absent(undisturbed: &Sandbox) {
         );
         let left = whole_files(&sandbox);
         cut_short += u32::from(!left.is_empty() && left.len() < all.len());
-        sandbox.does(&format!("{WORDS} --resume"));
+        sandbox.run_ok(&format!("{WORDS} --resume"));
         assert!(!has_temporary(&sandbox), "{:?}", sandbox.all_files());
         assert_eq!(whole_files(&sandbox), all);
         for file in all.iter().filter(|f| !has_extension(f, "json")) {
@@ -120,7 +120,7 @@ fn read_whole(sandbox: &Sandbox, file: &Path) {
 fn shards(sandbox: &Sandbox) {
     let words = "render demo:collide:3000 --backend cpu --size 160x120 --frames 10 --quiet";
     let shard = |i: usize| format!("{words} --hits o --out o --shard {i}/2 --resume");
-    sandbox.does(&format!("{words} --hits all --out all"));
+    sandbox.run_ok(&format!("{words} --hits all --out all"));
     let all = bytes(sandbox, "all");
     let mut rng = Rng::with_seed(7);
     let rounds = if integration::is_full() { 50 } else { 3 };
@@ -133,9 +133,9 @@ fn shards(sandbox: &Sandbox) {
             continue;
         }
         for i in [1, 2] {
-            sandbox.does(&shard(i));
+            sandbox.run_ok(&shard(i));
         }
-        sandbox.does("merge o");
+        sandbox.run_ok("merge o");
         assert!(bytes(sandbox, "o") == all, "{:?}", sandbox.all_files());
         std::fs::remove_dir_all(sandbox.path().join("o")).unwrap();
     }
@@ -270,7 +270,7 @@ fn vanishes(sandbox: &Sandbox) {
         let done = pictures(sandbox, i);
         assert!((1..KEYS).contains(&done), "{done} pictures");
         write_key(sandbox, 199);
-        sandbox.does(&format!("{words} --out out{i} --resume"));
+        sandbox.run_ok(&format!("{words} --out out{i} --resume"));
         assert_eq!(pictures(sandbox, i), KEYS);
     }
 }

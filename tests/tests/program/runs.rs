@@ -43,19 +43,19 @@ fn frames(stats: &Value) -> Vec<u64> {
 }
 
 fn ranges(sandbox: &Sandbox) {
-    sandbox.does(&format!("{SMALL} --frames 0..5 --out all"));
-    sandbox.does(&format!("{SMALL} --frames 0..2 --out o"));
-    sandbox.does(&format!("{SMALL} --frames 2,3-4 --out o"));
+    sandbox.run_ok(&format!("{SMALL} --frames 0..5 --out all"));
+    sandbox.run_ok(&format!("{SMALL} --frames 0..2 --out o"));
+    sandbox.run_ok(&format!("{SMALL} --frames 2,3-4 --out o"));
     // Both ranges are recorded, in either order.
-    let (_, joined) = sandbox.tells("merge o", "--stats");
+    let (_, joined) = sandbox.run_json("merge o", "--stats");
     assert_eq!(frames(&joined), [0, 1, 2, 3, 4]);
-    sandbox.refuses("merge o --stats o/frame_0001.png", &["would overwrite"]);
+    sandbox.assert_refused("merge o --stats o/frame_0001.png", &["would overwrite"]);
     let same = bytes(sandbox, "all") == bytes(sandbox, "o");
     assert!(same, "{:?}", sandbox.files());
 }
 
 fn another(sandbox: &Sandbox) {
-    sandbox.does(&format!("{SMALL} --frames 3 --out o"));
+    sandbox.run_ok(&format!("{SMALL} --frames 3 --out o"));
     let kept = bytes(sandbox, "o");
     for (words, says) in [
         ("--frames 3 --eye 9,9,9", "eye"),
@@ -65,25 +65,25 @@ fn another(sandbox: &Sandbox) {
     ] {
         for resume in ["", "--resume"] {
             let words = format!("{SMALL} {words} {resume} --out o");
-            sandbox.refuses(&words, &["holds another run", says, "--overwrite"]);
+            sandbox.assert_refused(&words, &["holds another run", says, "--overwrite"]);
         }
     }
     let scene = SMALL.replace("collide", "twist");
-    sandbox.refuses(&format!("{scene} --frames 3 --out o --resume"), &["scene"]);
+    sandbox.assert_refused(&format!("{scene} --frames 3 --out o --resume"), &["scene"]);
     assert!(bytes(sandbox, "o") == kept, "it has changed");
     // The output does not depend on the machine or on the update policy.
     let other = SMALL.replace("--backend cpu", "--backend cpu-ref");
     let words = "--frames 3 --out o --update rebuild --threads 1";
-    sandbox.does(&format!("{other} {words}"));
+    sandbox.run_ok(&format!("{other} {words}"));
     assert!(bytes(sandbox, "o") == kept, "by policy");
     let words = "--frames 2 --eye 9,9,9 --out o --overwrite";
-    sandbox.does(&format!("{SMALL} {words}"));
+    sandbox.run_ok(&format!("{SMALL} {words}"));
     assert_eq!(bytes(sandbox, "o").len(), 2, "{:?}", sandbox.files());
 }
 
 fn damaged(sandbox: &Sandbox) {
     let words = format!("{SMALL} --frames 5 --out o --hits h --stats s.json");
-    sandbox.does(&words);
+    sandbox.run_ok(&words);
     let whole = [bytes(sandbox, "o"), bytes(sandbox, "h")];
     let written = |frame: usize| {
         let path = sandbox.path().join(format!("o/frame_000{frame}.png"));
@@ -101,7 +101,7 @@ fn damaged(sandbox: &Sandbox) {
     let torn = sandbox.text("o/abvh-run.jsonl") + "{\"frame\":{\"fil";
     sandbox.write("o/abvh-run.jsonl", torn);
     for _ in 0..2 {
-        sandbox.does(&format!("{words} --resume"));
+        sandbox.run_ok(&format!("{words} --resume"));
         let same = [bytes(sandbox, "o"), bytes(sandbox, "h")] == whole;
         assert!(same, "damage stayed");
         assert_eq!(frames(&sandbox.json("s.json")), [0, 1, 2, 3, 4]);
@@ -113,38 +113,38 @@ fn damaged(sandbox: &Sandbox) {
 fn finished(sandbox: &Sandbox) {
     sandbox.write("in/1.obj", SQUARE);
     let words = "render in --backend cpu --size 32x24 --frames 1 --out o";
-    sandbox.does(words);
-    let run = sandbox.does(&format!("{words} --resume"));
+    sandbox.run_ok(words);
+    let run = sandbox.run_ok(&format!("{words} --resume"));
     assert!(run.stdout.contains("nothing is left"), "{}", run.stdout);
     // A run without frames left does not open its device.
     let elsewhere = words.replace("--backend cpu", "--backend vulkan --adapter none");
-    sandbox.does(&format!("{elsewhere} --resume"));
+    sandbox.run_ok(&format!("{elsewhere} --resume"));
     // Endless files are refused before they are compared with the previous run's.
     if cfg!(unix) {
         let says = ["/dev/zero", "a device is not a regular file"];
-        sandbox.refuses("render /dev/zero --frames 1 --out o", &says);
+        sandbox.assert_refused("render /dev/zero --frames 1 --out o", &says);
     }
     sandbox.write("in/1.obj", SQUARE.replace("v 1 1 0", "v 1 2 0"));
-    sandbox.refuses(&format!("{words} --resume"), &["1.obj"]);
+    sandbox.assert_refused(&format!("{words} --resume"), &["1.obj"]);
 }
 
 fn shards(sandbox: &Sandbox) {
-    sandbox.does(&format!("{SMALL} --frames 7 --out all"));
+    sandbox.run_ok(&format!("{SMALL} --frames 7 --out all"));
     for i in [1, 3] {
-        sandbox.does(&format!("{SMALL} --frames 7 --shard {i}/3 --out o"));
+        sandbox.run_ok(&format!("{SMALL} --frames 7 --shard {i}/3 --out o"));
     }
     sandbox.run("merge o").fails(1, &["2 of 7", "2, 3"]);
-    sandbox.does(&format!("{SMALL} --frames 7 --shard 2/3 --out p"));
-    let (_, joined) = sandbox.tells("merge o p", "--stats");
+    sandbox.run_ok(&format!("{SMALL} --frames 7 --shard 2/3 --out p"));
+    let (_, joined) = sandbox.run_json("merge o p", "--stats");
     assert_eq!(frames(&joined), [0, 1, 2, 3, 4, 5, 6]);
     let mut joined = bytes(sandbox, "o");
     joined.extend(bytes(sandbox, "p"));
     assert!(joined == bytes(sandbox, "all"), "{:?}", sandbox.files());
-    sandbox.does(&format!("{SMALL} --frames 7 --eye 9,9,9 --out q"));
-    sandbox.refuses("merge o q", &["eye"]);
-    sandbox.refuses("merge nowhere", &["no manifest"]);
+    sandbox.run_ok(&format!("{SMALL} --frames 7 --eye 9,9,9 --out q"));
+    sandbox.assert_refused("merge o q", &["eye"]);
+    sandbox.assert_refused("merge nowhere", &["no manifest"]);
     let beyond = format!("{SMALL} --frames 2 --shard 3/2 --out few");
-    sandbox.refuses(&beyond, &["shard"]);
+    sandbox.assert_refused(&beyond, &["shard"]);
 }
 
 fn empty_shard(sandbox: &Sandbox) {
@@ -152,7 +152,7 @@ fn empty_shard(sandbox: &Sandbox) {
     sandbox.write("in/2.obj", SQUARE);
     let shard = |i: usize, out: &str| {
         let words = "render in --size 32x24 --frames 2 --quiet --backend cpu";
-        let run = sandbox.does(&format!("{words} --shard {i}/5 --out {out}"));
+        let run = sandbox.run_ok(&format!("{words} --shard {i}/5 --out {out}"));
         let is_told = run.stdout.contains("this shard has no frames");
         assert!(is_told == [1, 2, 4].contains(&i), "{}", run.stdout);
     };
@@ -163,7 +163,7 @@ fn empty_shard(sandbox: &Sandbox) {
     shard(5, "p");
     shard(2, "p");
     for folders in ["o apart p", "apart p o"] {
-        let (_, all) = sandbox.tells(&format!("merge {folders}"), "--stats");
+        let (_, all) = sandbox.run_json(&format!("merge {folders}"), "--stats");
         assert!(all["scene"]["triangles"] == 2, "{all}");
         assert_eq!(frames(&all), [0, 1], "{folders}");
     }
@@ -172,18 +172,18 @@ fn empty_shard(sandbox: &Sandbox) {
 fn hits_alone(sandbox: &Sandbox) {
     let words = format!("{SMALL} --no-images --frames 3");
     for i in 1..=2 {
-        sandbox.does(&format!("{words} --shard {i}/2 --hits h"));
+        sandbox.run_ok(&format!("{words} --shard {i}/2 --hits h"));
     }
-    sandbox.does("merge h");
+    sandbox.run_ok("merge h");
     let printed = sandbox.run(&format!("{words} --stats -")).parsed();
     assert_eq!(frames(&printed), [0, 1, 2]);
-    sandbox.does(&format!("{words} --stats s.json"));
-    sandbox.refuses("merge s.json", &["s.json"]);
+    sandbox.run_ok(&format!("{words} --stats s.json"));
+    sandbox.assert_refused("merge s.json", &["s.json"]);
 }
 
 fn tampered(sandbox: &Sandbox) {
     sandbox.write("victim", "kept");
-    sandbox.does(&format!("{SMALL} --frames 2 --out o --hits ./o"));
+    sandbox.run_ok(&format!("{SMALL} --frames 2 --out o --hits ./o"));
     let journal = sandbox.text("o/abvh-run.jsonl");
     let elsewhere = journal.replace("frame_0000.png", "../victim");
     sandbox.write("o/abvh-run.jsonl", elsewhere);
@@ -193,13 +193,13 @@ fn tampered(sandbox: &Sandbox) {
         let link = sandbox.path().join("o/frame_0001.png");
         std::os::unix::fs::symlink("../victim", link).unwrap();
     }
-    sandbox.does(&format!("{SMALL} --frames 3 --out o --overwrite"));
+    sandbox.run_ok(&format!("{SMALL} --frames 3 --out o --overwrite"));
     assert_eq!(sandbox.text("victim"), "kept");
     for i in 1..=2 {
         let shard = format!("--shard {i}/2 --out p --overwrite");
-        sandbox.does(&format!("{SMALL} --frames 4 {shard}"));
+        sandbox.run_ok(&format!("{SMALL} --frames 4 {shard}"));
     }
-    sandbox.does("merge p");
+    sandbox.run_ok("merge p");
     sandbox.remove("o/abvh-run.jsonl");
     sandbox.run("merge o").fails(1, &["no run has begun"]);
 }
@@ -214,8 +214,8 @@ fn pipes(sandbox: &Sandbox) {
     let made = make.args(all).current_dir(sandbox.path()).status();
     assert!(made.unwrap().success());
     let words = format!("{SMALL} --frames 2 --out o --hits o");
-    sandbox.refuses(&words, &["o/abvh-run.json", "pipe"]);
-    sandbox.does(&format!("{words} --overwrite"));
+    sandbox.assert_refused(&words, &["o/abvh-run.json", "pipe"]);
+    sandbox.run_ok(&format!("{words} --overwrite"));
     for name in all {
         assert!(sandbox.path().join(name).is_file(), "{name}");
     }
@@ -239,22 +239,22 @@ fn eaten(sandbox: &Sandbox) {
         ("--stats o/frame_0000.png", "--out"),
         ("--stats o/abvh-run.json", "--out"),
     ] {
-        sandbox.refuses(&format!("{render} {words}"), &["would overwrite", says]);
+        sandbox.assert_refused(&format!("{render} {words}"), &["would overwrite", says]);
     }
     let here = "render frame_1.obj --backend cpu --frames 1 --out .";
-    sandbox.refuses(here, &["may overwrite", "which is read"]);
+    sandbox.assert_refused(here, &["may overwrite", "which is read"]);
     // Output folders only claim file names of their own pattern, and one device file may receive several outputs.
     let beside = "--rays-out r.npy --stats o/stats.json --y4m frame_0000.y4m";
-    sandbox.does(&format!("{render} {beside}"));
+    sandbox.run_ok(&format!("{render} {beside}"));
     if cfg!(unix) {
-        sandbox.does(&format!("{render} --stats /dev/null --rays-out /dev/null"));
+        sandbox.run_ok(&format!("{render} --stats /dev/null --rays-out /dev/null"));
     }
     let rays = sandbox.read("r.npy");
     let trace = "trace in.obj --time 0 --backend cpu --quiet";
-    sandbox.refuses(&format!("{trace} --rays r.npy --out r.npy"), &["--rays"]);
-    sandbox.refuses(&format!("{trace} --rays r.npy --out in.obj"), &["SCENE"]);
+    sandbox.assert_refused(&format!("{trace} --rays r.npy --out r.npy"), &["--rays"]);
+    sandbox.assert_refused(&format!("{trace} --rays r.npy --out in.obj"), &["SCENE"]);
     let bench = "bench in.obj --backend cpu --size 32x24 --frames 1 --quiet";
-    sandbox.refuses(&format!("{bench} --json in.obj"), &["SCENE"]);
+    sandbox.assert_refused(&format!("{bench} --json in.obj"), &["SCENE"]);
     let same = sandbox.read("r.npy") == rays && sandbox.text("in.obj") == SQUARE;
     assert!(same, "an input was overwritten");
 }
@@ -268,7 +268,7 @@ fn foreseen(sandbox: &Sandbox) {
         "--out new --hits file/h",
         "--out new --adapter 99 --backend vulkan",
     ] {
-        sandbox.refuses(&format!("{SMALL} {words}"), &[]);
+        sandbox.assert_refused(&format!("{SMALL} {words}"), &[]);
     }
     if cfg!(target_os = "linux") {
         let run = sandbox.run(&format!("{SMALL} --out new/deep --rays-out /dev/full"));

@@ -69,19 +69,19 @@ impl Sandbox {
     }
 
     /// Runs the program, which must succeed.
-    pub(crate) fn does(&self, words: &str) -> Run {
+    pub(crate) fn run_ok(&self, words: &str) -> Run {
         self.run(words).succeeds()
     }
 
     /// Runs the program, which must succeed, and returns the JSON file that `option` requests.
-    pub(crate) fn tells(&self, words: &str, option: &str) -> (Run, Value) {
+    pub(crate) fn run_json(&self, words: &str, option: &str) -> (Run, Value) {
         let _ = fs::remove_file(self.path().join("told.json"));
-        let run = self.does(&format!("{words} {option} told.json"));
+        let run = self.run_ok(&format!("{words} {option} told.json"));
         (run, self.json("told.json"))
     }
 
     /// Runs the program, which must refuse in one line that contains all of `says`.
-    pub(crate) fn refuses(&self, words: &str, says: &[&str]) {
+    pub(crate) fn assert_refused(&self, words: &str, says: &[&str]) {
         self.run(words).fails(2, says);
     }
 
@@ -175,7 +175,7 @@ pub(crate) fn list(json: &Value) -> &[Value] {
 }
 
 /// Asserts that the text contains all of `parts`, which are separated by bars.
-pub(crate) fn says(text: &str, parts: &str) {
+pub(crate) fn assert_contains(text: &str, parts: &str) {
     for part in parts.split('|') {
         assert!(text.contains(part), "no {part} in {text}");
     }

@@ -34,7 +34,7 @@ pub(crate) fn has_all(json: &Value, names: &str) {
 
 fn stats(sandbox: &Sandbox, options: &str) -> Value {
     let words = "render demo:collide:2000 --backend cpu --size 24x16 --no-images --quiet";
-    sandbox.tells(&format!("{words} {options}"), "--stats").1
+    sandbox.run_json(&format!("{words} {options}"), "--stats").1
 }
 
 /// Returns one number per frame.
@@ -69,7 +69,7 @@ fn unhittable(sandbox: &Sandbox) {
         ("gone.obj", 1, 0, false),
     ] {
         let words = format!("render {scene} --size 32x24 --quiet --out {inactive}{degenerate}");
-        let frame = &sandbox.tells(&words, "--stats").1["frames"][0];
+        let frame = &sandbox.run_json(&words, "--stats").1["frames"][0];
         let counted = frame["inactive"] == inactive && frame["degenerate"] == degenerate;
         let is_seen = frame["hits"].as_u64() > Some(0);
         assert!(counted && is_seen == seen, "{scene}: {frame}");

@@ -17,7 +17,7 @@ pub(crate) fn trials() -> Vec<Trial> {
 fn streamed(sandbox: &Sandbox, backend: &str) {
     let what = format!("stress demo:collide:600 --backend {backend} --update async,refit,rebuild");
     let how = "--steps 20 --poses 12 --size 24x16 --rays random --quiet";
-    let json = sandbox.tells(&format!("{what} {how}"), "--json").1;
+    let json = sandbox.run_json(&format!("{what} {how}"), "--json").1;
     let rows = list(&json["rows"]);
     assert_eq!(rows.len(), 6, "three policies, two sources: {json:#}");
     for row in rows {
@@ -35,5 +35,5 @@ fn streamed(sandbox: &Sandbox, backend: &str) {
 
 fn refused(sandbox: &Sandbox) {
     let policy = "stress demo:collide:600 --update device-rebuild";
-    sandbox.refuses(policy, &["possible values: rebuild, refit, async"]);
+    sandbox.assert_refused(policy, &["possible values: rebuild, refit, async"]);
 }

@@ -29,7 +29,7 @@ fn pictures(sandbox: &Sandbox) -> Vec<u8> {
 
 fn raw(sandbox: &Sandbox) {
     let words = format!("{RUN} --fps 12.5 --out out --y4m a.y4m");
-    sandbox.does(&words);
+    sandbox.run_ok(&words);
     let file = sandbox.read("a.y4m");
     let mut decoder = y4m::decode(&file[..]).unwrap();
     let size = [decoder.get_width(), decoder.get_height()];
@@ -72,7 +72,7 @@ fn piped(sandbox: &Sandbox, file: &[u8]) {
             let pipe = pipe.clone();
             thread::spawn(move || fs::read(pipe).unwrap())
         });
-        sandbox.does(&format!("{RUN} --no-images {name}"));
+        sandbox.run_ok(&format!("{RUN} --no-images {name}"));
         assert!(fs::metadata(&pipe).unwrap().file_type().is_fifo());
         let read = reader.map(|reader| reader.join().unwrap());
         assert!(read.is_none_or(|read| read.starts_with(holds)), "{name}");
@@ -85,9 +85,9 @@ fn absent(sandbox: &Sandbox) {
     let run = sandbox.run_where(&words, &[("PATH", OsStr::new("/nowhere"))]);
     run.fails(2, &["ffmpeg", "--y4m"]);
     assert!(sandbox.all_files().is_empty());
-    sandbox.refuses(&format!("{RUN} --video a.gif"), &["a.gif", ".mp4"]);
+    sandbox.assert_refused(&format!("{RUN} --video a.gif"), &["a.gif", ".mp4"]);
     let twice = format!("{RUN} --video a.mp4 --y4m a.mp4");
-    sandbox.refuses(&twice, &["would overwrite"]);
+    sandbox.assert_refused(&twice, &["would overwrite"]);
 }
 
 /// Installs a script as `ffmpeg`. Returns the `PATH` to use.
@@ -112,7 +112,7 @@ fn encoded(sandbox: &Sandbox) {
         sandbox.run_where(&words, &[("PATH", &path)]).succeeds();
         sandbox.read("a.mp4")
     };
-    sandbox.does(&format!("{RUN} --out out --y4m a.y4m"));
+    sandbox.run_ok(&format!("{RUN} --out out --y4m a.y4m"));
     let video = encoded("--no-images");
     assert_eq!(video, sandbox.read("a.y4m"));
     for threads in [1, 4] {

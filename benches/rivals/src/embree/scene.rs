@@ -23,7 +23,7 @@ unsafe impl Sync for EmbreeScene {}
 
 /// The purpose of a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Made {
+pub enum SceneMode {
     /// The fastest rays.
     Fast,
     /// Rays that do not pass between neighbours.
@@ -70,7 +70,7 @@ impl EmbreeScene {
         vertices: &[Point],
         triangles: &[[u32; 3]],
         threads: usize,
-        made: Made,
+        made: SceneMode,
     ) -> Result<Self, String> {
         let functions = functions()?;
         let config = CString::new(format!("threads={threads}")).expect("no zero byte within");
@@ -78,9 +78,9 @@ impl EmbreeScene {
         let device = NonNull::new(unsafe { (functions.new_device)(config.as_ptr()) });
         let device = device.ok_or("Embree has no device for this processor")?;
         let (quality, flags) = match made {
-            Made::Fast => (MEDIUM, 0),
-            Made::Robust => (MEDIUM, ROBUST),
-            Made::Refitted => (LOW, DYNAMIC),
+            SceneMode::Fast => (MEDIUM, 0),
+            SceneMode::Robust => (MEDIUM, ROBUST),
+            SceneMode::Refitted => (LOW, DYNAMIC),
         };
         // SAFETY: the device exists, and so do the objects that are made here. A new buffer has as many elements as requested,
         // and numbers and indices are written to it in the stated format.
@@ -89,7 +89,7 @@ impl EmbreeScene {
             (functions.set_scene_build_quality)(scene, quality);
             (functions.set_scene_flags)(scene, flags);
             let geometry = (functions.new_geometry)(device.as_ptr(), TRIANGLES);
-            if made == Made::Refitted {
+            if made == SceneMode::Refitted {
                 (functions.set_geometry_build_quality)(geometry, REFIT);
             }
             let buffer = fill(functions, geometry, VERTICES, vertices);
