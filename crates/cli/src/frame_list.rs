@@ -89,8 +89,9 @@ fn key_times(text: &str) -> Result<Vec<usize>, String> {
     for part in text.split(',').filter(|part| !part.is_empty()) {
         let (from, end, step) = range(part)?;
         let count = end.saturating_sub(from).div_ceil(step);
-        if keys.len() + count > MAX_FRAMES {
-            return Err(too_many(keys.len() + count));
+        let all = count.saturating_add(keys.len());
+        if all > MAX_FRAMES {
+            return Err(too_many(all));
         }
         keys.extend((from..end).step_by(step));
     }
@@ -100,6 +101,12 @@ fn key_times(text: &str) -> Result<Vec<usize>, String> {
         Some(twice) => Err(format!("key time {} is listed twice", twice[0])),
         None => Ok(keys),
     }
+}
+
+/// Returns the next key time.
+fn after(key: usize) -> Result<usize, String> {
+    key.checked_add(1)
+        .ok_or_else(|| format!("key time {key} is too large"))
 }
 
 /// Parses one part of the list. Returns the first key time, one past the last, and the step.
@@ -113,7 +120,7 @@ fn range(part: &str) -> Result<(usize, usize, usize), String> {
     }
     let Some((a, rest)) = part.split_once('-') else {
         let key = whole(part)?;
-        return Ok((key, key + 1, 1));
+        return Ok((key, after(key)?, 1));
     };
     let (b, step) = rest.split_once('x').unwrap_or((rest, "1"));
     let (from, last, step) = (whole(a)?, whole(b)?, whole(step)?);
@@ -122,7 +129,7 @@ fn range(part: &str) -> Result<(usize, usize, usize), String> {
         _ if from > last => Err(format!(
             "the range is reversed; did you mean {last}-{from}?"
         )),
-        _ => Ok((from, last.saturating_add(1), step)),
+        _ => Ok((from, after(last)?, step)),
     }
 }
 
@@ -348,7 +355,9 @@ mod tests {
         assert_eq!("1,4,10-20x2".parse(), Ok(FrameChoice::Keys(list)));
         assert_eq!("7,".parse(), Ok(FrameChoice::Keys(vec![7])));
         let bad = "0 .. 5..2 3..3 -1 1.5 2.. 0..2000000 2000000 18446744073709551615 \
-            1,1 3-5,4 5-3 1-9x0 1- 1,x 0-4000000000 ,";
+            1,1 3-5,4 5-3 1-9x0 1- 1,x 0-4000000000 , \
+            1,0-18446744073709551615 1,2,0-18446744073709551614 18446744073709551615, \
+            3,18446744073709551615 0..18446744073709551615 0-18446744073709551615x18446744073709551615";
         for bad in bad.split_whitespace().chain([""]) {
             assert!(bad.parse::<FrameChoice>().is_err(), "{bad}");
         }
