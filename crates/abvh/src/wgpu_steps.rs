@@ -67,7 +67,10 @@ impl ResidentScene {
             return Err(Error::Misuse(why.into()));
         }
         let why = match (self.update, is_one) {
-            (Update::Rebuild, _) => "steps that wait for their own tree cannot be encoded",
+            // The builder may need positions that the device computes only after the program has submitted the encoder.
+            (Update::Rebuild | Update::Lockstep(_), _) => {
+                "steps that wait for a tree from the host cannot be encoded"
+            }
             (_, false) => "each of these queries needs its own encoded step",
             _ => return Ok(()),
         };
@@ -151,8 +154,9 @@ impl Step<'_> {
     /// # Errors
     /// [`Error::TooLate`] if the step traced rays in host memory or rendered a picture, which are submitted at once.
     /// [`Error::Misuse`] before the first tree (see [`Tracer::warm_up`]), and while two encoded steps are not
-    /// submitted. [`Error::Unsupported`] on other devices, with [`Update::Rebuild`](crate::Update::Rebuild), and for
-    /// several queries with [`Intersector::Exact`](crate::Intersector::Exact). [`Error::Device`].
+    /// submitted. [`Error::Unsupported`] on other devices, with [`Update::Rebuild`](crate::Update::Rebuild) and
+    /// [`Update::Lockstep`](crate::Update::Lockstep), and for several queries with
+    /// [`Intersector::Exact`](crate::Intersector::Exact). [`Error::Device`].
     pub fn encode(mut self, encoder: &mut wgpu::CommandEncoder) -> Result<StepId> {
         if self.deferred.len() < self.queries as usize {
             return Err(Error::TooLate);

@@ -294,9 +294,12 @@ pub(crate) fn unencodable_steps_are_refused() {
     let mut first = build(on(device(&own)));
     let said = refused(&mut first, &own, 1);
     assert!(matches!(said, Some(Error::Misuse(_))), "{said:?}");
-    let mut rebuilt = build(on(device(&own)).update(Update::Rebuild));
-    rebuilt.warm_up(0.0).unwrap();
-    assert!(is_unsupported(refused(&mut rebuilt, &own, 1)));
+    for update in [Update::Rebuild, Update::Lockstep(0), Update::Lockstep(2)] {
+        let mut waiting = build(on(device(&own)).update(update));
+        waiting.warm_up(0.0).unwrap();
+        let said = refused(&mut waiting, &own, 1);
+        assert!(is_unsupported(said), "{update:?}");
+    }
     let mut exact = build(on(device(&own)).intersector(Intersector::Exact));
     exact.warm_up(0.0).unwrap();
     assert!(is_unsupported(refused(&mut exact, &own, 2)));
