@@ -34,10 +34,8 @@ impl Animation {
     /// exist, or there are more triangles than [`Self::MAX_TRIANGLES`].
     pub fn new(keys: Vec<Vec<Point>>, triangles: Vec<[u32; 3]>) -> Result<Self, KeyFrameError> {
         let keys: Vec<KeyFrame> = keys.into_iter().map(|k| Arc::new(k.into())).collect();
-        let Some(first) = keys.first() else {
-            let cause = "an animation needs at least one key frame";
-            return Err(KeyFrameError(cause.to_owned()));
-        };
+        check_keys(keys.len())?;
+        let first = &keys[0];
         let mut numbered = keys.iter().enumerate();
         numbered.try_for_each(|(key, frame)| check_key(key, frame.len(), first.len()))?;
         Self::over(KeyFrames::Held(keys), triangles)
@@ -56,6 +54,7 @@ impl Animation {
         window: usize,
         triangles: Vec<[u32; 3]>,
     ) -> Result<Self, KeyFrameError> {
+        check_keys(keys)?;
         let first = Arc::new(read_key(&*source, 0)?.into());
         let window = KeyWindow::new(source, first, keys, window)?;
         Self::over(KeyFrames::Paged(Arc::new(window)), triangles)
@@ -341,6 +340,14 @@ impl Animation {
     }
 }
 
+fn check_keys(count: usize) -> Result<(), KeyFrameError> {
+    if count > 0 {
+        return Ok(());
+    }
+    let cause = "an animation needs at least one key frame";
+    Err(KeyFrameError(cause.to_owned()))
+}
+
 fn check_streamed(found: usize, vertices: usize) -> Result<(), KeyFrameError> {
     if found == vertices {
         return Ok(());
@@ -411,6 +418,9 @@ mod tests {
             let e = Animation::new(keys, triangles).unwrap_err();
             assert_eq!(e.to_string(), says);
         }
+        let none = Animation::paged(Arc::new(|_| Ok(SQUARE.to_vec())), 0, 4, vec![]);
+        let says = "an animation needs at least one key frame";
+        assert_eq!(none.unwrap_err().to_string(), says);
     }
 
     const REST: [Point; 3] = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
