@@ -113,7 +113,7 @@ impl Accelerator for WideAccelerator {
         };
         let fitted = match &mut self.moving {
             Some(moving) => moving.fit(&mut task),
-            None => task.fit_all(),
+            None => task.fit_all(None),
         };
         self.areas = fitted.areas;
         self.tree.spread = geometry.range.spread;

@@ -38,7 +38,7 @@ impl Add for Fitted {
 pub(crate) struct FitTask<'a> {
     pub(crate) tree: &'a mut Bvh8,
     pub(crate) shape: &'a BlockTree,
-    /// Set if nodes and blocks still have the contents of another tree. All of the tree must then be fitted.
+    /// Set if nodes and blocks still have the contents of another tree. The next fit must then select all nodes.
     pub(crate) stale: bool,
     pub(crate) geometry: &'a Geometry<'a>,
     /// The numbers of all nodes.
@@ -46,10 +46,10 @@ pub(crate) struct FitTask<'a> {
 }
 
 impl FitTask<'_> {
-    /// Sets the corners of all blocks and the boxes of all nodes.
-    pub(crate) fn fit_all(&mut self) -> Fitted {
+    /// Sets the corners of blocks and the boxes of nodes in the given lanes of every node: see [`Self::fit`].
+    pub(crate) fn fit_all(&mut self, lanes: Option<&[u8]>) -> Fitted {
         let (levels, all) = (self.shape.levels.iter(), self.all_nodes);
-        self.fit(levels.map(|level| &all[level.clone()]), None)
+        self.fit(levels.map(|level| &all[level.clone()]), lanes)
     }
 
     /// Sets the corners of blocks and the boxes of nodes, bottom-up.
@@ -113,6 +113,10 @@ impl VectorWork for FitLevel<'_, '_> {
                     links: shape.links,
                     ranges: shape.ranges,
                 };
+                for block in shape.links.iter().filter(|link| link.is_block()) {
+                    let block = block.index();
+                    level.blocks[block].triangles = inputs.shape.blocks[block].triangles;
+                }
             }
             for lane in set_lanes::<LANES>(u32::from(lanes)) {
                 let link = node.links[lane];
@@ -152,9 +156,6 @@ impl FitInputs<'_> {
         // Prefetches only first vertices. The other vertices of a triangle are mostly near the first in memory.
         for vertex in later.vertices[0] {
             prefetch(self.geometry.positions, vertex as usize);
-        }
-        if self.stale {
-            block.triangles = source.triangles;
         }
         let boxes = fill::<I>(self.geometry, source, block, unhittable);
         let folded = boxes.fold(&source.ranges);

@@ -19,7 +19,7 @@ pub(crate) struct MovingLanes {
     nodes: Vec<u32>,
     /// Range in `nodes` of each level, root first.
     levels: Vec<Range<usize>>,
-    /// Number of degenerate static triangles and areas of static parts. `None` until the first fit.
+    /// Result of fitting the static parts. `None` until the first fit.
     still: Option<Fitted>,
 }
 
@@ -46,17 +46,14 @@ impl MovingLanes {
 
     /// Sets all corners and boxes. After the first call for a tree, sets only the moving ones.
     pub(crate) fn fit(&mut self, task: &mut FitTask<'_>) -> Fitted {
-        if let Some(still) = self.still {
-            // `still` has no inactive triangles, because static triangles with a leaf are active.
-            return still + self.fit_moving(task);
-        }
-        let fitted = task.fit_all();
-        let moving = self.fit_moving(task);
-        let mut still = Fitted::default();
-        still.unhittable.degenerate = fitted.unhittable.degenerate - moving.unhittable.degenerate;
-        still.areas = fitted.areas - moving.areas;
+        // Subtracting the moving areas from the areas of all parts could leave no correct digit. So the static parts are
+        // fitted and summed first, and then the moving ones, whose boxes depend on them.
+        let still = self.still.unwrap_or_else(|| {
+            let still_lanes: Vec<u8> = self.lanes.iter().map(|lanes| !lanes).collect();
+            task.fit_all(Some(&still_lanes))
+        });
         self.still = Some(still);
-        fitted
+        still + self.fit_moving(task)
     }
 
     fn fit_moving(&self, task: &mut FitTask<'_>) -> Fitted {

@@ -10,6 +10,11 @@ use std::sync::Arc;
 /// Returns `all` separate triangles in three key frames. The first `moving` triangles move, close together, so that
 /// whole blocks and nodes of the tree are static.
 fn scene(moving: usize, all: usize) -> Arc<Animation> {
+    animation(key_frames(moving, all))
+}
+
+/// Returns the key frames of [`scene`].
+fn key_frames(moving: usize, all: usize) -> Vec<Vec<Point>> {
     let mut state = 5_u32;
     let mut point = || -> Point {
         std::array::from_fn(|_| {
@@ -32,7 +37,12 @@ fn scene(moving: usize, all: usize) -> Arc<Animation> {
             key.extend([[0.0; 3], [0.5, 0.0, 0.2], [0.0, 0.5, 0.1]].map(at));
         }
     }
-    let triangles = (0..all as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]);
+    keys
+}
+
+fn animation(keys: Vec<Vec<Point>>) -> Arc<Animation> {
+    let all = keys[0].len() as u32 / 3;
+    let triangles = (0..all).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]);
     Arc::new(Animation::new(keys, triangles.collect()).unwrap())
 }
 
@@ -87,6 +97,26 @@ fn skipping_static_parts_preserves_results() {
                 .triangles
                 .iter()
                 .any(|&is_static| is_static)
+        );
+    }
+}
+
+/// The first fit of a tree also sums the areas of its static parts. Their sum must not lose digits if moving parts are
+/// far larger at that time.
+#[test]
+fn distant_motion_preserves_static_areas() {
+    let mut keys = key_frames(6_000, 60_000);
+    keys[2][0] = [1e10, 1e10, 0.0];
+    let animation = animation(keys);
+    let tree = tree_at(&animation, 0.0);
+    let mut reference = ready(CpuBackend::new(Some(2)).unwrap(), &animation, &tree);
+    let mut subject = ready(cpu_simd::open(Some(2)).unwrap(), &animation, &tree);
+    for time in [2.0, 0.0] {
+        let [found, expected] =
+            [&mut subject, &mut reference].map(|b| frame(b, &animation, time, &[]).1);
+        assert!(
+            (found / expected - 1.0).abs() < 1e-5,
+            "{time}: {found} {expected}"
         );
     }
 }
