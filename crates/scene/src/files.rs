@@ -1,6 +1,9 @@
 //! The list of files that a scene depends on.
 
+use crate::clip::buffer_files;
+use crate::folder::Folder;
 use crate::join::inputs;
+use crate::obj::library_names;
 use crate::paths::{entries, exists, extension, is_pattern, matches, path};
 use crate::text::lines;
 use crate::{Result, SceneError};
@@ -54,9 +57,14 @@ fn with_companions(file: &Path, all: &mut Vec<PathBuf>) -> Result<()> {
     if !file.is_file() {
         return Ok(());
     }
+    let folder = Folder::of(file, true);
     let names = match extension(file).as_str() {
-        "obj" => materials(file).map_err(unreadable)?,
-        "gltf" => uris(&fs::read(file).map_err(unreadable)?),
+        "obj" => {
+            let statements = material_statements(file).map_err(unreadable)?;
+            let names = statements.iter().map(|text| library_names(&folder, text));
+            names.flatten().collect()
+        }
+        "gltf" | "glb" => buffer_files(&fs::read(file).map_err(unreadable)?),
         _ => Vec::new(),
     };
     let folder = file.parent().unwrap_or(Path::new(""));
@@ -64,8 +72,8 @@ fn with_companions(file: &Path, all: &mut Vec<PathBuf>) -> Result<()> {
     Ok(())
 }
 
-/// Returns the text after each `mtllib` as one name. Splits lines as the OBJ reader does, but joins no continued lines.
-fn materials(obj: &Path) -> std::io::Result<Vec<String>> {
+/// Returns the text after each `mtllib`. Splits lines as the OBJ reader does, but joins no continued lines.
+fn material_statements(obj: &Path) -> std::io::Result<Vec<String>> {
     let mut names = Vec::new();
     for part in BufReader::new(fs::File::open(obj)?).split(b'\n') {
         let part = part?;
@@ -78,17 +86,6 @@ fn materials(obj: &Path) -> std::io::Result<Vec<String>> {
         names.extend(found.map(|name| String::from_utf8_lossy(name).trim().to_owned()));
     }
     Ok(names)
-}
-
-fn uris(gltf: &[u8]) -> Vec<String> {
-    let document: serde_json::Value = serde_json::from_slice(gltf).unwrap_or_default();
-    let buffers = document["buffers"].as_array().into_iter().flatten();
-    let uris = buffers.filter_map(|b| b["uri"].as_str());
-    let decoded = uris.map(|u| percent_encoding::percent_decode_str(u).decode_utf8_lossy());
-    decoded
-        .filter(|u| !u.starts_with("data:"))
-        .map(Into::into)
-        .collect()
 }
 
 #[cfg(test)]
@@ -105,7 +102,8 @@ mod tests {
         let y = put("a/y.mtl", "newmtl m\r");
         let x = put("a/x.mtl", "newmtl m\n");
         put("a/notes.txt", "");
-        let buffers = r#"{"buffers":[{"uri":"d%20e.bin"},{"uri":"data:,"}]}"#;
+        let buffers = r#"{"asset":{"version":"2.0"},
+            "buffers":[{"byteLength":4,"uri":"d%20e.bin"},{"byteLength":0,"uri":"data:,"}]}"#;
         let g = put("g.gltf", buffers);
         let d = put("d e.bin", "");
         let name = |p: &Path| p.display().to_string();
@@ -116,5 +114,22 @@ mod tests {
         assert_eq!(files(&both).unwrap(), [b, y, d, g]);
         assert!(files("demo:twist").unwrap().is_empty());
         assert!(files("nowhere.obj").is_err());
+    }
+
+    #[test]
+    fn finds_referenced_files_like_the_readers() {
+        let dir = tempfile::tempdir().unwrap();
+        let put = |name: &str, bytes: &[u8]| put(&dir, name, bytes);
+        let listed = |file: &Path| files(&file.display().to_string()).unwrap();
+        let [x, y] = ["a/x.mtl", "a/y.mtl"].map(|name| put(name, b""));
+        let spaces = put("two words.mtl", b"");
+        let obj = put("b.obj", b"mtllib a/x.mtl a\\y.mtl\nmtllib two words.mtl\n");
+        assert_eq!(listed(&obj), [x, y, obj.clone(), spaces]);
+        let json = br#"{"asset":{"version":"2.0"},"buffers":[{"byteLength":4,"uri":"d%20e.bin"}]}"#;
+        let word = |n: usize| (n as u32).to_le_bytes();
+        let header = [*b"glTF", word(2), word(20 + json.len()), word(json.len())].concat();
+        let buffer = put("d e.bin", b"");
+        let glb = put("g.glb", &[&header[..], b"JSON", json].concat());
+        assert_eq!(listed(&glb), [buffer, glb.clone()]);
     }
 }

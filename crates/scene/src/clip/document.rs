@@ -8,6 +8,7 @@ use crate::{Result, SceneError};
 use data_url::DataUrl;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
+use std::borrow::Cow;
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -153,9 +154,23 @@ fn fetch(folder: &Folder, uri: &str) -> Result<Vec<u8>, String> {
             "{uri:?} is not a local file; files are never fetched from a network"
         ));
     }
-    let name = percent_encoding::percent_decode_str(uri).decode_utf8_lossy();
+    let name = file_name(uri);
     let read = folder.read(&name);
     read.map_err(|e| format!("cannot read {}: {e}", folder.path(&name).display()))
+}
+
+fn file_name(uri: &str) -> Cow<'_, str> {
+    percent_encoding::percent_decode_str(uri).decode_utf8_lossy()
+}
+
+/// Returns the names of the files that the buffers of a `.gltf` or `.glb` file refer to. Returns no names if the file is
+/// malformed.
+pub(crate) fn buffer_files(bytes: &[u8]) -> Vec<String> {
+    let document = Container::split(bytes).and_then(|container| parse(container.json));
+    let buffers = document.map_or_else(|_| Vec::new(), |document| document.buffers);
+    let uris = buffers.iter().filter_map(|buffer| buffer.uri.as_deref());
+    let files = uris.filter(|uri| !uri.starts_with("data:"));
+    files.map(|uri| file_name(uri).into_owned()).collect()
 }
 
 fn read<T: DeserializeOwned>(json: &[u8]) -> Result<T, String> {

@@ -18,6 +18,7 @@ use crate::paths::extension;
 use crate::rounding::Rounding;
 use crate::{Facts, MAX_FPS, Result, Scene, SceneError, SceneOptions, paging};
 use document::GltfFile;
+pub(crate) use document::buffer_files;
 use geom::lock;
 use motion::ClipMotion;
 use part::{ClipPart, Drawn};

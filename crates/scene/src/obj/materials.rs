@@ -43,23 +43,27 @@ impl Materials {
     }
 }
 
-/// Adds the materials of a `mtllib` statement. It names one file, which may contain spaces, or several separated by
-/// spaces.
+/// Returns the names of the files that a `mtllib` statement refers to: one name, which may contain spaces, or several
+/// separated by spaces.
+pub(crate) fn library_names(folder: &Folder, statement: &str) -> Vec<String> {
+    let names = statement.replace('\\', "/");
+    if folder.path(&names).exists() {
+        vec![names]
+    } else {
+        names.split_whitespace().map(str::to_owned).collect()
+    }
+}
+
+/// Adds the materials of a `mtllib` statement.
 fn read_library(
     folder: &Folder,
     library: &str,
     into: &mut BTreeMap<String, Rgb>,
     notes: &mut Vec<String>,
 ) {
-    let library = library.replace('\\', "/");
-    let names = if folder.path(&library).exists() {
-        vec![library.as_str()]
-    } else {
-        library.split_whitespace().collect()
-    };
-    for name in names {
-        let file = folder.path(name);
-        let read = folder.read(name).map_err(|e| e.to_string());
+    for name in library_names(folder, library) {
+        let file = folder.path(&name);
+        let read = folder.read(&name).map_err(|e| e.to_string());
         let found = read.and_then(|bytes| {
             check_encoding(&bytes)?;
             let text = colour_statements(&bytes);

@@ -5,6 +5,8 @@
 
 mod materials;
 
+pub(crate) use materials::library_names;
+
 use crate::mesh::{
     Colours, MaterialUse, Materials, Paint, PolygonMesh, Polygons, SHORT_FACES, Skipped,
 };
