@@ -60,7 +60,9 @@ impl Rig {
             let mut reached = order;
             reached.sort_unstable();
             let lost = (0..).zip(&reached).take_while(|(i, r)| i == *r).count();
-            return Err(file.wrong(("node", lost), "the node is its own ancestor"));
+            // The ancestors of a node without a root lead to a cycle. After this many steps, the node is in the cycle.
+            let cyclic = (0..nodes.len()).fold(lost, |node, _| parents[node].unwrap_or(node));
+            return Err(file.wrong(("node", cyclic), "the node is its own ancestor"));
         }
         let joints = parents.into_iter().zip(nodes);
         let joints = joints.map(|(parent, node)| Joint {

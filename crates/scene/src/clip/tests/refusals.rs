@@ -55,7 +55,7 @@ fn errors_name_dangling_references() {
         "POSITION":0 | "POSITION":9 | accessor 9 does not exist
         "sampler":1 | "sampler":2 | sampler 2 does not exist, there are 2
         "mesh":0 | "mesh":4 | mesh 4 does not exist, there are 1
-        "children":[0] | "children":[0,2] | its own ancestor
+        "children":[0] | "children":[0,2] | node 1: the node is its own ancestor
         "children":[1] | "children":[1,0] | node 0: the node has two parents
         "output":2 | "output":3 | accessor 3: VEC3 elements are expected
         "input":1 | "input":0 | accessor 0: SCALAR elements are expected
