@@ -105,7 +105,7 @@ impl Polygons {
             return Ok(());
         }
         let same = self.faces().zip(expected.faces());
-        let face = same.take_while(|(a, b)| a == b).count() + 1;
+        let face = same.take_while(|(a, b)| a == b).count();
         bad(format!("face {face} joins other vertices than in {first}"))
     }
 }

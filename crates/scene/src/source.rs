@@ -162,11 +162,11 @@ mod tests {
             (obj(2, "f 1 2 3 4\n"), ["2 triangles", "has 1"]),
             (
                 obj(2, "f 1 3 2\n"),
-                ["face 1 joins other vertices", "1.obj"],
+                ["face 0 joins other vertices", "1.obj"],
             ),
             (
                 obj(2, "f 1 2 4\n"),
-                ["face 1 joins other vertices", "1.obj"],
+                ["face 0 joins other vertices", "1.obj"],
             ),
             (obj(2, "f 1 2\n"), ["0 triangles, but", "has 1"]),
             (String::new(), ["0 triangles, but", ""]),
@@ -223,7 +223,7 @@ mod tests {
             // Equal triangles from different polygons are not the same topology.
             let triangles = with(3, "f 1 2 3\nf 1 3 4\n");
             let other = opened("obj", with(3, "f 1 2 3 4\n"), &triangles, key_bytes);
-            refused(other, &["1.obj", "face 1 joins other vertices"]);
+            refused(other, &["1.obj", "face 0 joins other vertices"]);
         }
     }
 
