@@ -155,7 +155,7 @@ impl AdapterInfo {
             Some(index) if !list.is_empty() => {
                 format!("no adapter {index} among {}", Self::numbered(list))
             }
-            _ => "no adapter found".to_owned(),
+            _ => "no adapter was found".to_owned(),
         };
         found.ok_or_else(|| BackendError::NoDevice(none()))
     }
@@ -214,5 +214,9 @@ mod tests {
         assert_eq!(AdapterInfo::choose(&list[1..], Some(1)), Ok(&list[1]));
         let refused = AdapterInfo::choose(&list, Some(9)).unwrap_err().to_string();
         assert!(refused.ends_with("0: llvmpipe; 1: card"), "{refused}");
+        for wanted in [None, Some(0)] {
+            let refused = AdapterInfo::choose(&[], wanted).unwrap_err().to_string();
+            assert_eq!(refused, "no device: no adapter was found");
+        }
     }
 }
