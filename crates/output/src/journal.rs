@@ -226,9 +226,9 @@ fn journals(folder: &Path) -> Result<Vec<PathBuf>, OutputError> {
 pub fn clear_run(folder: &Path) -> Result<(), OutputError> {
     let done = JournalContents::in_folder(folder)?;
     let journals = journals(folder)?;
-    for journal in &journals {
-        open_locked(journal)?;
-    }
+    let locked = journals.iter().map(|journal| open_locked(journal));
+    // The locks are held until all files are removed.
+    let _locked: Vec<File> = locked.collect::<Result<_, _>>()?;
     let files = done.frames.values().flat_map(|(files, _)| files);
     let files = files.map(|(name, _)| folder.join(name));
     for file in files.chain(journals) {
