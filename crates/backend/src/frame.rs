@@ -9,7 +9,8 @@ use std::sync::{Arc, Mutex};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Ticket(pub u64);
 
-/// Number of a tree. It must be higher than that of the tree adopted before.
+/// Number of a tree. It must be higher than that of the tree adopted before. The first number is at least 1, because 0
+/// means that there is no tree.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
 )]

@@ -36,8 +36,8 @@
 //! # Trees
 //!
 //! A tree contains exactly the *live* triangles of the animation: those that are active in at least one key frame
-//! ([`geom::Animation::is_live`]). Its generation must be higher than the previous one. [`Backend::adopt`] takes
-//! effect between submissions: work recorded afterwards uses the new tree, and submitted work keeps the old one.
+//! ([`geom::Animation::is_live`]). Its generation must be positive and higher than the previous one. [`Backend::adopt`]
+//! takes effect between submissions: work recorded afterwards uses the new tree, and submitted work keeps the old one.
 //!
 //! Large trees take time to reach a device. The builder thread therefore writes the tree through a [`TreeWriter`], and
 //! the driver adopts it once [`Backend::upload_tree`] returns `true`. No frame waits for the copy.

@@ -178,7 +178,7 @@ fn zero_threads_are_refused() {
 fn misuse_panics_with_a_reason() {
     type Misuse = fn(&mut CpuBackend);
     let stale = "the tree is stale";
-    let table: [(&str, Misuse); 5] = [
+    let table: [(&str, Misuse); 6] = [
         (stale, |b| {
             b.adopt(&senseless_tree(&moving()), Generation(2)).unwrap();
         }),
@@ -187,7 +187,10 @@ fn misuse_panics_with_a_reason() {
         ("is not greater than the current generation", |b| {
             drop(b.adopt(&senseless_tree(&moving()), Generation(1)));
         }),
-        ("was not issued", |b| drop(b.wait(Ticket(77)))),
+        ("generations rise", |b| {
+            drop(b.evaluate(&senseless_tree(&moving()), Generation(0)));
+        }),
+        ("never given", |b| drop(b.wait(Ticket(77)))),
     ];
     for (why, misuse) in table {
         let (animation, by) = (moving(), Intersector::Watertight);
@@ -202,4 +205,13 @@ fn misuse_panics_with_a_reason() {
         let text = text.or(said.downcast_ref::<&str>().copied());
         assert!(text.is_some_and(|t| t.contains(why)), "{text:?}");
     }
+}
+
+/// The first tree has no predecessor, but its generation must be above 0 too.
+#[test]
+#[should_panic(expected = "generations rise")]
+fn first_generation_is_positive() {
+    let (animation, mut backend) = (moving(), CpuBackend::new(Some(1)).unwrap());
+    (backend.load(Arc::clone(&animation), Intersector::Watertight)).unwrap();
+    drop(backend.adopt(&tree_at(&animation, 0.0), Generation(0)));
 }

@@ -27,7 +27,8 @@ pub struct CpuBackend {
     pool: ThreadPool,
     new_tree: NewTree,
     scene: Option<SceneState>,
-    generation: Option<Generation>,
+    /// Generation of the current tree; 0 before the first.
+    generation: Generation,
     /// State of the scene after all recorded commands.
     state: State,
     /// Commands recorded since the last submission and not executed yet.
@@ -95,7 +96,7 @@ impl CpuBackend {
             pool,
             new_tree: Box::new(new_tree),
             scene: None,
-            generation: None,
+            generation: Generation::default(),
             state: State::Nothing,
             commands: Vec::new(),
             has_trace: false,
@@ -110,6 +111,16 @@ impl CpuBackend {
 
     fn require(&self, state: State, why: &str) {
         assert!(self.state >= state, "{why}");
+    }
+
+    /// Also refuses generation 0, because it means that there is no tree.
+    fn require_later(&self, generation: Generation) {
+        assert!(
+            generation > self.generation,
+            "generations rise: {} comes after {}",
+            generation.0,
+            self.generation.0
+        );
     }
 
     /// Executes the recorded commands. `rays` is the list of a recorded trace, or empty.
@@ -182,7 +193,7 @@ impl Backend for CpuBackend {
 
     fn load(&mut self, animation: Arc<Animation>, intersector: Intersector) -> Result<()> {
         self.scene = None;
-        self.generation = None;
+        self.generation = Generation::default();
         (self.state, self.has_trace) = (State::Nothing, false);
         self.commands.clear();
         self.submissions.clear();
@@ -201,24 +212,17 @@ impl Backend for CpuBackend {
             self.commands.is_empty() && self.next.ticket.is_none(),
             "cannot adopt a tree with unsubmitted commands: call submit first"
         );
-        assert!(
-            self.generation < Some(generation),
-            "generation {} is not greater than the current generation {}",
-            generation.0,
-            self.generation.map_or(0, |current| current.0)
-        );
+        self.require_later(generation);
         let scene = loaded(&mut self.scene);
         run_in(&self.pool, || scene.adopt(tree, generation))?;
-        self.generation = Some(generation);
+        self.generation = generation;
         self.state = self.state.min(State::Positions);
         Ok(())
     }
 
     fn evaluate(&mut self, tree: &Topology, generation: Generation) -> Result<bool> {
-        self.require(
-            State::Positions,
-            "evaluate needs positions: call interpolate first",
-        );
+        self.require(State::Positions, "evaluate reads positions: interpolate");
+        self.require_later(generation);
         let scene = loaded(&mut self.scene);
         let (new_tree, pool) = (&self.new_tree, &self.pool);
         let is_loaded = run_in(pool, || scene.load_candidate(tree, generation, new_tree))?;
@@ -241,8 +245,8 @@ impl Backend for CpuBackend {
             "preprocess needs positions: call interpolate first",
         );
         assert!(
-            self.generation.is_some(),
-            "preprocess needs a tree: call adopt first"
+            self.generation > Generation(0),
+            "preprocess needs a tree: adopt comes first"
         );
         self.commands.push(Command::Preprocess);
         self.state = State::Records;

@@ -89,7 +89,7 @@ impl SceneState {
             .filter(|c| c.generation == generation)
         {
             std::mem::swap(&mut self.accelerator, &mut candidate.accelerator);
-            // `candidate` now holds the replaced tree. Generation 0 marks a tree that must be loaded before use.
+            // `candidate` now holds the replaced tree. It must be loaded again before use.
             candidate.generation = Generation(0);
             return Ok(());
         }

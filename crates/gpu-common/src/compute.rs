@@ -215,9 +215,10 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     }
 
     fn evaluate(&mut self, tree: &Topology, generation: Generation) -> Result<bool> {
+        assert!(self.engine.stale >= Stale::Records, "positions come first");
         assert!(
-            self.engine.next_stage >= NextStage::Preprocess,
-            "positions come first"
+            generation > self.tree().current.generation,
+            "generations must increase"
         );
         let Engine { gpu, frames, .. } = &mut self.engine;
         let trees = self.tree.as_mut().expect("a scene was loaded");
