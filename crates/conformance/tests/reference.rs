@@ -8,9 +8,10 @@ use conformance::stage::{record_refit, trace_and_wait, tree_at, triangles};
 use conformance::topology_from_splits;
 use cpu_ref::CpuBackend;
 use fastrand::Rng;
-use geom::{Aabb, Animation, Point, Ray};
+use geom::{Aabb, Animation, KeyFrameError, Point, Ray};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 /// Returns three key frames of separate triangles that move.
 fn free(count: usize) -> Vec<Vec<Point>> {
@@ -214,4 +215,32 @@ fn first_generation_is_positive() {
     let (animation, mut backend) = (moving(), CpuBackend::new(Some(1)).unwrap());
     (backend.load(Arc::clone(&animation), Intersector::Watertight)).unwrap();
     drop(backend.adopt(&tree_at(&animation, 0.0), Generation(0)));
+}
+
+#[test]
+fn failed_submission_leaves_no_positions() {
+    let (keys, is_readable) = (free(3), Arc::new(AtomicBool::new(true)));
+    let (held, allowed) = (keys.clone(), Arc::clone(&is_readable));
+    let source = move |key: usize| match key {
+        2 if !allowed.load(Relaxed) => Err(KeyFrameError("unreadable".to_owned())),
+        key => Ok(held[key % 3].clone()),
+    };
+    let animation = Animation::paged(Arc::new(source), 12, 4, vec![[0, 1, 2]]).unwrap();
+    is_readable.store(false, Relaxed);
+    let animation = Arc::new(animation);
+    let mut backend = CpuBackend::new(Some(1)).unwrap();
+    (backend.load(Arc::clone(&animation), Intersector::Watertight)).unwrap();
+    let record = |backend: &mut CpuBackend, time| {
+        backend.interpolate(animation.pose(time)).unwrap();
+        backend.request_positions().unwrap();
+    };
+    record(&mut backend, 0.0);
+    record(&mut backend, 2.0);
+    assert!(backend.submit().is_err());
+    record(&mut backend, 1.0);
+    let ticket = backend.submit().unwrap();
+    let (found, positions) = backend.take_positions().unwrap().unwrap();
+    assert_eq!(found, ticket);
+    assert_eq!(positions[..], keys[1]);
+    assert!(backend.take_positions().unwrap().is_none());
 }

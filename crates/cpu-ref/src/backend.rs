@@ -137,7 +137,10 @@ impl CpuBackend {
             all.try_for_each(|command| next.execute(command, rays, scene, copies))
         });
         if done.is_err() {
-            // The submission is dropped, and no results are current.
+            // The submission is dropped with its copies of positions, and no results are current.
+            copies
+                .ready
+                .retain(|(ticket, _)| next.ticket != Some(*ticket));
             (self.state, self.has_trace) = (State::Nothing, false);
             next.ticket = None;
             return done;
