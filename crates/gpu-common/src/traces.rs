@@ -20,6 +20,8 @@ pub struct TraceBuffers<D: GpuDevice> {
     buffers: BufferTable<D>,
     /// Buffers lent by the device's owner, which replace the trace's own.
     lent: Option<LentRays<D::Buffer>>,
+    /// Whether kernels write to the trace's own buffer, from which the results are copied to the lent buffer.
+    pub(crate) copies_answers: bool,
 }
 
 impl<D: GpuDevice> TraceBuffers<D> {
@@ -60,9 +62,12 @@ impl<D: GpuDevice> TraceBuffers<D> {
         if has_tree && kind != QueryKind::Any && !has_room {
             buffers.fit(gpu, BufferName::Hits, bytes(size_of::<Hit>()))?;
         }
+        // `exact` also stores undecided rays in this buffer, for which a lent buffer has no space.
+        let is_exact = traced_by == Some(Intersector::Exact);
+        let copies_answers = has_room && is_exact && kind == QueryKind::Any;
         let occluded = match kind {
-            QueryKind::Any => !has_room,
-            QueryKind::Closest => traced_by == Some(Intersector::Exact),
+            QueryKind::Any => !has_room || copies_answers,
+            QueryKind::Closest => is_exact,
             QueryKind::ClosestAndShadow { .. } => true,
         };
         if let Some(intersector) = traced_by.filter(|_| occluded) {
@@ -76,6 +81,7 @@ impl<D: GpuDevice> TraceBuffers<D> {
             shaded: false,
             buffers,
             lent,
+            copies_answers,
         })
     }
 
@@ -90,14 +96,21 @@ impl<D: GpuDevice> TraceBuffers<D> {
             QueryKind::Any => BufferName::Occluded,
             QueryKind::Closest | QueryKind::ClosestAndShadow { .. } => BufferName::Hits,
         };
-        let name = if name == BufferName::Answers {
-            results
+        let copies = self.copies_answers;
+        let name = match name {
+            BufferName::Answers => answers,
+            // The kernel that copies the answers names its source and its target like this.
+            BufferName::Lent if copies => answers,
+            name => name,
+        };
+        let target = if copies {
+            BufferName::KeyFrame
         } else {
-            name
+            answers
         };
         let lent = self.lent.as_ref().and_then(|lent| match name {
             BufferName::Rays => Some(&lent.rays),
-            name if name == results => lent.results.as_ref(),
+            name if name == target => lent.answers.as_ref(),
             _ => None,
         });
         lent.or_else(|| self.buffers.get(name))

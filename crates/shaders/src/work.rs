@@ -146,7 +146,8 @@ pub fn interpolate(params: Params, vertices: usize, moving_rows: Option<usize>) 
     Work::linear(common("interpolate"), params, rows as u32)
 }
 
-/// Returns the dispatch that copies `count` words of positions to a key frame, between offsets in words.
+/// Returns the dispatch that copies `count` words from the buffer `lent` to the buffer `key_frame`, between offsets in
+/// words.
 pub fn copy_points(count: usize, [from, to]: [usize; 2]) -> Work {
     let params = Params::default().with(PointsParams {
         source_at: from as u32,

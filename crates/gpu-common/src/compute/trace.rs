@@ -51,6 +51,9 @@ impl<D: GpuDevice> ComputeBackend<D> {
             // Traces of a batch write different buffers, so they may run concurrently.
             first.alongside = true;
         }
+        if trace.copies_answers {
+            tracing.primary.push(work::copy_points(trace.count, [0; 2]));
+        }
         for work in &mut tracing.primary {
             work.trace_index = index;
         }
