@@ -260,7 +260,10 @@ impl<D: GpuDevice> Frames<D> {
     /// Waits for a submission and completes its report. Returns `false` if the submission never runs.
     fn finish_one(&mut self, gpu: &mut D, ticket: Ticket) -> Result<bool> {
         let outcome = gpu.finish(ticket)?;
-        self.replaced.retain(|(last, _)| *last > ticket);
+        // A dropped submission may end before earlier ones, which may still use replaced buffers.
+        if self.unfinished().next() == Some(ticket) {
+            self.replaced.retain(|(last, _)| *last > ticket);
+        }
         let Outcome::Finished(SubmissionOutput {
             counts,
             marks,
