@@ -22,10 +22,11 @@ fn main() -> ExitCode {
     };
     let found: Vec<_> = all().filter(|k| matches(k, entry, values)).collect();
     let [kernel] = found[..] else {
-        match found.len() {
-            0 => eprintln!("no kernel has this name: give no argument to list all"),
-            n => eprintln!("{n} kernels have this name: also name the intersector"),
-        }
+        let advice = match found.len() {
+            0 => "no kernel has this name: correct it".to_owned(),
+            n => format!("{n} kernels have this name: also name the intersector"),
+        };
+        eprintln!("{advice}, or give no argument to list all");
         return ExitCode::FAILURE;
     };
     let fused = kernel.fused.filter(|_| values.iter().any(|v| v == "fused"));
