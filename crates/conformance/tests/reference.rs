@@ -188,10 +188,10 @@ fn misuse_panics_with_a_reason() {
         ("is not greater than the current generation", |b| {
             drop(b.adopt(&senseless_tree(&moving()), Generation(1)));
         }),
-        ("generations rise", |b| {
+        ("is not greater than the current generation", |b| {
             drop(b.evaluate(&senseless_tree(&moving()), Generation(0)));
         }),
-        ("never given", |b| drop(b.wait(Ticket(77)))),
+        ("was not issued", |b| drop(b.wait(Ticket(77)))),
     ];
     for (why, misuse) in table {
         let (animation, by) = (moving(), Intersector::Watertight);
@@ -210,7 +210,7 @@ fn misuse_panics_with_a_reason() {
 
 /// The first tree has no predecessor, but its generation must be above 0 too.
 #[test]
-#[should_panic(expected = "generations rise")]
+#[should_panic(expected = "is not greater than the current generation")]
 fn first_generation_is_positive() {
     let (animation, mut backend) = (moving(), CpuBackend::new(Some(1)).unwrap());
     (backend.load(Arc::clone(&animation), Intersector::Watertight)).unwrap();

@@ -117,7 +117,7 @@ impl CpuBackend {
     fn require_later(&self, generation: Generation) {
         assert!(
             generation > self.generation,
-            "generations rise: {} comes after {}",
+            "generation {} is not greater than the current generation {}",
             generation.0,
             self.generation.0
         );
@@ -224,7 +224,10 @@ impl Backend for CpuBackend {
     }
 
     fn evaluate(&mut self, tree: &Topology, generation: Generation) -> Result<bool> {
-        self.require(State::Positions, "evaluate reads positions: interpolate");
+        self.require(
+            State::Positions,
+            "evaluate needs positions: call interpolate first",
+        );
         self.require_later(generation);
         let scene = loaded(&mut self.scene);
         let (new_tree, pool) = (&self.new_tree, &self.pool);
@@ -249,7 +252,7 @@ impl Backend for CpuBackend {
         );
         assert!(
             self.generation > Generation(0),
-            "preprocess needs a tree: adopt comes first"
+            "preprocess needs a tree: call adopt first"
         );
         self.commands.push(Command::Preprocess);
         self.state = State::Records;

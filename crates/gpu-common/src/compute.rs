@@ -215,7 +215,10 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     }
 
     fn evaluate(&mut self, tree: &Topology, generation: Generation) -> Result<bool> {
-        assert!(self.engine.stale >= Stale::Records, "positions come first");
+        assert!(
+            self.engine.next_stage >= NextStage::Preprocess,
+            "positions come first"
+        );
         assert!(
             generation > self.tree().current.generation,
             "generations must increase"

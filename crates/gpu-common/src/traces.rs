@@ -21,7 +21,7 @@ pub struct TraceBuffers<D: GpuDevice> {
     /// Buffers lent by the device's owner, which replace the trace's own.
     lent: Option<LentRays<D::Buffer>>,
     /// Whether kernels write to the trace's own buffer, from which the results are copied to the lent buffer.
-    pub(crate) copies_answers: bool,
+    pub(crate) copies_results: bool,
 }
 
 impl<D: GpuDevice> TraceBuffers<D> {
@@ -64,9 +64,9 @@ impl<D: GpuDevice> TraceBuffers<D> {
         }
         // `exact` also stores undecided rays in this buffer, for which a lent buffer has no space.
         let is_exact = traced_by == Some(Intersector::Exact);
-        let copies_answers = has_room && is_exact && kind == QueryKind::Any;
+        let copies_results = has_room && is_exact && kind == QueryKind::Any;
         let occluded = match kind {
-            QueryKind::Any => !has_room || copies_answers,
+            QueryKind::Any => !has_room || copies_results,
             QueryKind::Closest => is_exact,
             QueryKind::ClosestAndShadow { .. } => true,
         };
@@ -81,7 +81,7 @@ impl<D: GpuDevice> TraceBuffers<D> {
             shaded: false,
             buffers,
             lent,
-            copies_answers,
+            copies_results,
         })
     }
 
@@ -96,21 +96,21 @@ impl<D: GpuDevice> TraceBuffers<D> {
             QueryKind::Any => BufferName::Occluded,
             QueryKind::Closest | QueryKind::ClosestAndShadow { .. } => BufferName::Hits,
         };
-        let copies = self.copies_answers;
+        let copies = self.copies_results;
         let name = match name {
-            BufferName::Answers => answers,
-            // The kernel that copies the answers names its source and its target like this.
-            BufferName::Lent if copies => answers,
+            BufferName::Answers => results,
+            // The kernel that copies the results names its source and its target like this.
+            BufferName::Lent if copies => results,
             name => name,
         };
         let target = if copies {
             BufferName::KeyFrame
         } else {
-            answers
+            results
         };
         let lent = self.lent.as_ref().and_then(|lent| match name {
             BufferName::Rays => Some(&lent.rays),
-            name if name == target => lent.answers.as_ref(),
+            name if name == target => lent.results.as_ref(),
             _ => None,
         });
         lent.or_else(|| self.buffers.get(name))

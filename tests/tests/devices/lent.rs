@@ -1,4 +1,4 @@
-//! Tests of vertices, rays and results in device memory. They run for each kind of memory and each owner of the device.
+//! Tests of vertices, rays and answers in device memory. They run for each kind of memory and each owner of the device.
 
 use crate::scenes::{camera, rays, swarm};
 use abvh::{
@@ -255,9 +255,9 @@ pub(crate) fn check_rays_match_host<L: LentRays>(open: impl Fn(Scene, &[Ray]) ->
             }
             let miss = [f32::INFINITY.to_bits(), 0, 0, u32::MAX];
             if query == Query::Any {
-                let words = lent.room(4 * list.len());
-                let (answers, unused) = words.split_at(list.len());
-                let met = answers.iter().map(|&word| word != 0);
+                let words = lent.results(4 * list.len());
+                let (results, unused) = words.split_at(list.len());
+                let met = results.iter().map(|&word| word != 0);
                 assert!(met.eq(expected.iter().map(Option::is_some)));
                 // The program may use the rest of its buffer otherwise.
                 assert!(unused.iter().all(|&word| word == 0x0707_0707));

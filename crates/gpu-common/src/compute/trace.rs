@@ -51,7 +51,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
             // Traces of a batch write different buffers, so they may run concurrently.
             first.alongside = true;
         }
-        if trace.copies_answers {
+        if trace.copies_results {
             tracing.primary.push(work::copy_points(trace.count, [0; 2]));
         }
         for work in &mut tracing.primary {
