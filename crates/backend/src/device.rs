@@ -100,7 +100,7 @@ impl Capabilities {
 pub struct MemoryUse {
     /// Bytes that the backend holds, or `None` if unknown.
     pub held: Option<DeviceBytes>,
-    /// Bytes that are still available, or `None` if the driver does not report them.
+    /// Bytes that were available when the device was opened, or `None` if the driver does not report them.
     pub available: Option<u64>,
 }
 

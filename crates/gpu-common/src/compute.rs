@@ -178,7 +178,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         let tree = self.tree.as_ref().map_or([0; 3], TreeBuffers::held);
         MemoryUse {
             held: Some(self.engine.bytes(tree)),
-            available: self.engine.gpu.info().free_bytes,
+            available: self.engine.info.free_bytes,
         }
     }
 
