@@ -155,7 +155,7 @@ pub trait Backend: Send + Any {
     /// Returns the device's name, kind, driver and capabilities.
     fn device(&self) -> &Device;
 
-    /// Returns the device memory that is in use, and the amount still available.
+    /// Returns the device memory that is in use, and the amount that was available at the start. Fast enough for each frame.
     fn memory(&self) -> MemoryUse {
         MemoryUse::default()
     }
