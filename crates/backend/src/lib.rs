@@ -155,7 +155,8 @@ pub trait Backend: Send + Any {
     /// Returns the device's name, kind, driver and capabilities.
     fn device(&self) -> &Device;
 
-    /// Returns the device memory that is in use, and the amount that was available at the start. Fast enough for each frame.
+    /// Returns the device memory that is in use, and the amount that was available when the device was opened. The frame
+    /// loop calls this for each frame, so it must not query the driver.
     fn memory(&self) -> MemoryUse {
         MemoryUse::default()
     }
