@@ -3,8 +3,8 @@
 
 #![expect(unsafe_code, reason = "the driver's library has no safe calls")]
 
-use crate::external::{OFFSET, Shared, SharedRays, words};
-use crate::lent::{OnHost, Sheets, bits, check_rays_match_host, check_vertices_match_host, sheet};
+use crate::external::{OFFSET, Shared, check_shared_rays, words};
+use crate::lent::{OnHost, Sheets, bits, check_vertices_match_host, sheet};
 use crate::other_device::{Exported, Importer};
 use crate::scenes::camera;
 use abvh::{Error, Query, Ray, Source, Update};
@@ -241,7 +241,7 @@ pub(crate) fn traces_cuda_vertices_in_place() {
 }
 
 pub(crate) fn shares_rays_and_hits_with_cuda() {
-    check_rays_match_host(SharedRays::<Cuda>::new);
+    check_shared_rays::<Cuda>();
 }
 
 /// Checks that neither waits on the host. CUDA overwrites the vertices before each write, so a missing wait is

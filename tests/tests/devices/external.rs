@@ -8,7 +8,10 @@ use crate::open_vulkan;
 use crate::other_device::{Exported, Importer, OtherDevice};
 use crate::scenes::{hits, open, rays, record_refit, submit_trace};
 use abvh::external_memory::{ExternalBuffer, ExternalRays};
-use abvh::{Device, Error, MeshId, Point, Query, Ray, Scene, Source, Step, Tracer, Update};
+use abvh::{
+    Device, Error, Intersector, MeshId, Point, Query, Ray, Scene, Source, Step, Tracer,
+    TracerBuilder, Update,
+};
 use backend::{Backend, Hits, Inspect, QueryKind, Rays, Ticket};
 use geom::{Animation, PointBuffer};
 use gpu_vulkan::external::ExternalMemory;
@@ -18,9 +21,12 @@ use gpu_vulkan::{ExternalRun, VulkanBackend};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+fn builder() -> TracerBuilder {
+    Tracer::builder().device(Device::Vulkan(None)).threads(2)
+}
+
 fn tracer(scene: Scene, update: Update) -> Tracer {
-    let builder = Tracer::builder().device(Device::Vulkan(None)).threads(2);
-    builder.update(update).build(scene).unwrap()
+    builder().update(update).build(scene).unwrap()
 }
 
 /// Returns the reason if memory cannot be shared on this machine.
@@ -106,7 +112,7 @@ pub(crate) fn external_vertices_survive_mesh_replacement() {
 }
 
 /// Rays and results in memory shared with another device.
-pub(crate) struct SharedRays<O: Importer> {
+struct SharedRays<O: Importer> {
     other: O,
     tracer: Tracer,
     count: usize,
@@ -115,8 +121,9 @@ pub(crate) struct SharedRays<O: Importer> {
 }
 
 impl<O: Importer> SharedRays<O> {
-    pub(crate) fn new(scene: Scene, rays: &[Ray]) -> Self {
-        let mut tracer = tracer(scene, Update::Async);
+    fn new(scene: Scene, rays: &[Ray], intersector: Intersector) -> Self {
+        let builder = builder().update(Update::Async).intersector(intersector);
+        let mut tracer = builder.build(scene).unwrap();
         let made = [0; 2].map(|_| tracer.external_buffer(size_of_val(rays) as u64));
         let made = made.map(Result::unwrap);
         let other = O::open(made[0].device_uuid());
@@ -164,7 +171,14 @@ impl<O: Importer> LentRays for SharedRays<O> {
 }
 
 pub(crate) fn traces_rays_in_external_memory() {
-    check_rays_match_host(SharedRays::<OtherDevice>::new);
+    check_shared_rays::<OtherDevice>();
+}
+
+/// Checks that rays in shared memory have the hits of rays of the host, with both robust intersectors.
+pub(crate) fn check_shared_rays<O: Importer>() {
+    for intersector in [Intersector::Watertight, Intersector::Exact] {
+        check_rays_match_host(|scene, rays| SharedRays::<O>::new(scene, rays, intersector));
+    }
 }
 
 pub(crate) fn external_memory_misuse_is_an_error() {
