@@ -86,6 +86,18 @@ impl<D: GpuDevice> ComputeBackend<D> {
         self.tree.as_mut().expect("a scene was loaded")
     }
 
+    /// Checks that the data for this stage or for a later one are up to date.
+    fn require(&self, stage: NextStage, why: &str) {
+        assert!(self.engine.next_stage >= stage, "{why}");
+    }
+
+    fn require_later(&self, generation: Generation) {
+        assert!(
+            generation > self.tree().current.generation,
+            "generations must increase"
+        );
+    }
+
     /// Returns the parameters that all dispatches share.
     fn params(&self) -> Params {
         self.params_at(self.engine.pose)
@@ -201,10 +213,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     }
 
     fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()> {
-        assert!(
-            generation > self.tree().current.generation,
-            "generations must increase"
-        );
+        self.require_later(generation);
         let Engine { gpu, frames, .. } = &mut self.engine;
         let is_between = !frames.is_recording();
         assert!(is_between, "trees are adopted between submissions");
@@ -215,14 +224,8 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     }
 
     fn evaluate(&mut self, tree: &Topology, generation: Generation) -> Result<bool> {
-        assert!(
-            self.engine.next_stage >= NextStage::Preprocess,
-            "positions come first"
-        );
-        assert!(
-            generation > self.tree().current.generation,
-            "generations must increase"
-        );
+        self.require(NextStage::Preprocess, "positions come first");
+        self.require_later(generation);
         let Engine { gpu, frames, .. } = &mut self.engine;
         let trees = self.tree.as_mut().expect("a scene was loaded");
         let loaded = trees.load_candidate(gpu, frames, tree, generation)?;
@@ -262,10 +265,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     }
 
     fn preprocess(&mut self) -> Result<()> {
-        assert!(
-            self.engine.next_stage >= NextStage::Preprocess,
-            "positions come first"
-        );
+        self.require(NextStage::Preprocess, "positions come first");
         let generation = self.tree().current.generation;
         assert!(generation > Generation(0), "a tree comes first");
         if self.is_built_at_pose() {
@@ -283,10 +283,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     }
 
     fn refit(&mut self) -> Result<()> {
-        assert!(
-            self.engine.next_stage >= NextStage::Refit,
-            "boxes of leaves come first"
-        );
+        self.require(NextStage::Refit, "boxes of leaves come first");
         if self.is_built_at_pose() {
             return Ok(());
         }
@@ -300,14 +297,8 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     }
 
     fn rebuild(&mut self, generation: Generation) -> Result<()> {
-        assert!(
-            self.engine.next_stage >= NextStage::Preprocess,
-            "positions come first"
-        );
-        assert!(
-            generation > self.tree().current.generation,
-            "generations must increase"
-        );
+        self.require(NextStage::Preprocess, "positions come first");
+        self.require_later(generation);
         self.engine
             .info
             .device

@@ -55,8 +55,8 @@ pub struct DeviceInfo {
     pub splits: bool,
     /// Whether a kernel copies positions from lent buffers to key frames. See [`LentBuffers::copies`].
     pub copies_points: bool,
-    /// Bytes of device memory that are still available, or `None` if unknown. `gpu-vulkan` returns the size of a heap
-    /// if the driver does not report the use of memory.
+    /// Bytes of device memory that were available when this was queried, or `None` if unknown. `gpu-vulkan` returns the
+    /// size of a heap if the driver does not report the use of memory.
     pub free_bytes: Option<u64>,
     /// All calls that the device's interface has rejected so far, and all messages of its validation layer in this
     /// process.
