@@ -64,7 +64,7 @@ fn with_companions(file: &Path, all: &mut Vec<PathBuf>) -> Result<()> {
             let names = statements.iter().map(|text| library_names(&folder, text));
             names.flatten().collect()
         }
-        "gltf" | "glb" => buffer_files(&fs::read(file).map_err(unreadable)?),
+        "gltf" | "glb" => buffer_files(file).map_err(unreadable)?,
         _ => Vec::new(),
     };
     let folder = file.parent().unwrap_or(Path::new(""));

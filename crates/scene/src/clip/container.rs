@@ -1,5 +1,9 @@
 //! Container of a glTF file: the JSON text and the binary chunk (glTF 2.0, 4.4).
 
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::Path;
+
 /// Contents of a `.gltf` or `.glb` file.
 #[derive(Debug)]
 pub(super) struct Container<'a> {
@@ -45,6 +49,21 @@ impl<'a> Container<'a> {
             binary: binary.map(|(_, data)| data),
         })
     }
+}
+
+/// Reads the JSON text of a `.gltf` or `.glb` file, but no binary chunk, which may be large.
+pub(super) fn read_json(file: &Path) -> io::Result<Vec<u8>> {
+    let (mut source, mut bytes) = (File::open(file)?, Vec::new());
+    // The headers of a `.glb` file and of its first chunk.
+    source.by_ref().take(20).read_to_end(&mut bytes)?;
+    let length = read_u32(&bytes, 12).filter(|_| bytes.starts_with(b"glTF"));
+    if let Some(length) = length {
+        bytes.clear();
+        source.take(length as u64).read_to_end(&mut bytes)?;
+    } else {
+        source.read_to_end(&mut bytes)?;
+    }
+    Ok(bytes)
 }
 
 fn read_u32(bytes: &[u8], at: usize) -> Option<usize> {

@@ -1,6 +1,6 @@
 //! An open glTF file: its document, and its buffers, which are loaded on first use.
 
-use super::container::Container;
+use super::container::{self, Container};
 use super::schema::{Accessor, BufferView, Document, GltfNode, Head, Whole};
 use crate::Location;
 use crate::folder::Folder;
@@ -10,6 +10,7 @@ use serde::de::DeserializeOwned;
 use serde_json::Value;
 use std::borrow::Cow;
 use std::fmt;
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
@@ -163,14 +164,14 @@ fn file_name(uri: &str) -> Cow<'_, str> {
     percent_encoding::percent_decode_str(uri).decode_utf8_lossy()
 }
 
-/// Returns the names of the files that the buffers of a `.gltf` or `.glb` file refer to. Returns no names if the file is
-/// malformed.
-pub(crate) fn buffer_files(bytes: &[u8]) -> Vec<String> {
-    let document = Container::split(bytes).and_then(|container| parse(container.json));
+/// Returns the names of the files that the buffers of a `.gltf` or `.glb` file refer to. Returns no names if the JSON
+/// text is malformed.
+pub(crate) fn buffer_files(file: &Path) -> io::Result<Vec<String>> {
+    let document = parse(&container::read_json(file)?);
     let buffers = document.map_or_else(|_| Vec::new(), |document| document.buffers);
     let uris = buffers.iter().filter_map(|buffer| buffer.uri.as_deref());
     let files = uris.filter(|uri| !uri.starts_with("data:"));
-    files.map(|uri| file_name(uri).into_owned()).collect()
+    Ok(files.map(|uri| file_name(uri).into_owned()).collect())
 }
 
 fn read<T: DeserializeOwned>(json: &[u8]) -> Result<T, String> {
