@@ -142,11 +142,9 @@ impl Conditions<'_> {
                 let operator = rest.first().map_or("", |t| t.text);
                 while matches!(operator, "&&" | "||") && take(rest, operator) {
                     let other = self.evaluate(rest)?;
-                    let is_and = operator == "&&";
-                    value = if is_and {
-                        value && other
-                    } else {
-                        value || other
+                    value = match operator {
+                        "&&" => value && other,
+                        _ => value || other,
                     };
                 }
                 ensure!(take(rest, ")"), "{line}: invalid condition");
