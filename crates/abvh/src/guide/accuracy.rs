@@ -14,7 +14,8 @@
 //! exact values, each rounded once to the nearest float.
 //!
 //! A hit depends only on the ray, the triangle and the intersector. A single distant vertex, up to `2^40` from the
-//! origin, changes no hits of triangles that do not use it. It slows down only rays that hit the triangles that use it.
+//! origin, changes no hits of triangles that do not use it. In lists, it slows down only rays that hit the triangles
+//! that use it. Pictures may take longer, because their rays are then traced one by one.
 //! The next section describes larger distances.
 //!
 //! # Far away
