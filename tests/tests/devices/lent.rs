@@ -1,4 +1,4 @@
-//! Tests of vertices, rays and answers in device memory. They run for each kind of memory and each owner of the device.
+//! Tests of vertices, rays and results in device memory. They run for each kind of memory and each owner of the device.
 
 use crate::scenes::{camera, rays, swarm};
 use abvh::{

@@ -1,4 +1,4 @@
-// Copies positions from a buffer of the program to a key frame, word by word. The host also uses it to copy the answers of
+// Copies positions from a buffer of the program to a key frame, word by word. The host also uses it to copy the results of
 // `exact` to a buffer of the program.
 
 import package::lib::params::{element_index, params};
