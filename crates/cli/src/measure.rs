@@ -304,7 +304,8 @@ pub(crate) struct MeasuredRow {
     /// Millions of primary and shadow rays per second of tracing time.
     pub(crate) mrays_per_s: Option<f64>,
     pub(crate) trees: usize,
-    /// Number of built trees that were discarded because they were no better than the current tree.
+    /// Number of built trees that were dropped: they cost no less than the current tree, or a newer tree would have
+    /// arrived before their time of use.
     rejected: usize,
     /// Milliseconds of the first frame, which waits for the first tree.
     first_ms: Option<f64>,

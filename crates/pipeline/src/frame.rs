@@ -25,7 +25,7 @@ pub struct FrameRecord {
     /// Facts about the tree that the frame was traced with.
     pub tree: FrameTreeStats,
     /// Milliseconds that the driver spent on the frame: from its start to the end of its submission, plus the wait for
-    /// its results.
+    /// its results. Frames overlap, so it can be less than the time on the device.
     pub wall_ms: f64,
     /// Milliseconds of `wall_ms` in which the driver was blocked by a build. With `async` and `refit`, 0 for every
     /// frame except the first.
