@@ -227,7 +227,7 @@ fn preprocess_treelets(
 }
 
 // Does the same as `preprocess_treelets`, but blends two key frames itself, so it need not wait for `interpolate`. Also
-// refits all other treelets: see `finish_and_climb`.
+// refits all other treelets: see `finish_and_refit_parents`.
 //
 // Variants: intersector.
 // Parameters: treelets.
