@@ -92,7 +92,7 @@ macro_rules! kernel_params {
 
 kernel_params! {
     /// Parameters of kernels that search along rays or resolve undecided rays.
-    SearchParams = "search" { undecided_rays_at, undecided_shadows_at, fallback_workers, candidate_capacity, workgroups_per_list }
+    SearchParams = "search" { undecided_rays_at, undecided_shadows_at, fallback_workers, candidate_capacity }
     /// Parameters of kernels that rasterize.
     RasterParams = "raster" { tile_capacity }
     /// Parameters of kernels that trace extreme rays.

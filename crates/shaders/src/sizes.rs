@@ -28,7 +28,7 @@ pub fn tree_buffers(intersector: Intersector, leaves: u64) -> [(BufferName, u64)
 }
 
 /// Returns the size of the buffer `occluded` for `rays` rays, in words: one per ray. `exact` adds the list of
-/// undecided rays, candidates of three words (`wgsl/intersect/candidates.wgsl`), the stacks of `fallback.wgsl`, and
+/// undecided rays, candidates of two words (`wgsl/intersect/candidates.wgsl`), the stacks of `fallback.wgsl`, and
 /// the list of undecided shadow rays.
 pub fn occluded_words(intersector: Intersector, rays: u64) -> u64 {
     match intersector {
@@ -40,7 +40,7 @@ pub fn occluded_words(intersector: Intersector, rays: u64) -> u64 {
 /// Returns the word of `occluded` where the list of undecided shadow rays begins in kernels that use both lists. Other
 /// kernels use the place of the list of undecided rays.
 pub(crate) fn undecided_shadows_at(rays: u64) -> u64 {
-    2 * rays + 3 * candidate_capacity(rays) + STACK_SIZE * u64::from(fallback_workers(rays))
+    2 * rays + 2 * candidate_capacity(rays) + STACK_SIZE * u64::from(fallback_workers(rays))
 }
 
 /// Number of words of a stack.
@@ -93,11 +93,6 @@ mod tests {
             "trace_rays",
             &format!("var stack: array<u32, {STACK_SIZE}>;"),
         );
-        let at_once = format!(
-            "const CANDIDATES_AT_ONCE: u32 = {}u;",
-            crate::work::CANDIDATES_AT_ONCE
-        );
-        says("resolve_exact_hits_and_shadows", &at_once);
     }
 
     #[test]

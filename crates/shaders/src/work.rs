@@ -59,10 +59,8 @@ pub enum RaySource<'a> {
 /// Maximum number of invocations that share the list of undecided rays: 16 per ray. This number occupies any device.
 /// Most invocations end at once, because few rays are undecided.
 const RESOLVERS: u32 = 1 << 15;
-/// Maximum number of workgroups that share the list of hits whose shadow rays are traced, one per ray.
-const SHADOW_GROUPS: u32 = 1 << 10;
-/// Number of workgroups that share the candidates of one ray: see `intersect/resolve_hits_and_shadows.wgsl`.
-pub(crate) const CANDIDATES_AT_ONCE: u32 = 4;
+/// Maximum number of workgroups that resolve a camera's undecided rays, one ray at a time.
+const CAMERA_RESOLVERS: u32 = 1 << 11;
 
 impl RaySource<'_> {
     fn count(self) -> u32 {
@@ -253,39 +251,19 @@ fn picture(intersector: Intersector, params: Params, camera: &Camera, traits: Tr
             ..Trace::default()
         });
     if intersector == Intersector::Exact {
-        trace
-            .primary
-            .extend(resolve_together(intersector, params, rays, own));
+        let resolvers = Groups::Each(CAMERA_RESOLVERS.min(rays.count()));
+        trace.primary.extend(
+            [
+                ("resolve_exact_camera", resolvers),
+                ("fallback_camera", fallback_groups(own)),
+            ]
+            .map(|(entry, groups)| Work {
+                groups,
+                ..Work::over(intersector, rays, params, [entry; 2])
+            }),
+        );
     }
     trace
-}
-
-/// Returns the dispatches that resolve the hits and shadows that `exact` left undecided in a picture. The first
-/// dispatch resolves both, and also traces shadow rays from the candidates of undecided hits. The other dispatches
-/// resolve the remaining hits, and then the remaining shadows.
-fn resolve_together(
-    intersector: Intersector,
-    params: Params,
-    rays: RaySource<'_>,
-    own: SearchParams,
-) -> [Work; 4] {
-    let workgroups_per_list = resolvers(rays).div_ceil(64);
-    let shadow_groups = SHADOW_GROUPS.min(rays.count());
-    let over = |entry, own, groups| Work {
-        groups,
-        ..Work::over(intersector, rays, params.with(own), [entry; 2])
-    };
-    let shared = SearchParams {
-        workgroups_per_list,
-        ..own
-    };
-    let groups_of_all = Groups::Each(2 * workgroups_per_list + CANDIDATES_AT_ONCE * shadow_groups);
-    [
-        over("resolve_exact_hits_and_shadows", shared, groups_of_all),
-        over(HITS.fallback, own, fallback_groups(own)),
-        over("shadow_remaining", own, Groups::Each(shadow_groups)),
-        over(SHADOWS.fallback, own, fallback_groups(own)),
-    ]
 }
 
 /// The kernels of a search, by entry point.
@@ -328,7 +306,6 @@ fn searching(rays: RaySource<'_>) -> SearchParams {
         undecided_shadows_at: count,
         fallback_workers: fallback_workers(count.into()),
         candidate_capacity: candidate_capacity(count.into()) as u32,
-        workgroups_per_list: 0,
     }
 }
 

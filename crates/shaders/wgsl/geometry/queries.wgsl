@@ -106,7 +106,7 @@ fn camera_query_ray(i: u32) -> QueryRay {
     return QueryRay(first, vec4<u32>(bitcast<vec3<u32>>(direction_of_ray(i)), 0x7f800000u), eye());
 }
 
-@if(resolve_exact_hits_and_shadows || shadow_remaining)
+@if(resolve_exact_camera || fallback_camera)
 fn query_ray(i: u32) -> QueryRay { return camera_query_ray(i); }
 @else
 fn query_ray(i: u32) -> QueryRay {

@@ -1,5 +1,5 @@
 // Rays that a search leaves undecided. Each has a linked list of candidates: the triangles that it may hit. A candidate takes
-// three words: its leaf, the next candidate, and whether a hit of that leaf is in shadow (resolve_hits_and_shadows.wgsl).
+// two words: its leaf, and the next candidate.
 //
 // `occluded` holds one word per ray, the list of undecided rays, the candidates, and the stacks of fallback.wgsl.
 // Any-hit searches fill the list at `undecided_shadows_at`. Kernels that need both lists have this list after the
@@ -12,24 +12,19 @@ import package::lib::params::params;
 // Index of the first candidate. In `occluded`, an undecided any-hit query holds such an index instead of the result 0 or 1.
 const FIRST_CANDIDATE: u32 = 2u;
 const NO_CANDIDATE: u32 = 0xffffffffu;
-// In place of a candidate's index: the list did not fit, or does not decide the ray. In place of a candidate's shadow:
-// it is not known yet.
+// In place of a candidate's index: the list did not fit, or does not decide the ray.
 const UNDECIDED: u32 = 0xfffffffeu;
 // In place of the second weight of a hit: the ray is undecided. No weight has these bits.
 const UNDECIDED_HIT: u32 = 0xffffffffu;
 
 // The list of undecided rays has one word per ray, as has the part of `occluded` before it.
-fn candidate_at(candidate: u32) -> u32 { return 2u * params.search.undecided_rays_at + 3u * (candidate - FIRST_CANDIDATE); }
-
-// Returns the word that holds the shadow of a candidate's hit: 0, 1, or UNDECIDED.
-fn candidate_shadow_at(candidate: u32) -> u32 { return candidate_at(candidate) + 2u; }
+fn candidate_at(candidate: u32) -> u32 { return 2u * params.search.undecided_rays_at + 2u * (candidate - FIRST_CANDIDATE); }
 
 // Allocates a candidate that is in no list yet. Returns UNDECIDED if the buffer is full.
 fn allocate_candidate(leaf: u32) -> u32 {
     let index = atomicAdd(&counts[CANDIDATE_COUNT], 1u);
     if index >= params.search.candidate_capacity { return UNDECIDED; }
     occluded[candidate_at(index + FIRST_CANDIDATE)] = leaf;
-    occluded[candidate_shadow_at(index + FIRST_CANDIDATE)] = UNDECIDED;
     return index + FIRST_CANDIDATE;
 }
 

@@ -54,26 +54,17 @@ fn exact_intersect_leaf_closest(ray: PreparedRay, leaf: u32, best: ExactBest) ->
 
 // Rasterization: the hit of one triangle.
 
-// Returns the least distance at which a ray may hit a leaf's triangle, or infinity.
-fn exact_nearest_t(ray: PreparedRay, leaf: u32) -> f32 {
+// Returns the least distance at which ray `i` may hit a leaf's triangle, or infinity. Otherwise, two triangles that share an edge
+// near the ray would both remain candidates.
+fn exact_nearest_t(i: u32, ray: PreparedRay, leaf: u32) -> f32 {
     set_shear_view(ray);
     let classified = classify(ray, corners_of(leaf));
-    if !classified.possible { return bitcast<f32>(0x7f800000u | params.zero); }
+    if !classified.possible || (!classified.certain && round_hit(ray, leaf, exact_direction_of(i)).is_missed) {
+        return bitcast<f32>(0x7f800000u | params.zero);
+    }
     // Rounding may make the lower end negative.
     return select(0.0, classified.low, classified.low > 0.0);
 }
-
-// Returns the hit of a leaf's triangle if it is certain.
-fn exact_intersect_single(ray: PreparedRay, leaf: u32) -> ExactBest {
-    let nothing = exact_initial_best(ray);
-    let classified = classify(ray, corners_of(leaf));
-    if classified.certain && classified.high < nothing.bound {
-        return ExactBest(classified.high, classified.low, NO_INTERVAL, leaf, NO_CANDIDATE);
-    }
-    return nothing;
-}
-
-fn exact_has_hit(best: ExactBest) -> bool { return best.leaf != NO_LEAF; }
 
 // Returns the hit to write for a ray, or the data for the kernel that resolves it.
 fn exact_hit_of(i: u32, ray: PreparedRay, best: ExactBest) -> vec4<u32> {
@@ -84,7 +75,7 @@ fn exact_hit_of(i: u32, ray: PreparedRay, best: ExactBest) -> vec4<u32> {
     }
     if best.leaf == NO_LEAF { return MISS; }
     let rounded = round_hit(ray, best.leaf, exact_direction_of(i));
-    if !rounded.certain { return append_undecided(i, best.bound, prepend_candidate(NO_CANDIDATE, best.leaf)); }
+    if !rounded.is_rounded { return append_undecided(i, best.bound, prepend_candidate(NO_CANDIDATE, best.leaf)); }
     atomicAdd(&counts[HIT_COUNT], 1u);
     return rounded.hit;
 }

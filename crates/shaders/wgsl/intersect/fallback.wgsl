@@ -15,24 +15,31 @@ import package::intersect::resolve_exact::{
 };
 import package::intersect::round_intersection::{intersect_within_limits, rounded_t, rounded_weights};
 import package::lib::buffers::{counts, hits, nodes, occluded, records};
-import package::lib::counters::{FALLBACK_OFFSET, HIT_COUNT, UNDECIDED_RAYS, UNDECIDED_SHADOWS};
+import package::lib::counters::{FALLBACK_OFFSET, HIT_COUNT, OCCLUDED_COUNT, UNDECIDED_RAYS, UNDECIDED_SHADOWS};
 import package::lib::params::params;
 
 // One invocation per ray traverses the tree and decides each candidate. The stacks are in `occluded`, after the candidates.
 
 const STACK_SIZE: u32 = 64u;
+const NO_WORKER: u32 = 0xffffffffu;
 
 fn stack_offset(worker: u32) -> u32 {
-    return 2u * params.search.undecided_rays_at + 3u * params.search.candidate_capacity + STACK_SIZE * worker;
+    return 2u * params.search.undecided_rays_at + 2u * params.search.candidate_capacity + STACK_SIZE * worker;
 }
 
-// Resolves the undecided rays of this invocation, if it is a worker. Each kernel has its own `fallback_ray`. One invocation in 16
-// is a worker, so that each has its own vector on software drivers.
-fn resolve_assigned_rays(local: u32, group: u32, word: u32) {
+// Returns the index of this invocation among the workers, or NO_WORKER. One invocation in 16 is a worker, so that each has its own
+// vector on software drivers.
+fn worker_index(local: u32, group: u32) -> u32 {
     let worker = 4u * group + local / 16u;
-    if local % 16u != 0u || worker >= params.search.fallback_workers || atomicLoad(&counts[word + FALLBACK_OFFSET]) == 0u {
-        return;
-    }
+    return select(NO_WORKER, worker, local % 16u == 0u && worker < params.search.fallback_workers);
+}
+
+// Returns the number of rays in a list that their candidates did not decide.
+fn fallback_count(word: u32) -> u32 { return atomicLoad(&counts[word + FALLBACK_OFFSET]); }
+
+// Resolves the undecided rays of a worker. Each kernel has its own `fallback_ray`.
+fn resolve_assigned_rays(worker: u32, word: u32) {
+    if worker == NO_WORKER || fallback_count(word) == 0u { return; }
     let undecided_count = atomicLoad(&counts[word]);
     for (var k = worker; k < undecided_count; k += params.search.fallback_workers) {
         let i = occluded[undecided_list_at() + k];
@@ -51,35 +58,32 @@ fn undecided_list_at() -> u32 { return params.search.undecided_rays_at; }
 fn undecided_list_at() -> u32 { return params.search.undecided_shadows_at; }
 
 @if(fallback_rays)
-fn is_undecided_ray(i: u32) -> bool { return hits[i].z == UNDECIDED_HIT; }
+fn is_undecided_ray(i: u32) -> bool { return is_undecided_hit(i); }
 @else
-fn is_undecided_ray(i: u32) -> bool { return occluded[i] >= FIRST_CANDIDATE; }
+fn is_undecided_ray(i: u32) -> bool { return is_undecided_any_hit(i); }
 
-// The triangle where a shadow ray starts, and whether an any-hit search found a hit.
+fn is_undecided_hit(i: u32) -> bool { return hits[i].z == UNDECIDED_HIT; }
+fn is_undecided_any_hit(i: u32) -> bool { return occluded[i] >= FIRST_CANDIDATE; }
+
+// Whether the search is for the closest hit, the triangle where a shadow ray starts, and whether an any-hit search found a hit.
+var<private> seeks_closest: bool;
 var<private> ignored_triangle: u32;
 var<private> found_any: bool;
 
 // Returns whether a leaf's triangle may be the hit.
-@if(fallback_rays)
-fn is_candidate(ray: PreparedRay, leaf: u32, bound: f32) -> bool {
-    let classified = classify(ray, corners_of(leaf));
-    return classified.possible && classified.low <= bound;
-}
-@else
 fn is_candidate(ray: PreparedRay, leaf: u32, bound: f32) -> bool {
     let corners = corners_of(leaf);
     if corners.triangle == ignored_triangle { return false; }
-    return classify(ray, corners).possible;
+    let classified = classify(ray, corners);
+    return classified.possible && classified.low <= bound;
 }
 
 // Decides a candidate. Returns whether the search can stop. A closest-hit search never can.
-@if(fallback_rays)
 fn decide_candidate(leaf: u32) -> bool {
-    decide_closest(leaf);
-    return false;
-}
-@else
-fn decide_candidate(leaf: u32) -> bool {
+    if seeks_closest {
+        decide_closest(leaf);
+        return false;
+    }
     let points = points_of(records[3u * leaf].w);
     let result = decide_in_one_invocation(leaf, points).result;
     found_any = result.is_hit == 1u;
@@ -137,6 +141,8 @@ fn decide_closest(leaf: u32) {
 fn fallback_closest(worker: u32, i: u32, ray: PreparedRay) {
     prepare_line();
     set_shear_view(ray);
+    seeks_closest = true;
+    ignored_triangle = NO_LEAF;
     first_leaf = NO_LEAF;
     traverse_candidates(worker, ray, bitcast<f32>(hits[i].x));
     if first_leaf == NO_LEAF {
@@ -153,9 +159,10 @@ fn fallback_closest(worker: u32, i: u32, ray: PreparedRay) {
 // Writes whether a worker's ray hits anything except triangle `ignore`. A hit increments word `count` of `counts`. The ray's line
 // must be set.
 fn fallback_any(worker: u32, i: u32, ray: PreparedRay, ignore: u32, count: u32) {
-    ignored_triangle = ignore;
     prepare_line();
     set_shear_view(ray);
+    seeks_closest = false;
+    ignored_triangle = ignore;
     found_any = false;
     traverse_candidates(worker, ray, ray.t_max);
     write_any_hit(i, found_any, count);
@@ -170,16 +177,27 @@ fn fallback_ray(worker: u32, i: u32) {
 @elif(fallback_any_rays)
 fn fallback_ray(worker: u32, i: u32) {
     set_line_of_query(i);
-    fallback_any(worker, i, prepared_query_ray(i), NO_LEAF, 2u);
+    fallback_any(worker, i, prepared_query_ray(i), NO_LEAF, HIT_COUNT);
 }
 @else
 fn fallback_ray(worker: u32, i: u32) {
     let segment = shadow_segment_of_hit(hits[i], query_ray(i).origin);
     set_line_of_segment(segment);
-    fallback_any(worker, i, shadow_ray(segment), hits[i].w, 3u);
+    fallback_any(worker, i, shadow_ray(segment), hits[i].w, OCCLUDED_COUNT);
 }
 
-// Closest hits of rays that `resolve_exact_rays` or `resolve_exact_hits_and_shadows` left undecided.
+// Resolves the hit of a camera ray if it is undecided. Returns whether its shadow ray must be traced then.
+@if(fallback_camera)
+fn fallback_hit(worker: u32, i: u32) -> bool {
+    if !is_undecided_hit(i) { return false; }
+    set_line_of_query(i);
+    fallback_closest(worker, i, prepared_query_ray(i));
+    let is_miss = all(hits[i] == MISS);
+    if is_miss { write_any_hit(i, false, OCCLUDED_COUNT); }
+    return !is_miss;
+}
+
+// Closest hits of rays that `resolve_exact_rays` left undecided.
 //
 // Variants: intersector(exact), arithmetic.
 // Parameters: search.
@@ -189,7 +207,7 @@ fn fallback_rays(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
 ) {
-    resolve_assigned_rays(local, group.x + group.y * groups.x, UNDECIDED_RAYS);
+    resolve_assigned_rays(worker_index(local, group.x + group.y * groups.x), UNDECIDED_RAYS);
 }
 
 // Any-hit queries of explicit rays that `resolve_exact_any_rays` left undecided.
@@ -202,10 +220,10 @@ fn fallback_any_rays(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
 ) {
-    resolve_assigned_rays(local, group.x + group.y * groups.x, UNDECIDED_RAYS);
+    resolve_assigned_rays(worker_index(local, group.x + group.y * groups.x), UNDECIDED_RAYS);
 }
 
-// Shadow rays that `resolve_exact_shadow_rays` or `shadow_remaining` left undecided.
+// Shadow rays that `resolve_exact_shadow_rays` left undecided.
 //
 // Variants: intersector(exact).
 // Parameters: search.
@@ -215,5 +233,27 @@ fn fallback_shadow_rays(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
 ) {
-    resolve_assigned_rays(local, group.x + group.y * groups.x, UNDECIDED_SHADOWS);
+    resolve_assigned_rays(worker_index(local, group.x + group.y * groups.x), UNDECIDED_SHADOWS);
+}
+
+// Hits and shadow rays of a camera that `resolve_exact_camera` left undecided.
+//
+// Variants: intersector(exact), arithmetic.
+// Parameters: search.
+@compute @workgroup_size(64)
+fn fallback_camera(
+    @builtin(local_invocation_index) local: u32,
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
+    let worker = worker_index(local, group.x + group.y * groups.x);
+    let needs_fallback = fallback_count(UNDECIDED_RAYS) != 0u || fallback_count(UNDECIDED_SHADOWS) != 0u;
+    if worker == NO_WORKER || !needs_fallback { return; }
+    let hit_count = atomicLoad(&counts[UNDECIDED_RAYS]);
+    let count = hit_count + atomicLoad(&counts[UNDECIDED_SHADOWS]);
+    for (var k = worker; k < count; k += params.search.fallback_workers) {
+        let shadow_at = params.search.undecided_shadows_at + k - hit_count;
+        let i = occluded[select(shadow_at, params.search.undecided_rays_at + k, k < hit_count)];
+        if fallback_hit(worker, i) || is_undecided_any_hit(i) { fallback_ray(worker, i); }
+    }
 }

@@ -15,9 +15,8 @@ import package::traversal::traverse::find_any;
     exact_is_undecided as is_undecided,
     exact_trace_any as trace_any,
     exact_store_occluded as store_occluded,
+    exact_direction_of as direction_of,
     exact_nearest_t as nearest_t,
-    exact_intersect_single as intersect_single,
-    exact_has_hit as has_hit,
 };
 
 @if(WATERTIGHT)

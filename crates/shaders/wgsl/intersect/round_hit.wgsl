@@ -1,5 +1,5 @@
-// Rounds t and weights of a hit of `exact` once each, if about 48 bits suffice: "What is reported" in
-// docs/design/exact-arithmetic.md.
+// Decides whether a ray hits a triangle, and rounds t and weights of the hit once each, if about 48 bits suffice: "What is
+// reported" in docs/design/exact-arithmetic.md.
 
 import package::geometry::ray::{PreparedRay, max_component, permute};
 import package::geometry::units::{in_ray_units, scale_bits};
@@ -10,8 +10,9 @@ import package::lib::double_float::{
 import package::lib::ieee::{add, division_remainder, divisor, mul, sub};
 import package::lib::params::params;
 
-// A hit, valid if `certain`.
-struct RoundedHit { hit: vec4<u32>, certain: bool }
+// Whether the triangle's plane is surely hit beside the triangle, and whether the triangle is surely hit and its hit rounded.
+// `t` is in scaled units, and is valid with `hit`.
+struct RoundedHit { hit: vec4<u32>, t: f32, is_rounded: bool, is_missed: bool }
 
 // 2^-44: bounds the error of an edge function, relative to the magnitudes of its two products.
 const EDGE_ERROR: f32 = 5.684341886080802e-14;
@@ -87,7 +88,7 @@ fn unflushed_direction(direction: vec3<u32>, exponent: i32) -> vec3<f32> {
     return vec3<f32>(scale_bits(direction.x, exponent), scale_bits(direction.y, exponent), scale_bits(direction.z, exponent));
 }
 
-// Rounds the hit of a triangle that is surely hit by a ray with the direction `direction`.
+// Returns the hit of a leaf's triangle by a ray with the direction `direction`. The ray's limits are not tested.
 fn round_hit(ray: PreparedRay, leaf: u32, direction: vec3<u32>) -> RoundedHit {
     let corners = permuted_corners(ray, leaf);
     let x = exact_difference(corners.x, ray.permuted_origin.x);
@@ -130,7 +131,12 @@ fn round_hit(ray: PreparedRay, leaf: u32, direction: vec3<u32>) -> RoundedHit {
     );
     let bits = in_ray_units(t.value, ray.exponent);
     let hit = vec4<u32>(bits, bitcast<u32>(u.value), bitcast<u32>(v.value), corners.triangle);
+    // Where an edge function is above its error, its least significant part changes no sign.
+    let is_positive = edges.value.high > 1.01 * edge_errors;
+    let is_negative = edges.value.high < -1.01 * edge_errors;
+    let is_inside = all(is_positive) || all(is_negative);
     // The bounds hold if det is far above its error. A subnormal t would be rounded twice.
     let is_clear = 512.0 * error < magnitude && ((bits >> 23u) & 255u) - 1u < 254u;
-    return RoundedHit(hit, is_clear && t.certain && u.certain && v.certain);
+    let is_rounded = is_inside && is_clear && t.certain && u.certain && v.certain;
+    return RoundedHit(hit, t.value, is_rounded, any(is_positive) && any(is_negative));
 }

@@ -89,8 +89,8 @@ fn textbook_is_undecided(hit: vec4<u32>) -> bool { return false; }
 
 // Rasterization: the hit of one triangle.
 
-// Returns the distance at which a ray hits a leaf's triangle, or the ray's t_max.
-fn textbook_nearest_t(ray: PreparedRay, leaf: u32) -> f32 { return textbook_intersect_single(ray, leaf).t; }
+// Returns the distance at which ray `i` hits a leaf's triangle, or the ray's t_max.
+fn textbook_nearest_t(i: u32, ray: PreparedRay, leaf: u32) -> f32 { return textbook_intersect_single(ray, leaf).t; }
 
 fn textbook_intersect_single(ray: PreparedRay, leaf: u32) -> TextbookBest {
     return textbook_intersect_leaf_closest(ray, leaf, textbook_initial_best(ray));

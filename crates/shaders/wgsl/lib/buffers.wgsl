@@ -14,7 +14,7 @@
 @group(0) @binding(next) var<storage, read> records: array<vec4<u32>>;
 
 // Per ray: t and two weights as bits, and the index of the triangle hit.
-@if(shadow_rays || shadow_remaining || resolve_exact_shadow_rays || fallback_shadow_rays || extreme_shadow_rays || shade)
+@if(shadow_rays || resolve_exact_shadow_rays || fallback_shadow_rays || extreme_shadow_rays || shade)
 @group(0) @binding(next) var<storage, read> hits: array<vec4<u32>>;
 @else
 @group(0) @binding(next) var<storage, read_write> hits: array<vec4<u32>>;

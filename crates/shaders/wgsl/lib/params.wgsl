@@ -9,8 +9,6 @@ struct SearchParams {
     fallback_workers: u32,
     // Maximum number of candidates: see candidates.wgsl.
     candidate_capacity: u32,
-    // `resolve_exact_hits_and_shadows`: number of workgroups for each of its two lists.
-    workgroups_per_list: u32,
 }
 
 // Kernels that rasterize.

@@ -1,20 +1,15 @@
 // The last step of each camera ray: writes its hit and its shadow.
 
-import package::geometry::ray::{MISS, PreparedRay};
+import package::geometry::ray::MISS;
 import package::geometry::shadow_ray::{is_occluded, shadow_segment_of_best};
-import package::intersect::intersector::{BestHit, hit_of, is_undecided, store_occluded};
-import package::lib::buffers::{hits, occluded};
+import package::intersect::intersector::{BestHit, is_undecided, store_occluded};
+import package::lib::buffers::hits;
 import package::lib::counters::OCCLUDED_COUNT;
 
-// Writes the hit of ray `i` from `eye`, and whether the hit point is in shadow.
-fn write_hit_and_shadow(i: u32, ray: PreparedRay, best: BestHit, eye: vec3<f32>) {
-    let hit = hit_of(i, ray, best);
+// Writes the hit of ray `i` from `eye`, and whether the hit point is in shadow. `best` has the leaf of the hit.
+fn write_hit_and_shadow(i: u32, hit: vec4<u32>, best: BestHit, eye: vec3<f32>) {
     hits[i] = hit;
-    if is_undecided(hit) {
-        // `resolve_exact_hits_and_shadows` reads the ray's candidates here.
-        occluded[i] = hit.y;
-        return;
-    }
+    if is_undecided(hit) { return; }
     var is_shadowed = false;
     if hit.w != 0xffffffffu { is_shadowed = is_occluded(shadow_segment_of_best(best, hit, eye), hit.w); }
     store_occluded(i, is_shadowed, OCCLUDED_COUNT);

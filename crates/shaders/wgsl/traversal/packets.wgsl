@@ -2,7 +2,7 @@
 
 import package::geometry::queries::{camera_ray, eye, is_untraceable, pixel_direction};
 import package::geometry::ray::{PreparedRay, root_relative_to};
-import package::intersect::intersector::{BestHit, initial_best, intersect_leaf_closest, search_limit};
+import package::intersect::intersector::{BestHit, hit_of, initial_best, intersect_leaf_closest, search_limit};
 import package::lib::buffers::covers;
 import package::lib::lanes::{group_any, group_max, group_min, group_shuffle, transpose_bits};
 import package::lib::params::params;
@@ -148,7 +148,7 @@ fn trace_packet(packet: vec2<u32>, lane: u32) {
     let is_active = is_valid && !is_untraceable(direction, origin);
     let ray = camera_ray(direction, origin, root_relative_to(origin));
     let best = find_closest_in_packet(root, corner, lane, is_active, ray);
-    if is_valid { write_hit_and_shadow(i, ray, best, origin); }
+    if is_valid { write_hit_and_shadow(i, hit_of(i, ray, best), best, origin); }
 }
 
 // Closest hits of a camera's rays and their shadow rays, packet by packet. Each workgroup is a packet.

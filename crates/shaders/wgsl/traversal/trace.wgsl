@@ -78,7 +78,8 @@ fn trace_and_shadow_camera(@builtin(local_invocation_index) local: u32, @builtin
         return;
     }
     let ray = camera_ray(direction, origin, root);
-    write_hit_and_shadow(i, ray, find_closest(ray), origin);
+    let best = find_closest(ray);
+    write_hit_and_shadow(i, hit_of(i, ray, best), best, origin);
 }
 
 // Shadow rays of the hits of explicit rays.

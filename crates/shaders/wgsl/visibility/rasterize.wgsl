@@ -65,12 +65,12 @@ fn test_pixel(leaf: u32, pixel: vec2<u32>, root: RelativeRoot) {
 @else
 fn test_pixel(leaf: u32, pixel: vec2<u32>, root: RelativeRoot) {
     let ray = camera_ray(pixel_direction(pixel), eye(), root);
-    let nearest = nearest_t(ray, leaf);
+    let i = pixel.y * params.width + pixel.x;
+    let nearest = nearest_t(i, ray, leaf);
     if !(nearest < ray.t_max) { return; }
     let key = (u64(bitcast<u32>(nearest)) << 32u) | u64(leaf);
-    let at = 2u * (pixel.y * params.width + pixel.x);
-    let later = max(key, atomicMin(&visibility[at], key));
-    if (later >> 32u) != u64(0xffffffffu) { atomicMin(&visibility[at + 1u], later); }
+    let later = max(key, atomicMin(&visibility[2u * i], key));
+    if (later >> 32u) != u64(0xffffffffu) { atomicMin(&visibility[2u * i + 1u], later); }
 }
 
 fn test_tiles(tile: vec4<u32>, root: RelativeRoot, lane: u32) {

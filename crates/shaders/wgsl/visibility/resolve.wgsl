@@ -8,8 +8,14 @@ import package::geometry::ray::{PreparedRay, permute, root_relative_to};
 import package::geometry::units::in_ray_units;
 @if(WATERTIGHT)
 import package::intersect::intersector::store_occluded;
-@if(!WATERTIGHT)
-import package::intersect::intersector::{has_hit, initial_best, intersect_single, search_limit};
+@if(EXACT)
+import package::intersect::filter::rounds_within;
+@if(EXACT)
+import package::intersect::intersector::{direction_of, hit_of, initial_best};
+@if(MOLLER_TRUMBORE || WOOP)
+import package::intersect::intersector::{has_hit, hit_of, initial_best, intersect_single, search_limit};
+@if(EXACT)
+import package::intersect::round_hit::round_hit;
 import package::intersect::sheared::{PermutedTriangle, edges_of, permuted_corners, undivided_hit};
 import package::intersect::watertight::distance_to;
 import package::lib::buffers::{counts, hits, triangles};
@@ -68,9 +74,30 @@ fn resolve_pixel(i: u32, ray: PreparedRay, is_complete: bool, origin: vec3<f32>)
     store_occluded(i, is_occluded(shadow_segment(a, b, c, hit, origin), triangle), OCCLUDED_COUNT);
 }
 
-// Writes the hit and the shadow of ray `i`. The first leaf has the hit if its hit is certain and its interval ends before all
-// others begin.
-@else
+// Writes the hit and the shadow of ray `i`. The first leaf has the hit if the hit can be rounded and is before all others begin.
+@if(EXACT)
+fn resolve_pixel(i: u32, ray: PreparedRay, is_complete: bool, origin: vec3<f32>) {
+    var best = initial_best(ray);
+    var hit = vec4<u32>(0u);
+    var is_first = false;
+    if is_complete {
+        best.leaf = visibility[2u * i].x;
+        let rounded = round_hit(ray, best.leaf, direction_of(i));
+        hit = rounded.hit;
+        is_first = rounded.is_rounded && rounds_within(ray, vec2<f32>(rounded.t))
+            && bitcast<u32>(rounded.t) < visibility[2u * i + 1u].y;
+    }
+    if is_first {
+        atomicAdd(&counts[HIT_COUNT], 1u);
+    } else {
+        best = find_closest(ray);
+        hit = hit_of(i, ray, best);
+    }
+    write_hit_and_shadow(i, hit, best, origin);
+}
+
+// Writes the hit and the shadow of ray `i`. The first leaf has the hit if it is hit before all others begin.
+@if(MOLLER_TRUMBORE || WOOP)
 fn resolve_pixel(i: u32, ray: PreparedRay, is_complete: bool, origin: vec3<f32>) {
     var best = initial_best(ray);
     var is_first = false;
@@ -79,7 +106,7 @@ fn resolve_pixel(i: u32, ray: PreparedRay, is_complete: bool, origin: vec3<f32>)
         is_first = has_hit(best) && bitcast<u32>(search_limit(best)) < visibility[2u * i + 1u].y;
     }
     if !is_first { best = find_closest(ray); }
-    write_hit_and_shadow(i, ray, best, origin);
+    write_hit_and_shadow(i, hit_of(i, ray, best), best, origin);
 }
 
 // Variants: intersector, arithmetic.
