@@ -209,14 +209,17 @@ fn loose_last_pixel(p: Projected, size: u32) -> i32 {
     return i32(clamp(floor(max_component(p.at + p.error_bound) + params.pixel_margin), -1.0, f32(size) - 1.0));
 }
 
+// Returns the difference of each coordinate and the next one. Not loose: a sum of several roundings would break the bounds.
+fn to_next(at: vec3<f32>) -> vec3<f32> { return at.yzx - at; }
+
 // Moving the corners by their error bounds and the pixels by the margin moves the interior by at most the sum. Edges that are
 // nearly level do not bound rows. If the area may be zero, the orientation is unknown and no edge is used.
 fn loose_edges(given: Outline, across: Projected, down: Projected) -> Outline {
     var outline = given;
     let x = across.at;
     let y = down.at;
-    let dx = x.yzx - x;
-    let dy = y.yzx - y;
+    let dx = to_next(x);
+    let dy = to_next(y);
     let size = vec2<f32>(abs(dx.x) + abs(dx.y) + abs(dx.z), abs(dy.x) + abs(dy.y) + abs(dy.z));
     let area = dx.x * dy.y - dy.x * dx.y;
     // 2^-21
