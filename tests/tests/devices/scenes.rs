@@ -125,7 +125,7 @@ pub(crate) fn look(eye: Point, target: Point, (fov, size): (f32, [u32; 2])) -> C
 }
 
 /// Size of most pictures, in pixels.
-pub(crate) const SQUARE: [u32; 2] = [130, 126];
+pub(crate) const SQUARE: [u32; 2] = [66, 62];
 
 /// Cameras outside and among the triangles, looking past them, close up, and far away.
 pub(crate) fn cameras() -> [Camera; 5] {

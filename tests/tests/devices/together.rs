@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 /// Small triangles in front of and behind a few that cover much of the picture.
 fn layers() -> Arc<Animation> {
-    let swarm = swarm(3800);
+    let swarm = swarm(930);
     let mut corners = positions(&swarm, 0.0);
     for (sheet, z) in [0.9_f32, 0.4, -0.2, -0.8].into_iter().enumerate() {
         let edge = 0.3 * (1 + sheet) as f32;
@@ -51,7 +51,7 @@ pub(crate) fn packets_match_single_rays(backend: &mut dyn Subject) {
 
 fn check_packets(backend: &mut dyn Subject, intersector: Intersector) {
     let (moving, still) = ([(0.0, 1), (0.3, 2), (1.0, 3)], [(0.0, 1), (0.0, 2)]);
-    for (animation, moments) in [(swarm(4000), &moving[..]), (layers(), &still[..])] {
+    for (animation, moments) in [(swarm(1000), &moving[..]), (layers(), &still[..])] {
         backend.load(Arc::clone(&animation), intersector).unwrap();
         for &(time, generation) in moments {
             let tree = match generation {
@@ -71,7 +71,7 @@ fn check_packets(backend: &mut dyn Subject, intersector: Intersector) {
 }
 
 /// Pixels of each camera's picture.
-const PIXELS: usize = 130 * 126;
+const PIXELS: usize = 66 * 62;
 
 /// Triangles of a few pixels, every third one twice. Some are slivers, and some have zero area though rounding may give
 /// them some. Two cover half of the picture. For textbook intersectors all are smaller, because boxes are rasterized.
@@ -87,7 +87,7 @@ fn dust(size: f32, pane: f32) -> Arc<Animation> {
     let mut number = numbers(5);
     let mut point = |size: f32| std::array::from_fn::<_, 3, _>(|_| size * number());
     let mut corners: Vec<Point> = Vec::new();
-    for t in 0..4500 {
+    for t in 0..1125 {
         let (at, b, c) = (point(1.0), point(size), point(size));
         let third = match t % 9 {
             1 => std::array::from_fn(|i| 3.0 * b[i]),
@@ -175,7 +175,7 @@ fn check_rasterization(backend: &mut dyn Subject, intersector: Intersector) {
     let tiles = live + PIXELS / 4;
     assert!((16 * tiles..17 * (tiles + 4096)).contains(&(grown as usize)));
     // A refitted swarm that moves, with triangles that are inactive at times.
-    let swarm = swarm(9000);
+    let swarm = swarm(2250);
     open_by(backend, &swarm, intersector);
     let far = look([2.0, 8.0, 30.0], [0.0; 3], (50.0, SQUARE));
     for (time, camera) in [0.0, 0.3, 1.0].into_iter().zip([&far, &far, &cameras()[0]]) {
@@ -193,7 +193,7 @@ fn check_fallback_to_rays(backend: &mut dyn Subject, intersector: Intersector) {
     // The first three need more tests than traversal does, of large, medium and small triangles. The others have more
     // tiles than fit in memory, and more large triangles than the list holds.
     let tests = [sheets(4), panes(500, 0.4), panes(9000, 0.08)];
-    let others = [splinters(800), sheets(5000)];
+    let others = [splinters(400), sheets(5000)];
     for animation in tests.into_iter().chain(others) {
         open_by(backend, &animation, intersector);
         check_picture(backend, (&animation, 0.0), &cameras()[0]);
