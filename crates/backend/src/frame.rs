@@ -111,8 +111,8 @@ pub struct FrameReport {
     /// Hits in shadow.
     pub blocked: u64,
     /// Rays, including shadow rays, that were tested in exact arithmetic. With `exact`, these are the rays that error
-    /// bounds could not decide. With `watertight`, they are the [extreme](geom::CoordinateRange::is_extreme) rays.
-    /// Otherwise 0.
+    /// bounds could not decide; GPUs do not count the shadow ray of such a camera ray. With `watertight`, they are the
+    /// [extreme](geom::CoordinateRange::is_extreme) rays. Otherwise 0.
     pub settled: u64,
     /// Triangles that are inactive at the traced positions.
     pub inactive: u64,
