@@ -182,6 +182,10 @@ fn fallback_ray(worker: u32, i: u32) {
 @else
 fn fallback_ray(worker: u32, i: u32) {
     let segment = shadow_segment_of_hit(hits[i], query_ray(i).origin);
+    if !segment.is_traced {
+        write_any_hit(i, false, OCCLUDED_COUNT);
+        return;
+    }
     set_line_of_segment(segment);
     fallback_any(worker, i, shadow_ray(segment), hits[i].w, OCCLUDED_COUNT);
 }
