@@ -57,7 +57,7 @@ const LOOSE: [(&str, usize); 13] = [
     ("fn loose_project(", 7),
     ("fn loose_first_pixel(", 2),
     ("fn loose_last_pixel(", 3),
-    ("fn loose_edges(", 23),
+    ("fn loose_edges(", 21),
     ("fn loose_tile_mask(", 1),
 ];
 
