@@ -71,7 +71,7 @@ fn check_packets(backend: &mut dyn Subject, intersector: Intersector) {
 }
 
 /// Pixels of each camera's picture.
-const PIXELS: usize = 66 * 62;
+const PIXELS: usize = (SQUARE[0] * SQUARE[1]) as usize;
 
 /// Triangles of a few pixels, every third one twice. Some are slivers, and some have zero area though rounding may give
 /// them some. Two cover half of the picture. For textbook intersectors all are smaller, because boxes are rasterized.
