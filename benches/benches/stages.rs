@@ -7,9 +7,8 @@ use benches::{
     CrateTree, Mesh, Ours, Tracer, built, camera, criterion, meshes, pool, print_table, sah_cost,
     shadow_rays, thread_counts, trees, words,
 };
-use bvh_layout::Topology;
 use criterion::measurement::WallTime;
-use criterion::{BatchSize, BenchmarkGroup, BenchmarkId, Criterion, Throughput};
+use criterion::{BenchmarkGroup, BenchmarkId, Criterion, Throughput};
 use geom::Ray;
 use rayon::prelude::*;
 
@@ -46,11 +45,9 @@ fn build(criterion: &mut Criterion, mesh: &Mesh) {
     for threads in thread_counts() {
         build_ours(&mut group, mesh, threads);
         for mut tree in trees(&mesh.triangles(mesh.start())) {
-            if threads == 1 || tree.builds_in_parallel() {
-                group.bench_function(BenchmarkId::new(tree.name(), threads), |b| {
-                    pool(threads).install(|| b.iter(|| tree.build()));
-                });
-            }
+            group.bench_function(BenchmarkId::new(tree.name(), threads), |b| {
+                pool(threads).install(|| b.iter(|| tree.build()));
+            });
         }
     }
     group.finish();
@@ -99,39 +96,25 @@ fn cost_row(name: &str, [cost, ours]: [f64; 2], nodes: usize) -> Vec<String> {
     vec![name.to_owned(), cost, ratio, nodes.to_string()]
 }
 
-/// Measures conversions of trees to records, and reading records.
+/// Measures conversions of trees to records.
 fn convert(criterion: &mut Criterion, mesh: &Mesh) {
     let mut group = group(criterion, "convert", mesh);
     for threads in thread_counts() {
-        convert_ours(&mut group, mesh, threads);
+        let pool = pool(threads);
+        let mut ours = built(mesh, &pool);
+        group.bench_function(BenchmarkId::new("convert", threads), |b| {
+            pool.install(|| b.iter(|| ours.convert(mesh).bytes()));
+        });
     }
     group.finish();
     let built = built(mesh, &pool(1));
-    let each = |bytes: usize| bytes as f64 / mesh.triangle_count() as f64;
-    let (record, treelets) = (each(built.record().bytes()), each(built.treelets().bytes()));
+    let record = built.record().bytes() as f64 / mesh.triangle_count() as f64;
     let row = vec![
         mesh.label.clone(),
         format!("{record:.3}"),
         format!("{:.1} %", record / 0.64),
-        format!("{treelets:.3}"),
     ];
-    let header = "mesh|bytes a triangle|of 64|as treelets";
-    print_table("records", header, vec![row]);
-}
-
-fn convert_ours(group: &mut Group<'_>, mesh: &Mesh, threads: usize) {
-    let pool = pool(threads);
-    let mut ours = built(mesh, &pool);
-    group.bench_function(BenchmarkId::new("convert", threads), |b| {
-        pool.install(|| b.iter(|| ours.convert(mesh).bytes()));
-    });
-    group.bench_function(BenchmarkId::new("treelets", threads), |b| {
-        pool.install(|| b.iter_with_large_drop(|| ours.treelets()));
-    });
-    let words = || ours.record().words().to_vec();
-    group.bench_function(BenchmarkId::new("from_words", threads), |b| {
-        pool.install(|| b.iter_batched(words, Topology::from_words, BatchSize::LargeInput));
-    });
+    print_table("records", "mesh|bytes a triangle|of 64", vec![row]);
 }
 
 /// Measures refits: from new positions to boxes of an unchanged tree.
@@ -148,11 +131,10 @@ fn refit(criterion: &mut Criterion, mesh: &Mesh) {
             b.iter(|| tracer.refit());
         });
         for mut tree in trees_of(mesh, threads) {
-            let in_parallel = tree.refits_in_parallel();
-            if in_parallel.is_some_and(|in_parallel| threads == 1 || in_parallel) {
+            if tree.can_refit() && threads == 1 {
                 tree.take(&mesh.triangles(mesh.middle()));
                 group.bench_function(BenchmarkId::new(tree.name(), threads), |b| {
-                    pool(threads).install(|| b.iter(|| tree.refit()));
+                    b.iter(|| tree.refit());
                 });
             }
         }

@@ -32,22 +32,6 @@ impl Mesh {
         })
     }
 
-    /// Returns the same triangles without shared vertices, scaled to a diagonal of 100.
-    pub fn soup(&self) -> Self {
-        let keys = [self.start(), self.middle()].map(|pose| self.triangles(pose));
-        let points = keys[0].as_flattened().iter();
-        let bounds = points.fold(geom::Aabb::EMPTY, |b, &p| b.with_point(p));
-        let size = bounds.diagonal() as f32;
-        let scaled = |p: &Point| p.map(|x| x * (100.0 / size));
-        let keys = keys.map(|key| key.as_flattened().iter().map(scaled).collect());
-        let corners = (0..self.triangle_count() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]);
-        let animation = Animation::new(keys.into(), corners.collect());
-        Self {
-            label: self.label.clone(),
-            animation: Arc::new(animation.expect("it was one before")),
-        }
-    }
-
     /// Returns the number of triangles.
     pub fn triangle_count(&self) -> usize {
         self.animation.triangle_count()

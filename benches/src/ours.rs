@@ -3,7 +3,7 @@
 use crate::{Mesh, pool};
 use backend::{Backend, Generation, Hits, Intersector, Query, QueryKind, Rays};
 use bvh_build::{AnimationBoxes, BinaryTree, BlockSize, Boxes, Cancel, SahBuilder};
-use bvh_layout::{CollapseOptions, Converter, First, Topology, Treelets};
+use bvh_layout::{CollapseOptions, Converter, First, Topology};
 use cpu_ref::CpuBackend;
 use geom::{Aabb, Point, Ray};
 use rayon::ThreadPool;
@@ -33,11 +33,6 @@ impl Ours {
         let triangles = mesh.triangle_count();
         self.record = self.converter.convert(&self.tree, triangles, spare);
         &self.record
-    }
-
-    /// Converts the last tree built to treelets, in the caller's pool.
-    pub fn treelets(&self) -> Treelets {
-        Treelets::of_tree(&self.tree)
     }
 
     /// Returns the last record made.

@@ -2,25 +2,18 @@
 
 mod bvh;
 mod obvhs;
-mod parry;
 
 use self::bvh::Bvh;
 use self::obvhs::Obvhs;
-use self::parry::Parry;
 use geom::{Aabb, Ray, Triangle};
 
 /// A tree of another crate, with triangles in that crate's format. Memory is reused if the crate allows it.
 pub trait CrateTree: Send + Sync {
-    /// Returns the crate and variant.
+    /// Returns the crate and its preset.
     fn name(&self) -> &'static str;
 
-    /// Returns whether a build uses more than one thread.
-    fn builds_in_parallel(&self) -> bool {
-        true
-    }
-
-    /// Returns whether a refit uses more than one thread, or `None` if the crate cannot refit.
-    fn refits_in_parallel(&self) -> Option<bool>;
+    /// Returns whether the crate can refit, which it does on one thread.
+    fn can_refit(&self) -> bool;
 
     /// Converts `triangles`, which is not measured. They replace those of a tree that is refitted next.
     fn take(&mut self, triangles: &[Triangle]);
@@ -50,14 +43,10 @@ pub trait CrateTree: Send + Sync {
     fn nodes(&self) -> Vec<Node>;
 }
 
-/// Returns one tree of each crate and variant, with these triangles and not built yet.
+/// Returns one tree of each crate, with these triangles and not built yet.
 pub fn trees(triangles: &[Triangle]) -> Vec<Box<dyn CrateTree>> {
-    let mut all: Vec<Box<dyn CrateTree>> = vec![
-        Box::new(Obvhs::<false>::default()),
-        Box::new(Obvhs::<true>::default()),
-        Box::new(Bvh::default()),
-        Box::new(Parry::default()),
-    ];
+    let mut all: Vec<Box<dyn CrateTree>> =
+        vec![Box::new(Obvhs::default()), Box::new(Bvh::default())];
     all.iter_mut().for_each(|tree| tree.take(triangles));
     all
 }
@@ -96,9 +85,10 @@ mod tests {
                 pool(threads).install(|| tree.build());
                 // Refit the tree to the start, or build it again if the crate cannot refit.
                 tree.take(&start);
-                match tree.refits_in_parallel() {
-                    Some(_) => pool(threads).install(|| tree.refit()),
-                    None => tree.build(),
+                if tree.can_refit() {
+                    tree.refit();
+                } else {
+                    tree.build();
                 }
                 let other = |ray: &Ray| tree.closest(ray).map_or(u32::MAX, |(_, t)| t);
                 let pairs = primary.iter().zip(&closest);

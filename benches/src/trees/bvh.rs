@@ -73,8 +73,8 @@ impl CrateTree for Bvh {
         "bvh"
     }
 
-    fn refits_in_parallel(&self) -> Option<bool> {
-        None
+    fn can_refit(&self) -> bool {
+        false
     }
 
     fn take(&mut self, triangles: &[geom::Triangle]) {

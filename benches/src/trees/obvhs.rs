@@ -5,30 +5,25 @@ use geom::{Aabb, Ray};
 use glam::Vec3A;
 use obvhs::BvhBuildParams;
 use obvhs::bvh2::Bvh2;
-use obvhs::bvh2::builder::build_bvh2_from_tris;
 use obvhs::ploc::PlocBuilder;
 use obvhs::ray::RayHit;
 use obvhs::triangle::Triangle;
-use std::time::Duration;
 
-/// Tree with the crate's `medium_build` preset, or else its `fastest_build` preset.
+/// Tree with the crate's `fastest_build` preset.
 #[derive(Default)]
-pub(super) struct Obvhs<const MEDIUM: bool> {
+pub(super) struct Obvhs {
     soup: Vec<Triangle>,
     builder: PlocBuilder,
     tree: Bvh2,
 }
 
-impl<const MEDIUM: bool> CrateTree for Obvhs<MEDIUM> {
+impl CrateTree for Obvhs {
     fn name(&self) -> &'static str {
-        match MEDIUM {
-            true => "obvhs medium",
-            false => "obvhs fastest",
-        }
+        "obvhs fastest"
     }
 
-    fn refits_in_parallel(&self) -> Option<bool> {
-        Some(false)
+    fn can_refit(&self) -> bool {
+        true
     }
 
     fn take(&mut self, triangles: &[geom::Triangle]) {
@@ -40,11 +35,6 @@ impl<const MEDIUM: bool> CrateTree for Obvhs<MEDIUM> {
     }
 
     fn build(&mut self) {
-        if MEDIUM {
-            let params = BvhBuildParams::medium_build();
-            self.tree = build_bvh2_from_tris(&self.soup, params, &mut Duration::default());
-            return;
-        }
         // Equivalent to the preset, but reuses memory.
         let params = BvhBuildParams::fastest_build();
         let mut indices = std::mem::take(&mut self.tree.primitive_indices);
