@@ -6,24 +6,21 @@
 mod raw;
 mod scene;
 
-pub use scene::{EmbreeScene, Packet16, SceneMode};
-
-use crate::{Rival, TreeUpdate};
+use crate::{Rival, RivalName, TreeUpdate};
 use backend::{
     AdapterInfo, Arithmetic, BackendError, Capabilities, Device, DeviceKind, FrameReport, Hits,
-    Query, QueryKind, Rays, Result, StageTimes, TreeFormat,
+    Rays, Result, StageTimes, TreeFormat,
 };
 use cpu_ref::shadow::Light;
 use geom::{Animation, Hit, Moment, Point, Pose, Ray};
 use raw::{Handle, functions};
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
+use scene::EmbreeScene;
 use std::ptr::null;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// The rival's name.
-pub const NAME: &str = "embree";
 /// Rays that one task traces, and vertices that one task interpolates.
 const TASK: usize = 512;
 
@@ -84,14 +81,15 @@ impl Embree {
         let driver = version()?;
         let pool = ThreadPoolBuilder::new().num_threads(threads).build();
         let pool = pool.map_err(|e| BackendError::NoDevice(e.to_string()))?;
+        let backend = RivalName::Embree.name();
         let device = Device {
-            backend: NAME,
+            backend,
             adapter: "host".to_owned(),
             driver,
             kind: DeviceKind::Cpu,
             threads,
             arithmetic: Arithmetic::IEEE,
-            capabilities: Capabilities::minimal(NAME, TreeFormat::default()),
+            capabilities: Capabilities::minimal(backend, TreeFormat::default()),
         };
         Ok(Self {
             device,
@@ -117,7 +115,7 @@ impl Rival for Embree {
         Ok(())
     }
 
-    fn frame(&mut self, pose: Pose, query: Query<'_>) -> Result<FrameReport> {
+    fn frame(&mut self, pose: Pose, rays: Rays<'_>, light: Option<Point>) -> Result<FrameReport> {
         let loaded = self.loaded.as_mut().expect("a scene was loaded");
         let mut report = FrameReport::default();
         if loaded.pose != Some(pose) {
@@ -126,12 +124,11 @@ impl Rival for Embree {
         let scene = loaded.scene.as_ref().expect("it is built");
         let moment = loaded.animation.moment(pose)?;
         let begun = Instant::now();
-        let light = query.kind.light().map(|at| light(&loaded.animation, at));
         let tracer = Tracer {
             scene,
             moment: &moment,
-            query,
-            light,
+            rays,
+            light: light.map(|at| offset_light(&loaded.animation, at)),
         };
         let hits = &mut self.hits;
         (report.hits, report.blocked) = self.pool.install(|| tracer.trace(hits));
@@ -168,15 +165,11 @@ impl Loaded {
             begun_tree = Instant::now();
             scene.rebuild();
         } else {
-            let made = match self.tree_update {
-                TreeUpdate::Rebuild => SceneMode::Fast,
-                TreeUpdate::Refit => SceneMode::Refitted,
-            };
             let mut vertices = vec![[0.0; 3]; self.animation.vertex_count()];
             times.interpolate_ms = pool.install(|| interpolate(&mut vertices));
             begun_tree = Instant::now();
             let (triangles, threads) = (self.animation.triangles(), pool.current_num_threads());
-            let scene = EmbreeScene::new(&vertices, triangles, threads, made);
+            let scene = EmbreeScene::new(&vertices, triangles, threads, self.tree_update);
             self.scene = Some(scene.map_err(BackendError::NoDevice)?);
         }
         times.refit_ms = Some(ms_since(begun_tree));
@@ -190,7 +183,7 @@ fn ms_since(begun: Instant) -> f64 {
 }
 
 /// Returns the light that shadow rays are traced to, offset from their hits by the same rule as ours.
-fn light(animation: &Animation, at: Point) -> Light {
+fn offset_light(animation: &Animation, at: Point) -> Light {
     let [x, y, z] = animation.bounds().extent();
     Light {
         scaled_position: at,
@@ -199,29 +192,22 @@ fn light(animation: &Animation, at: Point) -> Light {
     }
 }
 
-/// A query of a scene at a moment.
+/// Rays through a scene at a moment.
 struct Tracer<'a> {
     scene: &'a EmbreeScene,
     moment: &'a Moment<'a>,
-    query: Query<'a>,
+    rays: Rays<'a>,
     light: Option<Light>,
 }
 
 impl Tracer<'_> {
     /// Traces all rays, and returns how many hit and how many hits are in shadow.
     fn trace(&self, hits: &mut Hits) -> (u64, u64) {
-        let rays = self.query.rays.count();
-        let only_any = self.query.kind == QueryKind::Any;
-        hits.closest
-            .resize(if only_any { 0 } else { rays }, Hit::MISS);
-        let has_marks = only_any || self.light.is_some();
-        hits.blocked.resize(if has_marks { rays } else { 0 }, 0);
+        let rays = self.rays.count();
+        hits.closest.resize(rays, Hit::MISS);
+        let marks = if self.light.is_some() { rays } else { 0 };
+        hits.blocked.resize(marks, 0);
         let sum = |a: (u64, u64), b: (u64, u64)| (a.0 + b.0, a.1 + b.1);
-        if only_any {
-            let tasks = hits.blocked.par_chunks_mut(TASK).enumerate();
-            let marks = tasks.map(|(task, marks)| (self.mark_any(task * TASK, marks), 0));
-            return marks.reduce(|| (0, 0), sum);
-        }
         let closest = hits.closest.par_chunks_mut(TASK).enumerate();
         if self.light.is_none() {
             let found = closest.map(|(task, hits)| self.find(task * TASK, hits, &mut []));
@@ -232,21 +218,12 @@ impl Tracer<'_> {
         found.reduce(|| (0, 0), sum)
     }
 
-    /// Marks the rays from `first` on that hit anything, and returns their number.
-    fn mark_any(&self, first: usize, marks: &mut [u8]) -> u64 {
-        for (i, mark) in (first..).zip(&mut *marks) {
-            let ray = self.ray(i);
-            *mark = u8::from(ray.is_some_and(|ray| self.scene.is_occluded(&ray)));
-        }
-        marks.iter().map(|&mark| u64::from(mark)).sum()
-    }
-
     /// Finds the closest hits of the rays from `first` on, and marks those in shadow if there are marks. Returns the
     /// number of hits and of marks.
     fn find(&self, first: usize, hits: &mut [Hit], marks: &mut [u8]) -> (u64, u64) {
         for (i, hit) in (first..).zip(&mut *hits) {
             let ray = self.ray(i);
-            let found = ray.map(|ray| self.scene.closest_of(&ray));
+            let found = ray.map(|ray| self.scene.closest(&ray));
             *hit = found.filter(Hit::is_hit).unwrap_or(Hit::MISS);
         }
         for (i, (hit, mark)) in (first..).zip(hits.iter().zip(&mut *marks)) {
@@ -270,7 +247,7 @@ impl Tracer<'_> {
 
     /// Returns a ray that Embree can trace: a valid one, without the part behind its origin.
     fn ray(&self, i: usize) -> Option<Ray> {
-        let ray = match self.query.rays {
+        let ray = match self.rays {
             Rays::List(rays) => rays[i],
             Rays::Camera(camera) => {
                 let width = camera.width as usize;

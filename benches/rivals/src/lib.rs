@@ -1,6 +1,6 @@
 //! Third-party ray tracers behind one trait, for comparison with abvh.
 //!
-//! [`RIVALS`] lists them by name. A [`Rival`] keeps its own trees and has its own intersector, so its hits may differ from
+//! [`RivalName`] lists them. A [`Rival`] keeps its own trees and has its own intersector, so its hits may differ from
 //! ours near edges. Callers compare hits and report the share that differs.
 
 #![expect(unsafe_code, reason = "a C library and Vulkan")]
@@ -9,9 +9,8 @@ pub mod embree;
 #[cfg(feature = "vulkan")]
 pub mod vulkan_rt;
 
-use backend::{AdapterInfo, Device, DeviceBytes, FrameReport, Hits, Query, Result, named};
-use geom::{Animation, Pose};
-use std::fmt;
+use backend::{AdapterInfo, Device, DeviceBytes, FrameReport, Hits, Rays, Result, named};
+use geom::{Animation, Point, Pose};
 use std::sync::Arc;
 
 named! {
@@ -35,18 +34,19 @@ pub trait Rival {
     /// The scene does not fit the device.
     fn load(&mut self, animation: Arc<Animation>, tree_update: TreeUpdate) -> Result<()>;
 
-    /// Moves the vertices and the tree to `pose`, unless they are there already, and traces `query`. Blocks until all is done.
+    /// Moves the vertices and the tree to `pose`, unless they are there already. Then finds the closest hits of `rays`, and
+    /// traces a shadow ray from each hit to the light, if any. Blocks until all is done.
     ///
     /// The report contains the time to build or refit the tree as `refit_ms`, and the time of primary and shadow rays
     /// as `trace_primary_ms`.
     /// Inactive and degenerate triangles are not counted.
     ///
     /// # Errors
-    /// The device failed, or the query does not fit it.
+    /// The device failed, or the rays do not fit it.
     ///
     /// # Panics
     /// Before a scene is loaded.
-    fn frame(&mut self, pose: Pose, query: Query<'_>) -> Result<FrameReport>;
+    fn frame(&mut self, pose: Pose, rays: Rays<'_>, light: Option<Point>) -> Result<FrameReport>;
 
     /// Returns the hits of the last frame.
     ///
@@ -63,70 +63,45 @@ pub trait Rival {
     }
 }
 
-type List = fn() -> Result<Vec<AdapterInfo>>;
-type Open = fn(Option<usize>, usize) -> Result<Box<dyn Rival>>;
-
-/// A rival by its name.
-#[derive(Clone, Copy)]
-pub struct RivalInfo {
-    /// The name on the command line, in tables and in files.
-    pub name: &'static str,
-    list: List,
-    open: Open,
+named! {
+    /// A rival, by its name on the command line, in tables and in files.
+    pub enum RivalName {
+        /// The Vulkan driver's own trees, built fast.
+        VulkanRt = "vulkan-rt",
+        /// The Vulkan driver's own trees, built for fast rays.
+        VulkanRtFastTrace = "vulkan-rt:fast-trace",
+        /// Embree 4.
+        Embree = "embree",
+    }
 }
 
-/// All rivals.
-pub const RIVALS: &[RivalInfo] = &[
-    RivalInfo {
-        name: "vulkan-rt",
-        list: list_vulkan,
-        open: |adapter, _| open_vulkan(adapter, false),
-    },
-    RivalInfo {
-        name: "vulkan-rt:fast-trace",
-        list: list_vulkan,
-        open: |adapter, _| open_vulkan(adapter, true),
-    },
-    RivalInfo {
-        name: embree::NAME,
-        list: embree::adapters,
-        open: |_, threads| Ok(Box::new(embree::Embree::new(threads)?)),
-    },
-];
+impl RivalName {
+    /// Returns the rival with this name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|rival| rival.name() == name)
+    }
 
-/// Returns the rival with the given name.
-#[must_use]
-pub fn rival_named(name: &str) -> Option<&'static RivalInfo> {
-    RIVALS.iter().find(|rival| rival.name == name)
-}
-
-impl RivalInfo {
     /// Lists the devices that the rival can use on this machine.
     ///
     /// # Errors
     /// Why the rival is absent.
-    pub fn adapters(&self) -> Result<Vec<AdapterInfo>> {
-        (self.list)()
+    pub fn adapters(self) -> Result<Vec<AdapterInfo>> {
+        match self {
+            Self::VulkanRt | Self::VulkanRtFastTrace => list_vulkan(),
+            Self::Embree => embree::adapters(),
+        }
     }
 
     /// Opens the rival on the adapter of an index, or on the first GPU. A rival on the host uses `threads` threads.
     ///
     /// # Errors
     /// Why the rival is absent.
-    pub fn open(&self, adapter: Option<usize>, threads: usize) -> Result<Box<dyn Rival>> {
-        (self.open)(adapter, threads)
-    }
-}
-
-impl fmt::Debug for RivalInfo {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name)
-    }
-}
-
-impl PartialEq for RivalInfo {
-    fn eq(&self, other: &Self) -> bool {
-        self.name == other.name
+    pub fn open(self, adapter: Option<usize>, threads: usize) -> Result<Box<dyn Rival>> {
+        match self {
+            Self::VulkanRt | Self::VulkanRtFastTrace => open_vulkan(self, adapter),
+            Self::Embree => Ok(Box::new(embree::Embree::new(threads)?)),
+        }
     }
 }
 
@@ -136,17 +111,12 @@ fn list_vulkan() -> Result<Vec<AdapterInfo>> {
 }
 
 #[cfg(feature = "vulkan")]
-fn open_vulkan(adapter: Option<usize>, prefers_fast_trace: bool) -> Result<Box<dyn Rival>> {
-    let prefer = if prefers_fast_trace {
-        vulkan_rt::Prefer::FastTrace
-    } else {
-        vulkan_rt::Prefer::FastBuild
-    };
+fn open_vulkan(name: RivalName, adapter: Option<usize>) -> Result<Box<dyn Rival>> {
     let options = gpu_common::Options {
         adapter,
         ..Default::default()
     };
-    Ok(Box::new(vulkan_rt::VulkanRt::new(&options, prefer)?))
+    Ok(Box::new(vulkan_rt::VulkanRt::new(&options, name)?))
 }
 
 #[cfg(not(feature = "vulkan"))]
@@ -155,7 +125,7 @@ fn list_vulkan() -> Result<Vec<AdapterInfo>> {
 }
 
 #[cfg(not(feature = "vulkan"))]
-fn open_vulkan(_: Option<usize>, _: bool) -> Result<Box<dyn Rival>> {
+fn open_vulkan(_: RivalName, _: Option<usize>) -> Result<Box<dyn Rival>> {
     Err(built_without_vulkan())
 }
 

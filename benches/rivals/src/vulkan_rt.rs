@@ -13,6 +13,7 @@ mod tree;
 
 pub use support::ray_adapters;
 
+use crate::RivalName;
 use backend::{Hits, Result, Ticket};
 use geom::Pose;
 use gpu_common::{Engine, GpuDevice, Options};
@@ -24,30 +25,10 @@ use scene::DriverScene;
 use shaders::{RAY_KERNELS, common};
 use support::RayTracing;
 
-/// The driver's preference in a build.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Prefer {
-    /// `PREFER_FAST_BUILD`.
-    #[default]
-    FastBuild,
-    /// `PREFER_FAST_TRACE`.
-    FastTrace,
-}
-
-impl Prefer {
-    /// Returns the rival's name.
-    pub fn rival(self) -> &'static str {
-        match self {
-            Self::FastBuild => "vulkan-rt",
-            Self::FastTrace => "vulkan-rt:fast-trace",
-        }
-    }
-}
-
 /// A device whose driver builds and traces the tree.
 pub struct VulkanRt {
     engine: Engine<VulkanDevice>,
-    prefer: Prefer,
+    name: RivalName,
     scene: Option<DriverScene>,
     /// The pose of the tree; `None` before the first frame.
     pose: Option<Pose>,
@@ -59,23 +40,24 @@ pub struct VulkanRt {
 }
 
 impl VulkanRt {
-    /// Opens a device.
+    /// Opens a device. With the name [`RivalName::VulkanRtFastTrace`], the driver builds trees for fast rays, otherwise
+    /// it builds them fast.
     ///
     /// # Errors
     /// [`backend::BackendError::NoDevice`] with the extension or feature that the device lacks, or
     /// [`backend::BackendError::Limit`] if it is too small for any scene.
-    pub fn new(options: &Options, prefer: Prefer) -> Result<Self> {
+    pub fn new(options: &Options, name: RivalName) -> Result<Self> {
         let host = Host::new(options.validation)?;
         let able = support::able(&host, options.adapter)?;
         let gpu = Gpu::open(host, &able, options, true)?;
         let rays = RayTracing::of(&gpu)?;
-        let device = VulkanDevice::over(&gpu, prefer.rival())?;
+        let device = VulkanDevice::over(&gpu, name.name())?;
         let shared = ["arithmetic", "interpolate"].map(common);
         let mut engine = Engine::new(device, shared.into_iter().chain(RAY_KERNELS))?;
         let rays = RayPipeline::new(&mut engine.gpu, &rays)?;
         Ok(Self {
             engine,
-            prefer,
+            name,
             scene: None,
             pose: None,
             traced: None,

@@ -10,8 +10,8 @@ use cpu_ref::CpuBackend;
 use geom::{Animation, Camera, Point, Pose, Ray};
 use gpu_common::{Options, Validation};
 use integration::program;
-use rivals::vulkan_rt::{Prefer, VulkanRt};
-use rivals::{RIVALS, Rival, RivalInfo, TreeUpdate, rival_named};
+use rivals::vulkan_rt::VulkanRt;
+use rivals::{Rival, RivalName, TreeUpdate};
 use scene::Viewpoint;
 use std::ffi::OsStr;
 use std::process::ExitCode;
@@ -21,7 +21,7 @@ use std::sync::Arc;
 const SHARE: f64 = 0.002;
 const SIZE: [u32; 2] = [160, 100];
 
-type Test = (&'static str, fn(&'static RivalInfo));
+type Test = (&'static str, fn(RivalName));
 
 const TESTS: &[Test] = &[
     ("hits_match_ours_almost_everywhere", hits),
@@ -39,12 +39,12 @@ fn main() -> ExitCode {
         integration::trial("unknown_adapter_is_reported", unknown_adapter),
         integration::trial("absent_rival_reports_its_reason", absent),
     ];
-    for rival in RIVALS {
-        let family = rival.name.split(':').next();
+    for rival in RivalName::ALL {
+        let family = rival.name().split(':').next();
         let is_required = required.split(',').any(|name| Some(name) == family);
         let absent = rival.adapters().err().map(|e| e.to_string());
         for &(name, test) in TESTS {
-            let trial = integration::trial(format!("{}::{name}", rival.name), move || test(rival));
+            let trial = integration::trial(format!("{rival}::{name}"), move || test(rival));
             trials.push(match &absent {
                 Some(why) if !is_required => trial.with_kind(why).with_ignored_flag(true),
                 _ => trial,
@@ -61,16 +61,14 @@ enum Subject {
 }
 
 impl Subject {
-    fn load(rival: &RivalInfo, animation: &Arc<Animation>, tree_update: TreeUpdate) -> Self {
+    fn load(rival: RivalName, animation: &Arc<Animation>, tree_update: TreeUpdate) -> Self {
         let options = Options {
             validation: Validation::IfInstalled,
             ..Options::default()
         };
-        let prefers = [Prefer::FastBuild, Prefer::FastTrace];
-        let prefer = prefers.into_iter().find(|p| p.rival() == rival.name);
-        let mut subject = match prefer {
-            Some(prefer) => Self::Vulkan(Box::new(VulkanRt::new(&options, prefer).unwrap())),
-            None => Self::Other(rival.open(None, 2).unwrap()),
+        let mut subject = match rival {
+            RivalName::Embree => Self::Other(rival.open(None, 2).unwrap()),
+            _ => Self::Vulkan(Box::new(VulkanRt::new(&options, rival).unwrap())),
         };
         subject
             .rival()
@@ -87,7 +85,8 @@ impl Subject {
     }
 
     fn trace(&mut self, pose: Pose, query: Query<'_>) -> (Hits, FrameReport) {
-        let report = self.rival().frame(pose, query).unwrap();
+        let (rays, light) = (query.rays, query.kind.light());
+        let report = self.rival().frame(pose, rays, light).unwrap();
         let hits = self.rival().hits().unwrap().clone();
         if let Self::Vulkan(vulkan) = self {
             assert_eq!(vulkan.complaints(), [""; 0]);
@@ -153,7 +152,7 @@ fn count(hits: &Hits) -> (u64, u64) {
     (found as u64, blocked as u64)
 }
 
-fn hits(rival: &'static RivalInfo) {
+fn hits(rival: RivalName) {
     let shot = Shot::demo();
     let times = [0.0, 1.5, 3.25];
     let ours = times.map(|time| shot.ours(time));
@@ -175,7 +174,7 @@ fn hits(rival: &'static RivalInfo) {
     }
 }
 
-fn not_finite(rival: &'static RivalInfo) {
+fn not_finite(rival: RivalName) {
     let shot = Shot::demo();
     let keys = shot.animation.all_keys().unwrap();
     let mut keys: Vec<Vec<Point>> = keys.iter().map(|key| key.to_vec()).collect();
@@ -197,7 +196,7 @@ fn not_finite(rival: &'static RivalInfo) {
     }
 }
 
-fn queries(rival: &'static RivalInfo) {
+fn queries(rival: RivalName) {
     let shot = Shot::demo();
     let pose = shot.animation.pose(1.5);
     let mut subject = Subject::load(rival, &shot.animation, TreeUpdate::Refit);
@@ -215,12 +214,9 @@ fn queries(rival: &'static RivalInfo) {
     assert!(!given.closest[0].is_hit());
     let closest = trace(QueryKind::Closest);
     assert!(closest.closest == given.closest && closest.blocked.is_empty());
-    let any = trace(QueryKind::Any);
-    let met = closest.closest.iter().map(|hit| u8::from(hit.is_hit()));
-    assert!(any.blocked.iter().copied().eq(met) && any.closest.is_empty());
 }
 
-fn times(rival: &'static RivalInfo) {
+fn times(rival: RivalName) {
     let shot = Shot::demo();
     let mut subject = Subject::load(rival, &shot.animation, TreeUpdate::Rebuild);
     let (_, moved) = subject.trace(shot.animation.pose(0.5), shot.query());
@@ -249,10 +245,10 @@ fn run(words: &str, file: &str, variables: &[(&str, &OsStr)]) -> (Option<i32>, S
     (output.status.code(), text, file)
 }
 
-fn rows(rival: &'static RivalInfo) {
+fn rows(rival: RivalName) {
     let words = format!(
         "bench demo:collide:600 --backend cpu --rival {} --update refit,rebuild --rays camera,random --frames 3 --size 64x40 --quiet --json b.json",
-        rival.name
+        rival.name()
     );
     let (code, text, json) = run(&words, "b.json", &[]);
     assert_eq!(code, Some(0), "{text}");
@@ -260,7 +256,7 @@ fn rows(rival: &'static RivalInfo) {
     let rows = json["rows"].as_array().unwrap();
     let own: Vec<_> = rows
         .iter()
-        .filter(|row| row["backend"] == rival.name)
+        .filter(|row| row["backend"] == rival.name())
         .collect();
     let names: Vec<_> = own
         .iter()
@@ -280,10 +276,10 @@ fn rows(rival: &'static RivalInfo) {
     assert!(text.contains("of rays differ from backend cpu"), "{text}");
 }
 
-fn points(rival: &'static RivalInfo) {
+fn points(rival: RivalName) {
     let words = format!(
         "chart demo:collide:300 --backend cpu --intersector watertight --rival {} --update refit --frames 3 --size 64x40 --rays 2000 --out c --quiet",
-        rival.name
+        rival.name()
     );
     let (code, text, json) = run(&words, "c/points.json", &[]);
     assert_eq!(code, Some(0), "{text}");
@@ -291,7 +287,7 @@ fn points(rival: &'static RivalInfo) {
     let points = json["points"].as_array().unwrap();
     let own: Vec<_> = points
         .iter()
-        .filter(|p| p["backend"] == rival.name)
+        .filter(|p| p["backend"] == rival.name())
         .collect();
     assert_eq!(own.len(), 1, "{json:#}");
     let [tested, wrong] = ["rays_tested", "wrong"].map(|name| own[0][name].as_u64().unwrap());
@@ -300,7 +296,7 @@ fn points(rival: &'static RivalInfo) {
 }
 
 fn unknown_adapter() {
-    let opened = rival_named("vulkan-rt").unwrap().open(Some(999), 1);
+    let opened = RivalName::VulkanRt.open(Some(999), 1);
     let why = opened.err().unwrap().to_string();
     assert!(why.starts_with("no device: "), "{why}");
 }

@@ -164,6 +164,6 @@ fn context(e: &clap::Error, kind: ContextKind) -> Option<&str> {
 /// Returns the name of a rival that the user gave as `--backend`.
 fn rival_as_backend(e: &clap::Error) -> Option<&str> {
     let is_backend = context(e, ContextKind::InvalidArg)?.starts_with("--backend");
-    let known = rivals::rival_named(context(e, ContextKind::InvalidValue)?);
-    known.filter(|_| is_backend).map(|known| known.name)
+    let known = rivals::RivalName::named(context(e, ContextKind::InvalidValue)?);
+    known.filter(|_| is_backend).map(rivals::RivalName::name)
 }

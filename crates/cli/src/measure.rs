@@ -22,7 +22,7 @@ use pipeline::{Driver, Frame, Warmed};
 use rays::FrameRays;
 pub(crate) use rays::{MeasuredRays, random_rays};
 use rival::{OWN, RivalDevice, RivalPolicy, RunningRival};
-use rivals::{RivalInfo, TreeUpdate};
+use rivals::{RivalName, TreeUpdate};
 use scene::Scene;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -44,8 +44,8 @@ pub(crate) struct MeasureSettings {
     pub(crate) backend: Vec<BackendChoice>,
     /// Third-party ray tracers to measure as well. Each builds its own trees, so only rebuild and refit apply
     #[arg(long, value_name = "LIST", value_delimiter = ',',
-        value_parser = PossibleValuesParser::new(rivals::RIVALS.iter().map(|rival| rival.name)).map(known_rival))]
-    pub(crate) rival: Vec<&'static RivalInfo>,
+        value_parser = PossibleValuesParser::new(RivalName::ALL.map(RivalName::name)).map(known_rival))]
+    pub(crate) rival: Vec<RivalName>,
     /// Update policies
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "rebuild,refit,async", value_parser = parsers::update(|_| true))]
     pub(crate) update: Vec<PolicyChoice>,
@@ -71,8 +71,8 @@ pub(crate) struct MeasureSettings {
 }
 
 /// Returns the rival with this name.
-fn known_rival(name: String) -> &'static RivalInfo {
-    rivals::rival_named(&name).expect("the parser admits names of rivals only")
+fn known_rival(name: String) -> RivalName {
+    RivalName::named(&name).expect("the parser admits names of rivals only")
 }
 
 /// A scene, and the frames that are measured.
@@ -128,7 +128,7 @@ impl Contenders {
                 } else {
                     let why = "is skipped: it keeps its own tree, which it rebuilds or refits in each frame";
                     self.skipped
-                        .push(format!("{} with {policy} {why}", rival.name));
+                        .push(format!("{} with {policy} {why}", rival.name()));
                 }
             }
         }
@@ -151,7 +151,7 @@ impl Contender {
                 intersector: tracer.intersector.name(),
             },
             Self::Rival(RivalPolicy { rival, tree_update }) => ContenderNames {
-                backend: rival.name,
+                backend: rival.name(),
                 update: tree_update.name(),
                 intersector: OWN,
             },

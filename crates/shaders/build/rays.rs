@@ -24,7 +24,6 @@ pub(crate) fn compile(out: &Path, sources: &Sources) -> Result<String> {
         "camera_shadow",
         "explicit_closest",
         "explicit_shadow",
-        "explicit_any",
     ];
     let source = sources.compose(PIPELINE, &stages, "", &[])?;
     let source = format!("enable wgpu_ray_tracing_pipeline, primitive_index;\n{source}");

@@ -1,6 +1,6 @@
 //! Embree's C interface, loaded at run time, and the structures of its rays.
 
-use geom::{Hit, Ray};
+use geom::{Hit, Point, Ray};
 use libloading::Library;
 use std::ffi::{c_char, c_void};
 use std::ptr::null_mut;
@@ -9,58 +9,54 @@ use std::sync::OnceLock;
 /// A device, a scene or a geometry.
 pub(super) type Handle = *mut c_void;
 
-/// `RTCRayHit` of one ray, `RTCRayHit16` of sixteen.
+/// `RTCRayHit`.
 #[derive(Clone, Copy)]
-#[repr(C, align(64))]
-pub(super) struct RayHits<const N: usize> {
-    origin: [[f32; N]; 3],
-    t_min: [f32; N],
-    direction: [[f32; N]; 3],
-    time: [f32; N],
-    pub(super) t_max: [f32; N],
-    mask: [u32; N],
-    id: [u32; N],
-    flags: [u32; N],
-    normal: [[f32; N]; 3],
-    uv: [[f32; N]; 2],
-    primitive: [u32; N],
-    geometry: [u32; N],
-    instance: [u32; N],
-    instance_primitive: [u32; N],
+#[repr(C, align(16))]
+pub(super) struct RayHit {
+    origin: Point,
+    t_min: f32,
+    direction: Point,
+    time: f32,
+    pub(super) t_max: f32,
+    mask: u32,
+    id: u32,
+    flags: u32,
+    normal: Point,
+    uv: [f32; 2],
+    primitive: u32,
+    geometry: u32,
+    instance: u32,
+    instance_primitive: u32,
 }
 
-impl<const N: usize> RayHits<N> {
-    /// Packs up to `N` rays.
-    pub(super) fn new(rays: &[Ray]) -> Self {
-        let at = |lane: usize| rays.get(lane);
-        let parts = |part: fn(&Ray) -> [f32; 3]| {
-            [0, 1, 2].map(|axis| std::array::from_fn(|i| at(i).map_or(0.0, |ray| part(ray)[axis])))
-        };
+impl RayHit {
+    /// Returns a ray without a hit.
+    pub(super) fn new(ray: &Ray) -> Self {
         Self {
-            origin: parts(|ray| ray.origin),
-            t_min: std::array::from_fn(|i| at(i).map_or(0.0, |ray| ray.t_min)),
-            direction: parts(|ray| ray.direction),
-            time: [0.0; N],
-            t_max: std::array::from_fn(|i| at(i).map_or(0.0, |ray| ray.t_max)),
-            mask: [NONE; N],
-            id: [0; N],
-            flags: [0; N],
-            normal: [[0.0; N]; 3],
-            uv: [[0.0; N]; 2],
-            primitive: [NONE; N],
-            geometry: [NONE; N],
-            instance: [NONE; N],
-            instance_primitive: [NONE; N],
+            origin: ray.origin,
+            t_min: ray.t_min,
+            direction: ray.direction,
+            time: 0.0,
+            t_max: ray.t_max,
+            mask: NONE,
+            id: 0,
+            flags: 0,
+            normal: [0.0; 3],
+            uv: [0.0; 2],
+            primitive: NONE,
+            geometry: NONE,
+            instance: NONE,
+            instance_primitive: NONE,
         }
     }
 
-    /// Returns the hit of the ray in a lane.
-    pub(super) fn hit(&self, lane: usize) -> Hit {
+    /// Returns the hit.
+    pub(super) fn hit(&self) -> Hit {
         Hit {
-            t: self.t_max[lane],
-            u: self.uv[0][lane],
-            v: self.uv[1][lane],
-            triangle: self.primitive[lane],
+            t: self.t_max,
+            u: self.uv[0],
+            v: self.uv[1],
+            triangle: self.primitive,
         }
     }
 }
@@ -77,10 +73,10 @@ pub(super) struct Arguments {
 }
 
 impl Arguments {
-    /// Returns the defaults of `rtcInitIntersectArguments`, with the flag for coherent rays if they are.
-    pub(super) fn new(coherent: bool) -> Self {
+    /// Returns the defaults of `rtcInitIntersectArguments`.
+    pub(super) fn new() -> Self {
         Self {
-            flags: u32::from(coherent) << 16,
+            flags: 0,
             features: u32::MAX,
             context: null_mut(),
             filter: null_mut(),
@@ -101,9 +97,8 @@ pub(super) const TRIANGLES: u32 = 0;
 pub(super) const LOW: u32 = 0;
 pub(super) const MEDIUM: u32 = 1;
 pub(super) const REFIT: u32 = 3;
-/// `RTC_SCENE_FLAG_DYNAMIC` and `_ROBUST`.
+/// `RTC_SCENE_FLAG_DYNAMIC`.
 pub(super) const DYNAMIC: u32 = 1;
-pub(super) const ROBUST: u32 = 1 << 2;
 
 /// Declares the table of functions and its loader.
 macro_rules! functions {
@@ -147,12 +142,9 @@ functions! {
     attach_geometry = b"rtcAttachGeometry\0": fn(Handle, Handle) -> u32;
     commit_scene = b"rtcCommitScene\0": fn(Handle);
     set_geometry_build_quality = b"rtcSetGeometryBuildQuality\0": fn(Handle, u32);
-    intersect_1 = b"rtcIntersect1\0": fn(Handle, *mut RayHits<1>, *mut Arguments);
+    intersect_1 = b"rtcIntersect1\0": fn(Handle, *mut RayHit, *mut Arguments);
     // Reads and writes the ray alone, which comes first in `RTCRayHit`.
-    occluded_1 = b"rtcOccluded1\0": fn(Handle, *mut RayHits<1>, *mut Arguments);
-    intersect_16 = b"rtcIntersect16\0": fn(*const i32, Handle, *mut RayHits<16>, *mut Arguments);
-    // Reads and writes the rays alone, as above.
-    occluded_16 = b"rtcOccluded16\0": fn(*const i32, Handle, *mut RayHits<16>, *mut Arguments);
+    occluded_1 = b"rtcOccluded1\0": fn(Handle, *mut RayHit, *mut Arguments);
 }
 
 /// Names of the library, by the platforms' conventions.

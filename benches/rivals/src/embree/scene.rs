@@ -1,12 +1,13 @@
 //! A device and a scene of one mesh.
 
 use super::raw::*;
+use crate::TreeUpdate;
 use geom::{Hit, Point, Ray};
 use std::ffi::{CString, c_void};
 use std::ptr::NonNull;
 
 /// Owns a device and a committed scene of one mesh.
-pub struct EmbreeScene {
+pub(crate) struct EmbreeScene {
     functions: &'static Functions,
     device: NonNull<c_void>,
     scene: NonNull<c_void>,
@@ -21,66 +22,28 @@ unsafe impl Send for EmbreeScene {}
 // SAFETY: as above.
 unsafe impl Sync for EmbreeScene {}
 
-/// The purpose of a scene.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SceneMode {
-    /// The fastest rays.
-    Fast,
-    /// Rays that do not pass between neighbours.
-    Robust,
-    /// Vertices that move: each commit but the first refits.
-    Refitted,
-}
-
-/// Up to sixteen rays in Embree's layout.
-#[derive(Clone, Copy)]
-pub struct Packet16 {
-    rays: RayHits<16>,
-    valid: Valid,
-    coherent: bool,
-}
-
-/// -1 for each lane that holds a ray.
-#[derive(Clone, Copy)]
-#[repr(C, align(64))]
-struct Valid([i32; 16]);
-
-impl Packet16 {
-    /// Packs at most sixteen rays. Embree traverses `coherent` rays together.
-    pub fn new(rays: &[Ray], coherent: bool) -> Self {
-        let valid = |lane| if lane < rays.len() { -1 } else { 0 };
-        Self {
-            rays: RayHits::new(rays),
-            valid: Valid(std::array::from_fn(valid)),
-            coherent,
-        }
-    }
-}
-
-type Trace1 = unsafe extern "C" fn(Handle, *mut RayHits<1>, *mut Arguments);
-type Trace16 = unsafe extern "C" fn(*const i32, Handle, *mut RayHits<16>, *mut Arguments);
+type Trace = unsafe extern "C" fn(Handle, *mut RayHit, *mut Arguments);
 
 impl EmbreeScene {
     /// Builds a scene over a mesh on `threads` threads, or on all cores if that is 0. All scenes of the process share the
-    /// largest number.
+    /// largest number. [`EmbreeScene::rebuild`] rebuilds or refits the tree, by `tree_update`.
     ///
     /// # Errors
     /// The library is absent, or it has no device.
-    pub fn new(
+    pub(crate) fn new(
         vertices: &[Point],
         triangles: &[[u32; 3]],
         threads: usize,
-        made: SceneMode,
+        tree_update: TreeUpdate,
     ) -> Result<Self, String> {
         let functions = functions()?;
         let config = CString::new(format!("threads={threads}")).expect("no zero byte within");
         // SAFETY: the configuration is a string that ends with a zero byte.
         let device = NonNull::new(unsafe { (functions.new_device)(config.as_ptr()) });
         let device = device.ok_or("Embree has no device for this processor")?;
-        let (quality, flags) = match made {
-            SceneMode::Fast => (MEDIUM, 0),
-            SceneMode::Robust => (MEDIUM, ROBUST),
-            SceneMode::Refitted => (LOW, DYNAMIC),
+        let (quality, flags) = match tree_update {
+            TreeUpdate::Rebuild => (MEDIUM, 0),
+            TreeUpdate::Refit => (LOW, DYNAMIC),
         };
         // SAFETY: the device exists, and so do the objects that are made here. A new buffer has as many elements as requested,
         // and numbers and indices are written to it in the stated format.
@@ -89,7 +52,7 @@ impl EmbreeScene {
             (functions.set_scene_build_quality)(scene, quality);
             (functions.set_scene_flags)(scene, flags);
             let geometry = (functions.new_geometry)(device.as_ptr(), TRIANGLES);
-            if made == SceneMode::Refitted {
+            if tree_update == TreeUpdate::Refit {
                 (functions.set_geometry_build_quality)(geometry, REFIT);
             }
             let buffer = fill(functions, geometry, VERTICES, vertices);
@@ -110,13 +73,13 @@ impl EmbreeScene {
     }
 
     /// Returns the vertices, to be overwritten before [`EmbreeScene::rebuild`].
-    pub fn vertices(&mut self) -> &mut [Point] {
+    pub(crate) fn vertices(&mut self) -> &mut [Point] {
         // SAFETY: Embree keeps the buffer as long as the geometry, and traces nothing while `self` is borrowed.
         unsafe { std::slice::from_raw_parts_mut(self.vertices.as_ptr(), self.vertex_count) }
     }
 
     /// Rebuilds or refits the tree in place, by the current vertices.
-    pub fn rebuild(&mut self) {
+    pub(crate) fn rebuild(&mut self) {
         // SAFETY: both exist, and no query runs while `self` is borrowed.
         unsafe {
             (self.functions.update_geometry_buffer)(self.geometry.as_ptr(), VERTICES[0], 0);
@@ -126,64 +89,19 @@ impl EmbreeScene {
     }
 
     /// Returns the closest hit of a ray.
-    pub fn closest_of(&self, ray: &Ray) -> Hit {
-        self.trace(ray, self.functions.intersect_1).hit(0)
+    pub(crate) fn closest(&self, ray: &Ray) -> Hit {
+        self.trace(ray, self.functions.intersect_1).hit()
     }
 
     /// Returns whether a ray hits anything.
-    pub fn is_occluded(&self, ray: &Ray) -> bool {
+    pub(crate) fn is_occluded(&self, ray: &Ray) -> bool {
         // Embree marks a ray that hit something by a negative `t_max`.
-        self.trace(ray, self.functions.occluded_1).t_max < [0.0]
+        self.trace(ray, self.functions.occluded_1).t_max < 0.0
     }
 
-    /// Writes the closest hits of rays, as many as `out` holds.
-    pub fn closest(&self, rays: &[Ray], out: &mut [Hit]) {
-        for (ray, out) in rays.iter().zip(out) {
-            *out = self.closest_of(ray);
-        }
-    }
-
-    /// Writes 1 for a ray that hits anything, 0 for the others, as many as `out` holds.
-    pub fn occluded(&self, rays: &[Ray], out: &mut [u8]) {
-        for (ray, out) in rays.iter().zip(out) {
-            *out = u8::from(self.is_occluded(ray));
-        }
-    }
-
-    /// Writes the closest hits of the rays of packets.
-    pub fn closest_packets(&self, packets: &[Packet16], out: &mut [Hit]) {
-        for (packet, out) in packets.iter().zip(out.chunks_mut(16)) {
-            let found = self.trace_packet(packet, self.functions.intersect_16);
-            for (lane, out) in out.iter_mut().enumerate() {
-                *out = found.hit(lane);
-            }
-        }
-    }
-
-    /// Writes 1 for a ray of the packets that hits anything, 0 for the others.
-    pub fn occluded_packets(&self, packets: &[Packet16], out: &mut [u8]) {
-        for (packet, out) in packets.iter().zip(out.chunks_mut(16)) {
-            let found = self.trace_packet(packet, self.functions.occluded_16);
-            for (out, t) in out.iter_mut().zip(&found.t_max) {
-                *out = u8::from(*t < 0.0);
-            }
-        }
-    }
-
-    fn trace_packet(&self, packet: &Packet16, trace: Trace16) -> RayHits<16> {
-        let mut arguments = Arguments::new(packet.coherent);
-        let (valid, mut rays) = (packet.valid, packet.rays);
-        let scene = self.scene.as_ptr();
-        // SAFETY: the scene is committed; rays, their marks and the arguments live as long as the call.
-        unsafe {
-            trace(valid.0.as_ptr(), scene, &raw mut rays, &raw mut arguments);
-        }
-        rays
-    }
-
-    fn trace(&self, ray: &Ray, trace: Trace1) -> RayHits<1> {
-        let mut arguments = Arguments::new(false);
-        let mut found = RayHits::new(std::slice::from_ref(ray));
+    fn trace(&self, ray: &Ray, trace: Trace) -> RayHit {
+        let mut arguments = Arguments::new();
+        let mut found = RayHit::new(ray);
         // SAFETY: the scene is committed, and ray and arguments live as long as the call.
         unsafe { trace(self.scene.as_ptr(), &raw mut found, &raw mut arguments) };
         found

@@ -2,12 +2,12 @@
 
 use super::VulkanRt;
 use super::scene::DriverScene;
-use super::tree::triangles_of;
+use super::tree::{build_flags, triangles_of};
 use crate::{Rival, TreeUpdate};
 use backend::{
     Device, DeviceBytes, FrameReport, Hits, Intersector, Query, QueryKind, Rays, Result,
 };
-use geom::{Animation, Pose};
+use geom::{Animation, Point, Pose};
 use gpu_common::{Stage, TraceBuffers, check_limit, reads_ray_buffer};
 use gpu_vulkan::commands::{KERNELS, RAYS};
 use gpu_vulkan::{NativeCommand, RayBindings, VulkanDevice};
@@ -24,13 +24,16 @@ impl Rival for VulkanRt {
         self.engine.unload()?;
         (self.scene, self.pose, self.traced) = (None, None, None);
         self.engine.load(animation)?;
-        let flags = self.prefer.flags(tree_update);
+        let flags = build_flags(self.name, tree_update);
         let scene = DriverScene::new(&mut self.engine, &self.rays.rays, flags)?;
         self.scene = Some(scene);
         Ok(())
     }
 
-    fn frame(&mut self, pose: Pose, query: Query<'_>) -> Result<FrameReport> {
+    fn frame(&mut self, pose: Pose, rays: Rays<'_>, light: Option<Point>) -> Result<FrameReport> {
+        let shadows = light.map(|light| QueryKind::ClosestAndShadow { light });
+        let kind = shadows.unwrap_or(QueryKind::Closest);
+        let query = Query { rays, kind };
         let recorded = self.record(pose, &query);
         let submitted = recorded.and_then(|()| self.engine.submit(0));
         if submitted.is_err() {
@@ -59,12 +62,11 @@ impl Rival for VulkanRt {
 
 /// Returns the ray generation shader of a query.
 fn maker(query: &Query<'_>) -> &'static str {
-    match (query.kind, reads_ray_buffer(query)) {
-        (QueryKind::Any, _) => "explicit_any",
-        (QueryKind::Closest, true) => "explicit_closest",
-        (QueryKind::Closest, false) => "camera_closest",
-        (QueryKind::ClosestAndShadow { .. }, true) => "explicit_shadow",
-        (QueryKind::ClosestAndShadow { .. }, false) => "camera_shadow",
+    match (query.kind.light(), reads_ray_buffer(query)) {
+        (None, true) => "explicit_closest",
+        (None, false) => "camera_closest",
+        (Some(_), true) => "explicit_shadow",
+        (Some(_), false) => "camera_shadow",
     }
 }
 

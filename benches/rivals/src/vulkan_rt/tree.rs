@@ -1,9 +1,8 @@
 //! The driver's tree of a scene: a bottom-level structure of all triangles, and a top-level structure that contains it
 //! as its one instance. Rays are traced through top-level structures only.
 
-use super::Prefer;
 use super::support::RayTracing;
-use crate::TreeUpdate;
+use crate::{RivalName, TreeUpdate};
 use ash::vk;
 use backend::Result;
 use gpu_common::{AnimationBuffers, Engine, GpuDevice, check_limit};
@@ -115,17 +114,15 @@ impl DriverTree {
     }
 }
 
-impl Prefer {
-    /// Returns the flags of a build with this preference.
-    pub(crate) fn flags(self, tree_update: TreeUpdate) -> Flags {
-        let speed = match self {
-            Self::FastBuild => Flags::PREFER_FAST_BUILD,
-            Self::FastTrace => Flags::PREFER_FAST_TRACE,
-        };
-        match tree_update {
-            TreeUpdate::Rebuild => speed,
-            TreeUpdate::Refit => speed | Flags::ALLOW_UPDATE,
-        }
+/// Returns the flags of the builds of a rival.
+pub(crate) fn build_flags(name: RivalName, tree_update: TreeUpdate) -> Flags {
+    let preference = match name {
+        RivalName::VulkanRtFastTrace => Flags::PREFER_FAST_TRACE,
+        _ => Flags::PREFER_FAST_BUILD,
+    };
+    match tree_update {
+        TreeUpdate::Rebuild => preference,
+        TreeUpdate::Refit => preference | Flags::ALLOW_UPDATE,
     }
 }
 

@@ -20,7 +20,7 @@ impl HitMethod {
     pub(super) fn of(contender: &Contender) -> Self {
         match contender {
             Contender::Ours(tracer) => Self::Ours(tracer.device.backend, tracer.intersector),
-            Contender::Rival(policy) => Self::Rival(policy.rival.name),
+            Contender::Rival(policy) => Self::Rival(policy.rival.name()),
         }
     }
 

@@ -143,8 +143,7 @@ fn rejects_invalid_or_useless_options() {
 
 #[test]
 fn rivals_are_rejected_as_backends() {
-    for rival in rivals::RIVALS {
-        let name = rival.name;
+    for name in rivals::RivalName::ALL {
         for command in ["render", "bench", "chart", "conform", "stability", "stress"] {
             let text = refused(&format!("{command} --backend {name}"));
             let says =

@@ -12,7 +12,7 @@ use backend::{
 use geom::Animation;
 use output::FrameStats;
 use pipeline::{Frame, FrameTreeStats, WarmUp, Warmed, inactive_and_degenerate_at};
-use rivals::{Rival, RivalInfo, TreeUpdate};
+use rivals::{Rival, RivalName, TreeUpdate};
 use std::fmt;
 use std::sync::Arc;
 use std::time::Instant;
@@ -30,13 +30,13 @@ pub(crate) struct RivalDevice<'a> {
 /// A rival and the policy by which it updates its tree.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct RivalPolicy {
-    pub(crate) rival: &'static RivalInfo,
+    pub(crate) rival: RivalName,
     pub(crate) tree_update: TreeUpdate,
 }
 
 impl fmt::Display for RivalPolicy {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} {}", self.rival.name, self.tree_update)
+        write!(f, "{} {}", self.rival, self.tree_update)
     }
 }
 
@@ -54,7 +54,7 @@ impl RunningRival {
         device: RivalDevice<'_>,
         animation: &Arc<Animation>,
     ) -> Result<Self, CliError> {
-        let name = rival.name;
+        let name = rival.name();
         let absent = |e: BackendError| CliError::invalid(format!("rival {name} cannot run: {e}"));
         let index = match device.adapter {
             None => None,
@@ -108,7 +108,8 @@ impl RunningRival {
     }
 
     fn frame(&mut self, time: f64, query: Query<'_>) -> Result<FrameReport, CliError> {
-        Ok(self.rival.frame(self.animation.pose(time), query)?)
+        let (pose, light) = (self.animation.pose(time), query.kind.light());
+        Ok(self.rival.frame(pose, query.rays, light)?)
     }
 
     fn warm_up(

@@ -8,7 +8,7 @@ import package::lib::params::params;
 
 @group(0) @binding(next) var scene: acceleration_structure;
 
-// Result of a ray. Shadow rays and any-hit rays run no closest-hit shader, so `triangle` keeps its value unless the ray misses.
+// Result of a ray. Shadow rays run no closest-hit shader, so `triangle` keeps its value unless the ray misses.
 struct Payload { t: f32, u: f32, v: f32, triangle: u32 }
 
 const NO_HIT: u32 = 0xffffffffu;
@@ -116,14 +116,4 @@ fn explicit_shadow(@builtin(ray_invocation_id) id: vec3<u32>, @builtin(num_ray_i
     let hit = trace_explicit(i);
     hits[i] = hit;
     occluded[i] = trace_shadow(hit, rays[2u * i].xyz);
-}
-
-@ray_generation
-fn explicit_any(@builtin(ray_invocation_id) id: vec3<u32>, @builtin(num_ray_invocations) size: vec3<u32>) {
-    let i = ray_index(id, size);
-    if i >= params.count { return; }
-    let ray = load_ray(i);
-    var is_hit = 0u;
-    if ray.is_traced { is_hit = select(0u, 1u, driver_trace_any(ray.origin, ray.direction, ray.t_min, ray.t_max)); }
-    occluded[i] = is_hit;
 }
