@@ -30,15 +30,9 @@ impl Mutator {
 
     /// Returns the next file, with one to four mutations.
     pub fn case(&mut self) -> Vec<u8> {
-        let mut bytes = self.seed();
+        let mut bytes = self.rng.choice(&self.seeds).cloned().unwrap_or_default();
         for _ in 0..self.rng.u32(1..=4) {
-            match self.rng.u32(0..10) {
-                0..4 => self.number(&mut bytes),
-                4..6 => self.line(&mut bytes),
-                6 => self.word(&mut bytes),
-                7 => self.piece(&mut bytes),
-                _ => self.byte(&mut bytes),
-            }
+            self.mutate(&mut bytes);
         }
         bytes.truncate(MAX_BYTES);
         // Half of the files get correct lengths, so that readers reach damage inside.
@@ -48,92 +42,39 @@ impl Mutator {
         bytes
     }
 
-    fn seed(&mut self) -> Vec<u8> {
-        let at = self.rng.usize(..self.seeds.len());
-        self.seeds[at].clone()
-    }
-
-    /// Replaces a number by another one or by nothing.
-    fn number(&mut self, bytes: &mut Vec<u8>) {
-        let all = runs(bytes, |b| b.is_ascii_digit() || b"+-.".contains(&b));
-        if let Some(place) = self.rng.choice(all) {
-            let numbers: Vec<&str> = NUMBERS.split(' ').collect();
-            let text = self.rng.choice(numbers).unwrap_or_default();
-            bytes.splice(place, text.bytes());
-        }
-    }
-
-    /// Drops, doubles or replaces a line, or an entry of text without lines.
-    fn line(&mut self, bytes: &mut Vec<u8>) {
-        let is_end = |b: u8| b == b'\n' || b == b'{' || b == b',';
-        let lines = runs(bytes, |b| !is_end(b));
-        let (Some(a), Some(b)) = (self.rng.choice(&lines), self.rng.choice(&lines)) else {
+    /// Removes, doubles or replaces a number, a line, an entry of text without lines, or some bytes.
+    fn mutate(&mut self, bytes: &mut Vec<u8>) {
+        let rng = &mut self.rng;
+        let is_text = rng.u8(..10) < 6;
+        let places = if !is_text {
+            (0..2).map(|_| some_bytes(rng, bytes.len())).collect()
+        } else if rng.bool() {
+            runs(bytes, |b| b.is_ascii_digit() || b"+-.".contains(&b))
+        } else {
+            runs(bytes, |b| !b"\n{,".contains(&b))
+        };
+        let (Some(place), Some(other)) = (rng.choice(&places), rng.choice(&places)) else {
             return;
         };
-        let end = (a.end + 1).min(bytes.len());
-        match self.rng.u32(0..3) {
-            0 => drop(bytes.drain(a.start..end)),
-            1 => {
-                let line = bytes[a.start..end].to_vec();
-                bytes.splice(a.start..a.start, line);
-            }
-            _ => {
-                let other = bytes[b.clone()].to_vec();
-                bytes.splice(a.clone(), other);
-            }
-        }
-    }
-
-    /// Overwrites four bytes with a value that is special as a count, a length or a float.
-    fn word(&mut self, bytes: &mut [u8]) {
-        let Some(last) = bytes.len().checked_sub(4) else {
-            return;
+        let numbers: Vec<&str> = NUMBERS.split(' ').collect();
+        let new = match rng.u8(..8) {
+            0 => Vec::new(),
+            1 => bytes[place.clone()].repeat(2),
+            2 => bytes[other.clone()].to_vec(),
+            _ if is_text => rng.choice(numbers).unwrap_or_default().into(),
+            3 => rng.choice(WORDS).unwrap_or_default().to_be_bytes().into(),
+            4 => rng.choice(WORDS).unwrap_or_default().to_le_bytes().into(),
+            _ => place.clone().map(|_| rng.u8(..)).collect(),
         };
-        let at = self.rng.usize(..=last);
-        let at = if self.rng.bool() { at & !3 } else { at };
-        let word = self.rng.choice(WORDS).unwrap_or_default();
-        let word = match self.rng.bool() {
-            true => word.to_le_bytes(),
-            false => word.to_be_bytes(),
-        };
-        bytes[at..at + 4].copy_from_slice(&word);
+        bytes.splice(place.clone(), new);
     }
+}
 
-    /// Removes, doubles, truncates or replaces a range of bytes.
-    fn piece(&mut self, bytes: &mut Vec<u8>) {
-        let mut stretch = |length: usize| {
-            let start = self.rng.usize(..=length);
-            start..self.rng.usize(start..=length.min(start + 256))
-        };
-        let here = stretch(bytes.len());
-        match self.rng.u32(0..4) {
-            0 => drop(bytes.drain(here)),
-            1 => {
-                let copy = bytes[here.clone()].to_vec();
-                bytes.splice(here.start..here.start, copy);
-            }
-            2 => bytes.truncate(here.start),
-            _ => {
-                let other = self.seed();
-                let start = self.rng.usize(..=other.len());
-                let end = other.len().min(start + 256);
-                bytes.splice(here, other[start..end].iter().copied());
-            }
-        }
-    }
-
-    fn byte(&mut self, bytes: &mut Vec<u8>) {
-        if bytes.is_empty() {
-            return bytes.push(self.rng.u8(..));
-        }
-        let at = self.rng.usize(..bytes.len());
-        match self.rng.u32(0..4) {
-            0 => bytes[at] ^= 1 << self.rng.u32(0..8),
-            1 => bytes[at] = self.rng.u8(..),
-            2 => bytes.insert(at, self.rng.u8(..)),
-            _ => drop(bytes.remove(at)),
-        }
-    }
+/// Returns a range of few bytes, most often of one or four.
+fn some_bytes(rng: &mut Rng, length: usize) -> Range<usize> {
+    let start = rng.usize(..=length);
+    let count = [1, 1, 4, rng.usize(..256)][rng.usize(..4)];
+    start..length.min(start + count)
 }
 
 /// Returns the longest ranges of bytes that are all `inside`.
