@@ -8,6 +8,7 @@ pub mod regressions;
 pub mod scenes;
 pub mod stage;
 
+use abvh::{Device, Scene, Tracer};
 use libtest_mimic::{Arguments, Trial};
 
 /// Returns whether `ABVH_FULL=1` requests the full tier: more cases, files and kills.
@@ -37,6 +38,39 @@ pub fn arguments() -> Arguments {
     let threads = MOST_THREADS.min(cores + 1);
     arguments.test_threads.get_or_insert(threads);
     arguments
+}
+
+/// The devices of the library, by name, each with the reason if it is absent.
+pub fn devices() -> [(&'static str, Device, Option<String>); 3] {
+    [
+        ("cpu", Device::Cpu),
+        ("vulkan", Device::Vulkan(None)),
+        ("wgpu", Device::Wgpu(None)),
+    ]
+    .map(|(name, device)| {
+        let built = Tracer::builder().device(device.clone()).build(Scene::new());
+        (name, device, built.err().map(|e| e.to_string()))
+    })
+}
+
+/// Creates a test of the device `device`. If the device is absent, the test is ignored with the reason `absent`, or fails
+/// if the device is required.
+pub fn device_trial(
+    name: String,
+    device: &str,
+    absent: Option<String>,
+    body: impl FnOnce() + Send + 'static,
+) -> Trial {
+    let excuse = absent.filter(|_| !is_required(device));
+    ignored_if(trial(name, body), excuse)
+}
+
+/// Marks a test as ignored if there is a reason.
+pub fn ignored_if(trial: Trial, reason: Option<impl Into<String>>) -> Trial {
+    match reason {
+        Some(reason) => trial.with_kind(reason).with_ignored_flag(true),
+        None => trial,
+    }
 }
 
 /// Creates a test that fails if `body` panics.

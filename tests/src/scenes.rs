@@ -81,10 +81,8 @@ impl Source {
     /// Creates a test that runs on this scene. It is ignored, with the reason, if the scene is absent.
     pub fn trial(self, property: &str, run: impl FnOnce(Source) + Send + 'static) -> Trial {
         let trial = crate::trial(format!("{}::{property}", self.name), move || run(self));
-        match self.packed().map(|(pack, _)| archive(pack)) {
-            Some(Err(reason)) => trial.with_ignored_flag(true).with_kind(reason.to_string()),
-            _ => trial,
-        }
+        let absent = self.packed().and_then(|(pack, _)| archive(pack).err());
+        crate::ignored_if(trial, absent.map(|reason| reason.to_string()))
     }
 }
 

@@ -1,11 +1,12 @@
 //! A backend with one scene and a tree built at any time.
 
 use crate::is_full;
+use abvh::own_device::{OwnDevice, wgpu};
 use backend::{Backend, Generation, Hits, Intersector, QueryKind, Rays};
 use conformance::stage::{record_refit, trace_and_wait, tree_at};
-use geom::{Animation, Camera, Point, Ray};
+use geom::{Animation, Camera, CameraPose, Point, Ray};
 use scene::Viewpoint;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 /// A backend that traces one animation.
 pub struct Stage {
@@ -69,7 +70,17 @@ pub fn camera(animation: &Animation, size: [u32; 2]) -> Camera {
     view.camera(size).expect("every scene can be framed")
 }
 
-/// Returns that camera's rays: 240 by 160 pixels in the full tier, else 120 by 80.
+/// Returns a camera of more pixels than any device has memory for.
+pub fn vast_camera() -> Camera {
+    let pose = CameraPose::new([0.0, 0.0, 3.0], [0.0; 3]);
+    Camera {
+        width: u32::MAX,
+        height: u32::MAX,
+        ..Camera::look_at(pose, [2, 2]).expect("it looks somewhere")
+    }
+}
+
+/// Returns the rays of [`camera`]: 240 by 160 pixels in the full tier, else 120 by 80.
 pub fn pixels(animation: &Animation) -> Vec<Ray> {
     let size = if is_full() { [240, 160] } else { [120, 80] };
     camera(animation, size).rays().collect()
@@ -84,4 +95,27 @@ pub fn light(animation: &Animation) -> Point {
 pub fn colours(count: usize) -> Vec<[u8; 3]> {
     let of = |t: usize| [t, t * 37, t * 101].map(|channel| channel as u8);
     (0..count).map(of).collect()
+}
+
+/// Opens a device on wgpu's first adapter, as a program would, with those of `features` that it has, and with `limits`.
+pub fn own_device_with(features: wgpu::Features, limits: wgpu::Limits) -> OwnDevice {
+    static ADAPTER: LazyLock<wgpu::Adapter> = LazyLock::new(|| {
+        let mut desc = wgpu::InstanceDescriptor::new_without_display_handle();
+        desc.flags = wgpu::InstanceFlags::empty();
+        let instance = wgpu::Instance::new(desc);
+        let all = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
+        all.into_iter().next().expect("wgpu has an adapter")
+    });
+    let desc = wgpu::DeviceDescriptor {
+        required_features: features & ADAPTER.features(),
+        required_limits: limits,
+        ..Default::default()
+    };
+    let (device, queue) = pollster::block_on(ADAPTER.request_device(&desc)).expect("it opens");
+    let info = ADAPTER.get_info();
+    OwnDevice {
+        device,
+        queue,
+        info,
+    }
 }

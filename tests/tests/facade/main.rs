@@ -5,32 +5,34 @@
 mod frames;
 #[cfg(target_os = "linux")]
 mod memory;
-mod oracle;
 mod pictures;
 mod pool;
 mod replace;
 mod results;
+mod rigid;
 mod runtimes;
 
 use abvh::{
-    Camera, CameraPose, Device, Error, Hit, Hits, Mesh, MeshId, Point, Query, Ray, Rays,
-    Replacement, Scene, Source, Step, Tracer, Update,
+    Device, Error, Hit, Hits, Mesh, MeshId, Point, Query, Ray, Rays, Replacement, Scene, Source,
+    Step, Tracer, Update,
 };
 use geom::Animation;
-use integration::stage::pixels;
-use integration::{is_full, is_required};
-use libtest_mimic::Trial;
+use integration::stage::{pixels, vast_camera};
+use integration::{device_trial, is_full};
 use pool::{Pooled, tracer};
 use std::sync::Arc;
 
 type Property = fn(&Device);
 
-const PROPERTIES: [(&str, Property); 32] = [
+const PROPERTIES: [(&str, Property); 29] = [
     ("streamed_steps_match_key_frames", streamed),
     ("unmoved_meshes_keep_their_positions", stay),
     ("long_lists_match_separate_queries", long_list),
     ("batched_cameras_match_separate_steps", pictures::together),
-    ("every_exact_answer_is_right", oracle::exact),
+    (
+        "rigid_meshes_equal_transformed_vertices",
+        rigid::as_transformed,
+    ),
     ("pictures_match_host_bytes", pictures::shaded),
     ("pictures_match_host_at_any_scale", pictures::of_any_size),
     ("meshes_keep_their_colours", pictures::replaced),
@@ -49,10 +51,7 @@ const PROPERTIES: [(&str, Property); 32] = [
         replace::two_at_a_time,
     ),
     ("invalid_replacements_are_errors", replace::misuse),
-    ("rayon_tasks_own_tracers", runtimes::rayon_worlds),
-    ("rayon_tasks_share_a_tracer", runtimes::rayon_turns),
-    ("rayon_threads_own_tracers", runtimes::rayon_threads),
-    ("tokio_tasks_trace", runtimes::tokio),
+    ("rayon_tasks_own_tracers", runtimes::tasks_own_tracers),
     ("calls_do_not_run_other_tasks", runtimes::no_other_task),
     ("works_with_busy_global_pool", runtimes::no_global_pool),
     ("key_frame_readers_may_trace", runtimes::readers_trace),
@@ -85,26 +84,14 @@ const _: () = {
 fn main() {
     #[cfg(target_os = "linux")]
     memory::child();
-    let devices = [
-        ("cpu", Device::Cpu),
-        ("vulkan", Device::Vulkan(None)),
-        ("wgpu", Device::Wgpu(None)),
-    ];
     let mut trials = Vec::new();
-    for (name, device) in devices {
-        let absent = Tracer::builder().device(device.clone()).build(Scene::new());
-        let absent = absent.err().map(|e| e.to_string());
+    for (name, device, absent) in integration::devices() {
         let own = OWN.iter().filter(|(of, _)| *of == name);
         for &(property, check) in PROPERTIES.iter().chain(own.map(|(_, property)| property)) {
-            let (device, why) = (device.clone(), absent.clone());
-            let trial = Trial::test(format!("{name}::{property}"), move || match why {
-                Some(why) => Err(why.into()),
-                None => {
-                    check(&device);
-                    Ok(())
-                }
-            });
-            trials.push(trial.with_ignored_flag(absent.is_some() && !is_required(name)));
+            let (device, full_name) = (device.clone(), format!("{name}::{property}"));
+            trials.push(device_trial(full_name, name, absent.clone(), move || {
+                check(&device);
+            }));
         }
     }
     let conclusion = libtest_mimic::run(&integration::arguments(), trials);
@@ -339,15 +326,8 @@ fn misuse(device: &Device) {
     step.submit().unwrap();
     let found = other.hits(done, query);
     assert!(matches!(found.map(drop), Err(Error::NoResult)));
-    let pose = CameraPose::new([0.0, 0.0, 3.0], [0.0; 3]);
-    let camera = Camera::look_at(pose, [2, 2]).unwrap();
-    let camera = Camera {
-        width: u32::MAX,
-        height: u32::MAX,
-        ..camera
-    };
     let mut step = tracer.step(0.0);
-    let traced = step.trace(&camera, Query::Closest);
+    let traced = step.trace(&vast_camera(), Query::Closest);
     let vast = traced.and_then(|_| step.submit());
     assert!(matches!(
         vast,

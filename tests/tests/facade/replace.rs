@@ -2,11 +2,12 @@
 
 use crate::pool::{self, tracer};
 use crate::{Demo, Found, bits, demo, scene_of, seen, still};
-use abvh::own_device::{OwnDevice, required_features, required_limits, wgpu};
+use abvh::own_device::{required_features, required_limits};
 use abvh::{
     Device, Error, Mesh, MeshId, Point, Query, QueryId, Ray, Scene, Source, Step, StepId, Tracer,
     Update,
 };
+use integration::stage::own_device_with;
 
 /// The demo of meshes that stay, and that of meshes that replace others.
 struct Stage {
@@ -264,28 +265,12 @@ pub(crate) fn results(device: &Device) {
     assert_eq!(none(&mut live, of_old[1]), Some(Error::NoResult));
 }
 
-fn open(limits: wgpu::Limits) -> OwnDevice {
-    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
-    let adapter = pollster::block_on(instance.request_adapter(&Default::default())).unwrap();
-    let wanted = wgpu::DeviceDescriptor {
-        required_features: required_features(),
-        required_limits: limits,
-        ..Default::default()
-    };
-    let (device, queue) = pollster::block_on(adapter.request_device(&wanted)).unwrap();
-    let info = adapter.get_info();
-    OwnDevice {
-        device,
-        queue,
-        info,
-    }
-}
-
 /// Tests on a device of the caller. All scenes share it, and its hit buffers stay valid as long as results do.
 pub(crate) fn own(_: &Device) {
     let stage = Stage::new();
     let (scene, ids) = stage.scene(stage.target(false, Kind::Fixed));
-    let device = open(required_limits(&scene, stage.staying.rays.len()).unwrap());
+    let limits = required_limits(&scene, stage.staying.rays.len()).unwrap();
+    let device = own_device_with(required_features(), limits);
     anew(&Device::from(device.clone()));
     let mut live = tracer(scene, &Device::from(device));
     let before = stage.advance(&mut live, ids, 0);

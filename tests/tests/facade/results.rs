@@ -3,9 +3,10 @@
 use crate::pool::{self, Pooled};
 use crate::{Found, bits, demo, scene_of, tracer};
 use abvh::{
-    Camera, CameraPose, Device, Error, Hits, Mesh, MeshId, Query, QueryId, Ray, SceneHit, Source,
-    StepId, Tracer, Update,
+    Device, Error, Hits, Mesh, MeshId, Query, QueryId, Ray, SceneHit, Source, StepId, Tracer,
+    Update,
 };
+use integration::stage::vast_camera;
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -67,17 +68,10 @@ impl Moving {
 
     /// Submits a query that is refused, because no device has memory for its results.
     fn refuse(&mut self, i: usize) {
-        let pose = CameraPose::new([0.0, 0.0, 3.0], [0.0; 3]);
-        let camera = Camera::look_at(pose, [2, 2]).unwrap();
-        let camera = Camera {
-            width: u32::MAX,
-            height: u32::MAX,
-            ..camera
-        };
         let mut step = self.tracer.step(0.0);
         let vertices = &self.keys[i % self.keys.len()];
         step.vertices(self.mesh, Source::Host(vertices)).unwrap();
-        let traced = step.trace(&camera, Query::Closest);
+        let traced = step.trace(&vast_camera(), Query::Closest);
         let refused = traced.and_then(|_| step.submit());
         let is_refused = matches!(refused, Err(Error::Unsupported(_) | Error::OutOfMemory(_)));
         assert!(is_refused, "{refused:?}");

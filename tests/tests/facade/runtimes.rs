@@ -1,18 +1,15 @@
-//! Tests the library inside the program's own threads: rayon, tokio, and readers of key frames.
+//! Tests the library inside the program's own threads: rayon's, and readers of key frames.
 
 use crate::{demo, scene_of, still};
 use abvh::{Camera, CameraPose, Device, Mesh, Point, Query, Ray, Source, Tracer};
-use integration::is_full;
 use rayon::ThreadPool;
 use rayon::prelude::*;
-use std::cell::RefCell;
 use std::panic::resume_unwind;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::sync::{Arc, Barrier, Mutex};
 use std::thread;
 use std::time::Duration;
-use tokio::runtime::Runtime;
 
 const SAIL: [Point; 3] = [[-1.0, 0.0, -1.0], [1.0, 0.0, -1.0], [0.0, 0.0, 1.0]];
 
@@ -36,16 +33,6 @@ fn step(tracer: &mut Tracer) -> usize {
     usize::from(tracer.hits(done, query).unwrap().is_hit(0))
 }
 
-/// Returns a number of worlds or steps for a device. It is smaller for GPUs, which take long to open.
-fn many(device: &Device, most: usize) -> usize {
-    match (device, is_full()) {
-        (Device::Cpu, true) => most,
-        (Device::Cpu, false) => most / 5,
-        (_, true) => most / 40,
-        (_, false) => most / 250,
-    }
-}
-
 fn workers(threads: usize) -> ThreadPool {
     let builder = rayon::ThreadPoolBuilder::new().num_threads(threads);
     builder.build().unwrap()
@@ -65,91 +52,16 @@ fn within<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> T {
     }
 }
 
-/// Tests worlds that rayon tasks build, use and drop.
-pub(crate) fn rayon_worlds(device: &Device) {
-    let (device, count) = (device.clone(), many(device, 2000));
+/// Tests rayon tasks that each build, use and drop a tracer.
+pub(crate) fn tasks_own_tracers(device: &Device) {
+    let device = device.clone();
+    // GPUs take long to open.
+    let count = if device == Device::Cpu { 100 } else { 6 };
     let hits = within(move || {
         let each = (0..count).into_par_iter().with_max_len(1);
         workers(2).install(|| each.map(|_| step(&mut world(&device))).sum::<usize>())
     });
     assert_eq!(hits, count);
-}
-
-/// Tests rayon tasks that take turns with one tracer.
-pub(crate) fn rayon_turns(device: &Device) {
-    let (tracer, count) = (Mutex::new(world(device)), many(device, 5000));
-    let hits = within(move || {
-        let turn = |_| step(&mut tracer.lock().unwrap());
-        let each = (0..count).into_par_iter().with_max_len(1);
-        workers(3).install(|| each.map(turn).sum::<usize>())
-    });
-    assert_eq!(hits, count);
-}
-
-/// Tests a tracer per thread.
-pub(crate) fn rayon_threads(device: &Device) {
-    thread_local! {
-        static OWN: RefCell<Option<Tracer>> = const { RefCell::new(None) };
-    }
-    let (device, count) = (device.clone(), many(device, 5000));
-    let hits = within(move || {
-        let turn = |_| OWN.with(|own| step(own.borrow_mut().get_or_insert_with(|| world(&device))));
-        let pool = workers(2);
-        let each = (0..count).into_par_iter().with_max_len(1);
-        let hits = pool.install(|| each.map(turn).sum::<usize>());
-        // Some drivers fail if a thread exits while it owns a device.
-        pool.broadcast(|_| OWN.with(RefCell::take));
-        hits
-    });
-    assert_eq!(hits, count);
-}
-
-/// Tests worlds in tokio tasks, blocking and not, and one tracer that tasks share.
-pub(crate) fn tokio(device: &Device) {
-    let (device, count) = (device.clone(), many(device, 2000));
-    let hits = within(move || {
-        let mut builder = tokio::runtime::Builder::new_multi_thread();
-        let runtime = builder.worker_threads(2).max_blocking_threads(4).build();
-        let runtime = runtime.unwrap();
-        let shared = Arc::new(Mutex::new(world(&device)));
-        let hits = worlds(&runtime, &device, count) + turns(&runtime, &shared, count);
-        drop(shared);
-        hits
-    });
-    assert_eq!(hits, 2 * count);
-}
-
-fn worlds(runtime: &Runtime, device: &Device, count: usize) -> usize {
-    let task = |i| {
-        let device = device.clone();
-        let own = move || step(&mut world(&device));
-        match i % 3 {
-            0 => runtime.spawn_blocking(own),
-            1 => runtime.spawn(async move { tokio::task::block_in_place(own) }),
-            _ => runtime.spawn(async move { own() }),
-        }
-    };
-    let tasks: Vec<_> = (0..count).map(task).collect();
-    let hits = tasks
-        .into_iter()
-        .map(|task| runtime.block_on(task).unwrap());
-    hits.sum()
-}
-
-fn turns(runtime: &Runtime, tracer: &Arc<Mutex<Tracer>>, count: usize) -> usize {
-    let task = |i| {
-        let tracer = Arc::clone(tracer);
-        let turn = move || step(&mut tracer.lock().unwrap());
-        match i % 2 {
-            0 => runtime.spawn_blocking(turn),
-            _ => runtime.spawn(async move { turn() }),
-        }
-    };
-    let tasks: Vec<_> = (0..count).map(task).collect();
-    let hits = tasks
-        .into_iter()
-        .map(|task| runtime.block_on(task).unwrap());
-    hits.sum()
 }
 
 /// Makes every kind of call, with meshes large enough to be processed in parallel. `between` runs before each call.
