@@ -2,9 +2,10 @@
 //!
 //! Tests run one at a time, because they share the process. `ABVH_FULL=1` takes 20,000 steps of all kinds.
 
-use abvh::{Camera, CameraPose, Device, Mesh, MeshId, Query, Ray, Scene, Source, Tracer};
-use integration::{is_full, is_required};
-use libtest_mimic::{Arguments, Trial};
+use abvh::{Device, Mesh, MeshId, Query, Ray, Scene, Source, Tracer};
+use integration::stage::vast_camera;
+use integration::{device_trial, ignored_if, is_full};
+use libtest_mimic::Arguments;
 use std::io::Write;
 
 /// Bytes by which the process may grow, because allocators and drivers keep some memory for reuse.
@@ -69,13 +70,7 @@ impl Moving {
             return Ok(());
         }
         if end == End::Refused {
-            let pose = CameraPose::new([0.0, 5.0, 0.1], [0.0; 3]).with_fov(60.0);
-            let vast = Camera {
-                width: u32::MAX,
-                height: u32::MAX,
-                ..Camera::look_at(pose, [1, 1]).unwrap()
-            };
-            step.trace(&vast, Query::Closest)?;
+            step.trace(&vast_camera(), Query::Closest)?;
             assert!(step.submit().is_err());
             return Ok(());
         }
@@ -101,8 +96,8 @@ fn resident() -> Option<usize> {
     Some(kilobytes << 10)
 }
 
-fn stays_flat(device: &Device, ends: &[End]) -> Result<(), libtest_mimic::Failed> {
-    let mut live = Moving::new(device)?;
+fn stays_flat(device: &Device, ends: &[End]) {
+    let mut live = Moving::new(device).unwrap();
     let is_long = is_full() && ends.len() == ALL.len();
     let steps = if is_long { 20_000 } else { 600 };
     let mut before = None;
@@ -110,42 +105,29 @@ fn stays_flat(device: &Device, ends: &[End]) -> Result<(), libtest_mimic::Failed
         if i == 200 {
             before = resident();
         }
-        live.step(i, ends[i % ends.len()])?;
+        live.step(i, ends[i % ends.len()]).unwrap();
     }
     let (before, after) = before.zip(resident()).unwrap_or_default();
     let mut out = std::io::stdout();
-    writeln!(
-        out,
-        "{device:?}, {ends:?}: {before} bytes, {after} after {steps} steps"
-    )?;
-    match after > before + SLACK {
-        true => Err(format!("{before} bytes became {after} in {steps} steps").into()),
-        false => Ok(()),
-    }
+    let course = format!("{before} bytes, {after} after {steps} steps");
+    writeln!(out, "{device:?}, {ends:?}: {course}").unwrap();
+    assert!(after <= before + SLACK, "{course}");
 }
 
 fn main() {
-    let devices = [
-        ("cpu", Device::Cpu),
-        ("vulkan", Device::Vulkan(None)),
-        ("wgpu", Device::Wgpu(None)),
-    ];
+    let unknown = match resident() {
+        Some(_) => None,
+        None => Some("the operating system does not report memory"),
+    };
     let mut trials = Vec::new();
-    for (name, device) in devices {
-        let absent = Tracer::builder().device(device.clone()).build(Scene::new());
-        let absent = absent.err().map(|e| e.to_string());
-        let unknown = resident().is_none();
+    for (name, device, absent) in integration::devices() {
         for (kind, ends) in ENDS {
-            let (device, why) = (device.clone(), absent.clone());
-            let trial = Trial::test(
-                format!("{name}::{kind}_do_not_leak_memory"),
-                move || match why {
-                    Some(why) => Err(why.into()),
-                    None => stays_flat(&device, ends),
-                },
-            );
-            let is_ignored = unknown || (absent.is_some() && !is_required(name));
-            trials.push(trial.with_ignored_flag(is_ignored));
+            let device = device.clone();
+            let full_name = format!("{name}::{kind}_do_not_leak_memory");
+            let trial = device_trial(full_name, name, absent.clone(), move || {
+                stays_flat(&device, ends);
+            });
+            trials.push(ignored_if(trial, unknown));
         }
     }
     let arguments = Arguments {

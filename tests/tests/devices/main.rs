@@ -27,8 +27,7 @@ use backend::Inspect;
 use geom::lock;
 use gpu_common::{ComputeBackend, GpuDevice, Options, Validation};
 use gpu_vulkan::VulkanBackend;
-use integration::is_required;
-use libtest_mimic::Trial;
+use integration::{device_trial, ignored_if, is_required, trial};
 use shaders::BufferName;
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex};
@@ -187,9 +186,10 @@ fn main() -> ExitCode {
         ("vulkan", &no_vulkan, vulkan, open_vulkan),
         ("wgpu", &no_wgpu, wgpu, open_wgpu),
     ] {
-        let excused = excused(absent, name);
         let own = if name == "vulkan" { OF_KERNELS } else { &[] };
-        let trial = |property, body| trial(format!("{name}::{property}"), excused.as_deref(), body);
+        let trial = |property, body: Box<dyn FnOnce() + Send>| {
+            device_trial(format!("{name}::{property}"), name, absent.clone(), body)
+        };
         for &(property, body) in SHARED.iter().chain(own) {
             let device = Arc::clone(device);
             trials.push(trial(property, Box::new(move || watch(&device, body))));
@@ -219,7 +219,7 @@ fn main() -> ExitCode {
     for (all, why) in own {
         let each = all
             .iter()
-            .map(|&(name, body)| trial(name.to_owned(), why.as_deref(), Box::new(body)));
+            .map(|&(name, body)| ignored_if(trial(name, body), why.clone()));
         trials.extend(each);
     }
     libtest_mimic::run(&arguments, trials).exit_code()
@@ -231,15 +231,4 @@ fn watch(device: &Mutex<backend::Result<Box<dyn Subject>>>, body: impl FnOnce(&m
     let subject = &mut **device.as_mut().unwrap();
     body(subject);
     assert_eq!(subject.complaints(), [""; 0]);
-}
-
-fn trial(name: String, lacks: Option<&str>, body: Box<dyn FnOnce() + Send>) -> Trial {
-    let trial = Trial::test(name, move || {
-        body();
-        Ok(())
-    });
-    match lacks {
-        Some(why) => trial.with_kind(why).with_ignored_flag(true),
-        None => trial,
-    }
 }

@@ -4,7 +4,7 @@ use crate::lent::{Met, OnHost, Sheets, bits, sheet, two_sheets};
 use crate::scenes::{
     SHADOWED, camera, hits, open, record_refit, submit_trace, swarm, trace, tree_at,
 };
-use crate::wgpu_lent::{bytes_of, device_with, lent, own_device};
+use crate::wgpu_lent::{bytes_of, lent, own_device};
 use crate::wgpu_points::Own;
 use abvh::own_device::{
     OwnDevice, RayBuffers, required_features, required_limits, useful_features,
@@ -13,6 +13,7 @@ use abvh::{
     Device, Error, Intersector, Mesh, Query, QueryId, Ray, Scene, Source, StepId, Tracer, Update,
 };
 use backend::{Backend, Generation, Rays};
+use integration::stage::own_device_with;
 use std::iter::zip;
 use wgpu::{Buffer, BufferUsages, CommandEncoder};
 
@@ -320,7 +321,7 @@ pub(crate) fn tree_outlives_commands_that_read_it() {
     let (animation, camera) = (swarm(300), camera());
     let limits = gpu_wgpu::required_limits(&animation, camera.pixels());
     let features = required_features() | useful_features();
-    let own = device_with(features, limits);
+    let own = own_device_with(features, limits);
     let mut backend = lent(&own).unwrap();
     open(&mut backend, &animation);
     record_refit(&mut backend, &animation, 0.3);

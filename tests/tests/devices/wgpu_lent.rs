@@ -11,37 +11,15 @@ use backend::{
 use geom::{Aabb, Animation, Camera, Ray};
 use gpu_common::Options;
 use gpu_wgpu::{WgpuBackend, from_device, required_features, required_limits, useful_features};
+use integration::stage::own_device_with;
 use std::sync::atomic::{AtomicU32, Ordering};
-use std::sync::{Arc, LazyLock, mpsc};
+use std::sync::{Arc, mpsc};
 use wgpu::util::{DeviceExt, DownloadBuffer};
 use wgpu::{Buffer, BufferUsages, Limits};
 
-/// Opens a device on the first adapter, with those of `features` that it has, and with `limits`.
-pub(crate) fn device_with(features: wgpu::Features, limits: Limits) -> OwnDevice {
-    static ADAPTER: LazyLock<wgpu::Adapter> = LazyLock::new(|| {
-        let mut desc = wgpu::InstanceDescriptor::new_without_display_handle();
-        desc.flags = wgpu::InstanceFlags::empty();
-        let instance = wgpu::Instance::new(desc);
-        let all = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
-        all.into_iter().next().unwrap()
-    });
-    let desc = wgpu::DeviceDescriptor {
-        required_features: features & ADAPTER.features(),
-        required_limits: limits,
-        ..Default::default()
-    };
-    let (device, queue) = pollster::block_on(ADAPTER.request_device(&desc)).unwrap();
-    let info = ADAPTER.get_info();
-    OwnDevice {
-        device,
-        queue,
-        info,
-    }
-}
-
 /// Opens a device with required features only.
 pub(crate) fn own_device(limits: Limits) -> OwnDevice {
-    device_with(required_features(), limits)
+    own_device_with(required_features(), limits)
 }
 
 /// Creates a backend on the device.
@@ -136,7 +114,7 @@ pub(crate) fn device_with_few_buffers_is_refused() {
 pub(crate) fn lent_device_keeps_its_handlers() {
     let (animation, camera) = (swarm(300), camera());
     let limits = required_limits(&animation, camera.pixels());
-    let own = device_with(useful_features(), limits);
+    let own = own_device_with(useful_features(), limits);
     let device = &own.device;
     let (heard, lost) = (Arc::new(AtomicU32::new(0)), Arc::new(AtomicU32::new(0)));
     let counter = Arc::clone(&heard);
@@ -171,7 +149,7 @@ pub(crate) fn stages_are_timed_within_shared_passes() {
     let within = wgpu::Features::TIMESTAMP_QUERY_INSIDE_PASSES;
     for features in [useful_features(), useful_features() - within] {
         let limits = required_limits(&animation, camera.pixels());
-        let own = device_with(features, limits);
+        let own = own_device_with(features, limits);
         let features = own.device.features();
         let mut backend = lent(&own).unwrap();
         open(&mut backend, &animation);

@@ -1,6 +1,5 @@
 //! Rays that take devices extra work: from far away, at ties, and at hits that a first search leaves open.
 
-use crate::device_trial;
 use crate::exact::check;
 use backend::{Backend, Hits, Intersector, QueryKind, Rays};
 use conformance::oracle::Oracle;
@@ -8,29 +7,13 @@ use conformance::stage::triangles;
 use conformance::{Target, aimed};
 use geom::{Animation, Camera, CameraPose, Hit, Point, Ray};
 use integration::stage::{Stage, camera, light};
-use libtest_mimic::Trial;
 use std::f32::consts::TAU;
 use std::sync::Arc;
 
-pub(crate) type Opened = backend::Result<Box<dyn Backend>>;
-
-/// Creates one test per device, ignored if the device is absent.
-pub(crate) fn trials() -> Vec<Trial> {
-    let vulkan = gpu_vulkan::open(&Default::default());
-    let wgpu = gpu_wgpu::open(&Default::default());
-    let both: [(&str, Opened); 2] = [
-        ("vulkan", vulkan.map(|b| Box::new(b) as _)),
-        ("wgpu", wgpu.map(|b| Box::new(b) as _)),
-    ];
-    let trial = |(name, backend): (&str, Opened)| {
-        let absent = backend.as_ref().err().map(ToString::to_string);
-        device_trial("hard_rays", name, absent, move || {
-            let backend = against_the_oracle(backend?);
-            against_the_host(watertight(backend));
-            Ok(())
-        })
-    };
-    both.map(trial).into()
+/// Tests hard rays, and hard pictures against the host.
+pub(crate) fn rays(backend: Box<dyn Backend>) -> Box<dyn Backend> {
+    let backend = against_the_oracle(backend);
+    against_the_host(watertight(backend))
 }
 
 fn open(demo: &str) -> Arc<Animation> {
@@ -144,7 +127,7 @@ struct Picture {
 }
 
 /// Checks that the device's hits equal the host's, bit for bit.
-fn against_the_host(mut backend: Box<dyn Backend>) {
+fn against_the_host(mut backend: Box<dyn Backend>) -> Box<dyn Backend> {
     for picture in pictures() {
         let light = picture.light;
         let kind = QueryKind::ClosestAndShadow { light };
@@ -163,6 +146,7 @@ fn against_the_host(mut backend: Box<dyn Backend>) {
         assert!(other.is_none(), "{other:?} by {:?}", picture.camera);
         backend = device.into_backend();
     }
+    backend
 }
 
 fn pictures() -> Vec<Picture> {

@@ -4,10 +4,14 @@ mod exact;
 mod hard;
 mod rounding;
 
+use backend::Backend;
+use cpu_ref::CpuBackend;
+use geom::lock;
 use integration::scenes::{DEMOS, REAL};
-use integration::{is_required, trial};
-use libtest_mimic::{Failed, Trial};
+use integration::{device_trial, trial};
+use libtest_mimic::Trial;
 use std::process::ExitCode;
+use std::sync::{Arc, Mutex};
 
 fn main() -> ExitCode {
     let arguments = integration::arguments();
@@ -17,22 +21,66 @@ fn main() -> ExitCode {
         trials.push(scene.trial("shadows_match_the_oracle", exact::shadows));
         trials.push(scene.trial("rays_match_the_oracle", exact::rays));
     }
-    trials.extend(hard::trials());
-    trials.extend(rounding::trials());
+    trials.extend(device_trials());
     trials.push(trial("odd_scenes", exact::odd_scenes));
     libtest_mimic::run(&arguments, trials).exit_code()
 }
 
-/// Creates a test of a property on a device. If the device is absent, the test is ignored with the reason `absent`, or
-/// fails if the device is required.
-fn device_trial(
-    property: &str,
-    device: &str,
-    absent: Option<String>,
-    body: impl FnOnce() -> Result<(), Failed> + Send + 'static,
-) -> Trial {
-    let is_ignored = absent.is_some() && !is_required(device);
-    Trial::test(format!("{property}_on_{device}"), body)
-        .with_ignored_flag(is_ignored)
-        .with_kind(absent.unwrap_or_default())
+type Test = (&'static str, fn(Box<dyn Backend>) -> Box<dyn Backend>);
+
+/// Tests of every device. Each returns the backend for the next test.
+const OF_DEVICES: [Test; 4] = [
+    (
+        "boxes_near_the_origin_lose_no_exact_hit",
+        rounding::near_the_origin,
+    ),
+    (
+        "small_determinants_decide_no_distance",
+        rounding::small_determinants,
+    ),
+    (
+        "ties_at_zero_go_to_the_lowest_triangle",
+        rounding::ties_at_zero,
+    ),
+    (
+        "needles_in_a_picture_equal_single_rays",
+        rounding::needles_in_a_picture,
+    ),
+];
+/// Tests of GPUs.
+const OF_GPUS: [Test; 1] = [("hard_rays", hard::rays)];
+
+type Open = fn() -> backend::Result<Box<dyn Backend>>;
+
+fn device_trials() -> Vec<Trial> {
+    let devices: [(&str, Open, &[Test]); 4] = [
+        ("cpu-ref", || Ok(Box::new(CpuBackend::new(Some(2))?)), &[]),
+        ("cpu", || Ok(Box::new(cpu_simd::open(Some(2))?)), &[]),
+        (
+            "vulkan",
+            || Ok(Box::new(gpu_vulkan::open(&Default::default())?)),
+            &OF_GPUS,
+        ),
+        (
+            "wgpu",
+            || Ok(Box::new(gpu_wgpu::open(&Default::default())?)),
+            &OF_GPUS,
+        ),
+    ];
+    let mut trials = Vec::new();
+    for (name, open, own) in devices {
+        let opened = open();
+        let absent = opened.as_ref().err().map(|e| e.to_string());
+        let idle = Arc::new(Mutex::new(opened.ok()));
+        for &(property, test) in OF_DEVICES.iter().chain(own) {
+            let (idle, full_name) = (Arc::clone(&idle), format!("{property}_on_{name}"));
+            trials.push(device_trial(full_name, name, absent.clone(), move || {
+                let mut idle = lock(&idle);
+                // A failed test has dropped its backend.
+                let backend = idle.take().map_or_else(open, Ok).unwrap();
+                *idle = Some(test(backend));
+            }));
+        }
+    }
+    trials
 }

@@ -1,54 +1,13 @@
 //! Rays and triangles at which an error bound decides whether a hit is found: "What a hit is", `docs/design/hits.md`.
 
-use crate::device_trial;
 use crate::exact::check;
-use crate::hard::{Opened, still};
+use crate::hard::still;
 use backend::{Backend, Intersector, QueryKind, Rays};
 use conformance::oracle::Oracle;
 use conformance::stage::triangles;
 use geom::{Animation, Camera, Point, Ray};
 use integration::stage::Stage;
-use libtest_mimic::Trial;
 use std::sync::Arc;
-
-type Open = fn() -> Opened;
-type Check = fn(Box<dyn Backend>);
-
-/// Creates the tests of each device, ignored if the device is absent.
-pub(crate) fn trials() -> Vec<Trial> {
-    let open: [(&str, Open); 4] = [
-        ("cpu-ref", || {
-            Ok(Box::new(cpu_ref::CpuBackend::new(Some(2))?))
-        }),
-        ("cpu", || Ok(Box::new(cpu_simd::open(Some(2))?))),
-        ("vulkan", || {
-            Ok(Box::new(gpu_vulkan::open(&Default::default())?))
-        }),
-        ("wgpu", || {
-            Ok(Box::new(gpu_wgpu::open(&Default::default())?))
-        }),
-    ];
-    let tests: [(&str, Check); 4] = [
-        ("boxes_near_the_origin_lose_no_exact_hit", near_the_origin),
-        ("small_determinants_decide_no_distance", small_determinants),
-        ("ties_at_zero_go_to_the_lowest_triangle", ties_at_zero),
-        (
-            "needles_in_a_picture_equal_single_rays",
-            needles_in_a_picture,
-        ),
-    ];
-    let mut trials = Vec::new();
-    for (name, open) in open {
-        let absent = open().err().map(|e| e.to_string());
-        for (property, test) in tests {
-            trials.push(device_trial(property, name, absent.clone(), move || {
-                test(open()?);
-                Ok(())
-            }));
-        }
-    }
-    trials
-}
 
 /// A scene of separate triangles.
 fn soup(corners: &[[Point; 3]]) -> Arc<Animation> {
@@ -60,17 +19,22 @@ fn soup(corners: &[[Point; 3]]) -> Arc<Animation> {
 /// Keeps the scene's scale at 1, away from all rays.
 const FAR: [Point; 3] = [[1.0, 5.0, 5.0], [1.0, 6.0, 5.0], [1.0, 5.0, 6.0]];
 
-fn against_the_oracle(backend: Box<dyn Backend>, corners: &[[Point; 3]], rays: &[Ray]) {
+fn against_the_oracle(
+    backend: Box<dyn Backend>,
+    corners: &[[Point; 3]],
+    rays: &[Ray],
+) -> Box<dyn Backend> {
     let animation = soup(corners);
     let oracle = Oracle::new(triangles(&animation, 0.0));
     let mut stage = Stage::over(backend, &animation, Intersector::Exact);
     let expected = check(&mut stage, &oracle, 0.0, rays);
     assert!(expected.iter().any(Option::is_some), "no ray hits anything");
+    stage.into_backend()
 }
 
 /// The box of this triangle is so near to the ray's start that its padding would be less than the coordinates that
 /// count as zero.
-fn near_the_origin(backend: Box<dyn Backend>) {
+pub(crate) fn near_the_origin(backend: Box<dyn Backend>) -> Box<dyn Backend> {
     let (step, width) = ((-47_f32).exp2(), (-64_f32).exp2());
     let x = (-24_f32).exp2() + step;
     let near = [
@@ -79,11 +43,11 @@ fn near_the_origin(backend: Box<dyn Backend>) {
         [x, -0.9 * width, 0.0],
     ];
     let ray = Ray::new([x - step, 0.0, 0.0], [1.0, 0.95 * (-17_f32).exp2(), 0.0]);
-    against_the_oracle(backend, &[FAR, near], &[ray]);
+    against_the_oracle(backend, &[FAR, near], &[ray])
 }
 
 /// Products of this triangle's edge functions and depths underflow. The rays end or begin just before its plane.
-fn small_determinants(backend: Box<dyn Backend>) {
+pub(crate) fn small_determinants(backend: Box<dyn Backend>) -> Box<dyn Backend> {
     let (size, start) = ((-50_f32).exp2(), (-16_f32).exp2());
     let depth = start * (-23_f32).exp2();
     let z = start + depth;
@@ -107,12 +71,12 @@ fn small_determinants(backend: Box<dyn Backend>) {
             t_max,
         }
     });
-    against_the_oracle(backend, &[FAR, near], &rays.collect::<Vec<_>>());
+    against_the_oracle(backend, &[FAR, near], &rays.collect::<Vec<_>>())
 }
 
 /// A ray from within two triangles, both hit at zero. The first one's box begins behind the ray's start, at a distance
 /// that rounds to zero.
-fn ties_at_zero(mut backend: Box<dyn Backend>) {
+pub(crate) fn ties_at_zero(mut backend: Box<dyn Backend>) -> Box<dyn Backend> {
     let first = [
         [-2.052_907_2e-19, 1.577_45e-19, 1.084_211e-19],
         [8.673_617e-19, 3.835_551_2e-19, 2.997_596e-19],
@@ -137,6 +101,7 @@ fn ties_at_zero(mut backend: Box<dyn Backend>) {
         assert_eq!((hit.triangle, hit.t), (0, 0.0), "{corners:?}");
         backend = stage.into_backend();
     }
+    backend
 }
 
 const EYE: Point = [0.3, 0.2, 0.1];
@@ -191,7 +156,7 @@ fn needles(camera: &Camera) -> Arc<Animation> {
     soup(&corners)
 }
 
-fn needles_in_a_picture(backend: Box<dyn Backend>) {
+pub(crate) fn needles_in_a_picture(backend: Box<dyn Backend>) -> Box<dyn Backend> {
     let camera = askew();
     let animation = needles(&camera);
     let rays: Vec<Ray> = camera.rays().collect();
@@ -212,4 +177,5 @@ fn needles_in_a_picture(backend: Box<dyn Backend>) {
         "pixel {other:?}: {:?}",
         other.map(|i| (expected[i], found[i]))
     );
+    stage.into_backend()
 }

@@ -35,12 +35,8 @@ impl Subject {
     ) -> Trial {
         let name = format!("{what}::{}", self.0);
         let trial = trial(&name, move |s| body(s, self.0));
-        match ABSENT.get(self.0) {
-            None => trial,
-            Some(why) => trial
-                .with_kind(format!("absent: {why}"))
-                .with_ignored_flag(true),
-        }
+        let absent = ABSENT.get(self.0);
+        integration::ignored_if(trial, absent.map(|why| format!("absent: {why}")))
     }
 }
 
