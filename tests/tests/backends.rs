@@ -4,14 +4,15 @@
 //! `ABVH_REQUIRE_BACKENDS=cpu,wgpu,vulkan` makes them fail instead. GPU backends run under the Vulkan validation layers
 //! where these are installed, and any message is a failure. A required `vulkan` needs the layers too, unless
 //! `ABVH_VALIDATION=if-installed`. `ABVH_CASES` and `ABVH_SEED` choose the number of cases and the cases of a property.
-//! A case that fails is stored in `tests/proptest-regressions`. Stored cases are tested before others.
+//! A case that fails is stored in `tests/proptest-regressions`. Stored cases are tested before others. `ABVH_FULL=1`
+//! tests `wgpu` with every intersector, and also with the kernels that devices without features use (`wgpu-wgsl`).
 
 use backend::Inspect;
 use conformance::{Cases, Disagreement, Minimal, PROPERTIES, Property, Reference, check_property};
 use cpu_ref::CpuBackend;
 use gpu_common::{Options, Validation};
 use integration::regressions::{Regressions, StoredCase};
-use integration::{is_required, number};
+use integration::{is_full, is_required, number};
 use libtest_mimic::Trial;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -54,7 +55,11 @@ fn wgpu(checks_kernels: bool) -> backend::Result<Box<dyn Inspect>> {
 
 fn main() {
     let arguments = integration::arguments();
-    let of_each = BACKENDS.iter().map(|&backend| trials_of(backend));
+    // Another test compares these kernels with the usual ones: `wgpu_lent::featureless_device_gives_same_hits`.
+    let tested = BACKENDS
+        .iter()
+        .filter(|(name, ..)| *name != "wgpu-wgsl" || is_full());
+    let of_each = tested.map(|&backend| trials_of(backend));
     // Interleaves the backends' tests: tests of one backend wait for each other, tests of different backends do not.
     let mut trials: Vec<_> = of_each.flat_map(|all| (0..).zip(all)).collect();
     trials.sort_by_key(|&(n, _): &(u32, _)| n);
@@ -108,8 +113,8 @@ fn trials_of((name, requirement, open): (&'static str, &str, Open)) -> Vec<Trial
     let reference = Reference::new(Box::new(host));
     // The number is that of the complaints reported so far. It starts at 0, to include complaints while opening.
     let shared = Arc::new(Mutex::new((opened, reference, 0)));
-    // A software driver would take a minute to compile a third variant of all kernels.
-    let is_narrowed = name == "wgpu-wgsl" && !integration::is_full();
+    // A software driver would take minutes to compile all kernels again. `vulkan` uses the same ones.
+    let is_narrowed = requirement == "wgpu" && !is_full();
     let trial = |property: &Property| {
         let shared = Arc::clone(&shared);
         let property = if is_narrowed {
@@ -154,9 +159,8 @@ fn trials_of((name, requirement, open): (&'static str, &str, Open)) -> Vec<Trial
 /// one only in device, kernel variant or preference. The full tier has more.
 fn cases(name: &str) -> u32 {
     let default = match name {
-        _ if integration::is_full() => 36,
+        _ if is_full() => 36,
         "wgpu" => 5,
-        "wgpu-wgsl" => 4,
         _ => 15,
     };
     u32::try_from(number("ABVH_CASES", default)).unwrap_or(u32::MAX)

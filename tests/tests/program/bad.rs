@@ -72,11 +72,7 @@ trace a.obj --time 0 --out hits.npz --rays text.npy | text.npy
 /// Further cases, to which no backend may be added. Control characters must be escaped, because terminals obey them.
 const OTHERS: &str = "
 paint demo:twist | paint
-render demo:twist:100 --backend vulkan-rt | vulkan-rt is a rival | --rival vulkan-rt
 bench demo:twist:500 --backend cpu --update device-rebuild --rival embree | nothing is left to measure | embree with device-rebuild
-render demo:twist:100 --intersector auto | --intersector auto was removed | watertight
-render demo:twist:100 --tolerance 0 | --tolerance was removed | watertight
-render demo:twist:100 --update t-sah | --update t-sah was removed | --update refit
 render demo:twist:100 --backend vulkan --adapter none | vulkan
 inspect a.obj+ | a.obj+ | no name
 inspect + | no name

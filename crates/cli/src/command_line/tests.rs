@@ -125,6 +125,7 @@ trace a.ply --time 0 --rays r --out o --update device-rebuild --builder-threads 
 bench --intersector exact,auto | --intersector auto was removed | use --intersector watertight
 bench --update device-rebuild --builder-threads 2 | --builder-threads | host
 bench a.obj b.ply --fps 12 | --fps | .gltf
+stress --update device-rebuild | possible values: rebuild, refit, async
 chart --fps 12 | --fps | .gltf
 inspect demo:twist --fps 12 | --fps | .gltf
 inspect demo:twist+demo:hall --recentre | --recentre | files
