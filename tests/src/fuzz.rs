@@ -33,8 +33,6 @@ pub const GLTF: Format = format("gltf", "gltf", scene);
 pub const GLB: Format = format("glb", "glb", scene);
 /// Lists of rays.
 pub const NPY: Format = format("npy", "npy", rays);
-/// The topology of a tree, as little-endian words.
-pub const TOPOLOGY: Format = format("topology", "bin", topology);
 /// Command-line arguments after `abvh`, one per line.
 pub const COMMAND: Format = format("command", "txt", command);
 
@@ -138,13 +136,4 @@ fn word(bytes: &[u8]) -> OsString {
 fn rays(path: &Path) -> Result<(), String> {
     let rays = output::RayFile::open(path).and_then(|file| file.read([0.0; 3]));
     rays.map(drop).map_err(|e| e.to_string())
-}
-
-fn topology(path: &Path) -> Result<(), String> {
-    let bytes = fs::read(path).map_err(|e| e.to_string())?;
-    let words = bytes.as_chunks().0.iter();
-    let words: Vec<u32> = words.map(|word| u32::from_le_bytes(*word)).collect();
-    let record = bvh_layout::Topology::from_words(words.clone()).map_err(|e| e.to_string())?;
-    assert_eq!(record.words(), words, "a record is what it was made from");
-    Ok(())
 }

@@ -4,7 +4,7 @@
 //! A case that fails stays in the target directory, and its path is printed.
 
 use cap::Cap;
-use integration::fuzz::{COMMAND, Format, GLB, GLTF, Mutator, NPY, OBJ, PLY, TOPOLOGY};
+use integration::fuzz::{COMMAND, Format, GLB, GLTF, Mutator, NPY, OBJ, PLY};
 use std::alloc::System;
 use std::panic;
 use std::path::Path;
@@ -34,7 +34,7 @@ fn cases(format: Format, count: usize) -> impl Iterator<Item = Vec<u8>> {
 }
 
 /// Formats that are read without starting a process.
-const READ: [Format; 6] = [OBJ, PLY, GLTF, GLB, NPY, TOPOLOGY];
+const READ: [Format; 5] = [OBJ, PLY, GLTF, GLB, NPY];
 
 fn load_mutated(format: Format, full: usize) {
     let name = format!("{}-failed.{}", format.name, format.extension);

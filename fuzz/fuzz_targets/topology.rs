@@ -1,3 +1,0 @@
-#![no_main]
-
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| integration::fuzz::TOPOLOGY.load_bytes(bytes));
