@@ -56,7 +56,7 @@ fn within<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> T {
 pub(crate) fn tasks_own_tracers(device: &Device) {
     let device = device.clone();
     // GPUs take long to open.
-    let count = if device == Device::Cpu { 100 } else { 6 };
+    let count = if device == Device::Cpu { 20 } else { 6 };
     let hits = within(move || {
         let each = (0..count).into_par_iter().with_max_len(1);
         workers(2).install(|| each.map(|_| step(&mut world(&device))).sum::<usize>())
