@@ -79,7 +79,7 @@ fn refused(sandbox: &Sandbox) {
 const FAMILIES: usize = 21;
 
 fn expected(sandbox: &Sandbox) {
-    let (run, json) = sandbox.run_json("stability --backend cpu --rays 2048", "--json");
+    let (run, json) = sandbox.run_json("stability --backend cpu --rays 1024", "--json");
     let rows = list(&json["rows"]);
     assert!(json["schema"] == 1 && json["seed"] == 1, "{json}");
     assert_eq!(rows.len(), 4 * FAMILIES);
@@ -96,7 +96,7 @@ fn expected(sandbox: &Sandbox) {
             closed += 1;
             let none = |what: &str| row[what]["count"] == 0 && row[what]["bound"][1] == 0.0;
             // Closed triangles may share a hit, so double hits of `exact` are not counted.
-            let counted = row["double_hits"]["rays"] == 2048 && none("double_hits");
+            let counted = row["double_hits"]["rays"] == 1024 && none("double_hits");
             assert!(none("leaks") && (counted || exact), "{row}");
         }
     }
@@ -109,7 +109,7 @@ fn expected(sandbox: &Sandbox) {
 }
 
 fn repeatable(sandbox: &Sandbox) {
-    let words = "stability --backend cpu --intersector woop --rays 600 --quiet --seed";
+    let words = "stability --backend cpu --intersector woop --rays 200 --quiet --seed";
     let [first, again, other] = [4, 4, 5].map(|seed| sandbox.run_ok(&format!("{words} {seed}")));
     assert_eq!(first.stdout, again.stdout);
     assert_ne!(first.stdout, other.stdout);
