@@ -256,8 +256,9 @@ impl From<&scene::Scene> for Mesh {
 
 /// Copies a slice. Returns [`Error::OutOfMemory`] if the allocation fails.
 fn copied<T: Copy>(from: &[T]) -> Result<Vec<T>> {
-    let empty = host::try_with_capacity(from.len());
-    let mut copy = empty.map_err(|e| Error::OutOfMemory(format!("no memory for a mesh: {e}")))?;
+    let mut copy = Vec::new();
+    let reserved = host::reserve(&mut copy, from.len());
+    reserved.map_err(|e| Error::OutOfMemory(format!("no memory for a mesh: {e}")))?;
     copy.extend_from_slice(from);
     Ok(copy)
 }

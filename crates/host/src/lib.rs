@@ -3,12 +3,12 @@
 //! Only regular files are opened, because reading a pipe or a device may block or never end. Memory is checked before
 //! it is allocated.
 
-use std::collections::TryReserveError;
 use std::fmt;
 use std::fs::{self, File, FileType, Metadata, OpenOptions};
 use std::io::{self, ErrorKind, Read};
 use std::num::NonZero;
 use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Libraries of NVIDIA's Vulkan driver. The first one works without display libraries.
 pub const NVIDIA_LIBRARIES: [&str; 2] = ["libEGL_nvidia.so.0", "libGLX_nvidia.so.0"];
@@ -40,12 +40,18 @@ pub struct InsufficientMemory {
 
 /// Checks that `need` bytes can be allocated. Always succeeds if the free memory is unknown.
 pub fn check_memory(need: u64) -> Result<(), InsufficientMemory> {
-    // Small requests are not checked, because the query takes longer than the allocation.
-    const ALWAYS: u64 = 1 << 20;
-    if need <= ALWAYS {
+    // Small requests are checked together, because the query takes longer than the allocation.
+    const SMALL: u64 = 1 << 20;
+    static UNCHECKED: AtomicU64 = AtomicU64::new(0);
+    if need > SMALL {
+        return check_against(need, free());
+    }
+    if UNCHECKED.fetch_add(need, Ordering::Relaxed) + need <= SMALL {
         return Ok(());
     }
-    check_against(need, free())
+    UNCHECKED.store(0, Ordering::Relaxed);
+    // As many requests may follow before the next query, and allocations that are not checked.
+    check_against(4 * SMALL, free())
 }
 
 /// Checks that `need` is at most the free memory. Succeeds if `free` is `None`.
@@ -56,11 +62,19 @@ pub fn check_against(need: u64, free: Option<FreeMemory>) -> Result<(), Insuffic
     }
 }
 
-/// Returns an empty list with capacity for `count` elements, or an error if the allocator refuses.
-pub fn try_with_capacity<T>(count: usize) -> Result<Vec<T>, TryReserveError> {
-    let mut list = Vec::new();
-    list.try_reserve_exact(count)?;
-    Ok(list)
+/// Ensures that `more` elements can be added to a list. Checks the free memory before the list grows.
+///
+/// # Errors
+/// Returns [`ErrorKind::OutOfMemory`] if the memory is not free or the allocator refuses.
+pub fn reserve<T>(list: &mut Vec<T>, more: usize) -> io::Result<()> {
+    if list.capacity() - list.len() >= more {
+        return Ok(());
+    }
+    // At least doubles the capacity. Otherwise adding one element at a time would take quadratic time.
+    let capacity = list.len().saturating_add(more).max(2 * list.capacity());
+    let bytes = (capacity as u64).saturating_mul(size_of::<T>() as u64);
+    check_memory(bytes).map_err(|e| io::Error::new(ErrorKind::OutOfMemory, e))?;
+    Ok(list.try_reserve_exact(capacity - list.len())?)
 }
 
 /// Returns the minimum of the free memory of the machine, its control groups and the process limits. Only implemented
@@ -102,8 +116,8 @@ pub fn open(path: &Path) -> io::Result<File> {
 pub fn read(path: &Path) -> io::Result<Vec<u8>> {
     let mut file = open(path)?;
     let size = usize::try_from(file.metadata()?.len()).unwrap_or(usize::MAX);
-    check_memory(size as u64).map_err(|e| io::Error::new(ErrorKind::OutOfMemory, e))?;
-    let mut bytes = try_with_capacity(size).map_err(io::Error::from)?;
+    let mut bytes = Vec::new();
+    reserve(&mut bytes, size)?;
     file.read_to_end(&mut bytes)?;
     refuse_pointer(&bytes)?;
     Ok(bytes)
@@ -267,7 +281,8 @@ mod tests {
         assert!(check_memory(1 << 22).is_ok());
         let e = check_memory(1 << 60).unwrap_err();
         assert!(e.free.bytes < 1 << 60 && e.need == 1 << 60);
-        assert!(try_with_capacity::<u64>(usize::MAX / 8).is_err());
+        let e = reserve::<u64>(&mut Vec::new(), 1 << 57).unwrap_err();
+        assert_eq!(e.kind(), ErrorKind::OutOfMemory);
     }
 
     #[cfg(target_os = "linux")]

@@ -153,7 +153,8 @@ fn join(spec: &str, inputs: &[Input<'_>], options: &SceneOptions) -> Result<Scen
         }
         Ok(all)
     };
-    let triangles = joined_triangles(animations().map(|a| (a.triangles(), a.vertex_count())));
+    let meshes = animations().map(|a| (a.triangles(), a.vertex_count()));
+    let triangles = joined_triangles(&name, meshes)?;
     let animation = paging::animation(source, size, triangles, options)?;
     Ok(Scene {
         name,

@@ -87,11 +87,9 @@ pub struct SceneOptions {
     /// Maximum size in bytes of an animation whose key frames are all held in memory. A larger animation is paged: it
     /// holds a few key frames, and reads or computes the others during playback.
     pub key_bytes: u64,
-    /// Memory limit in bytes. `None` selects the host's available memory.
-    pub memory: Option<u64>,
-    /// Bytes that the caller needs in addition to the scene. They count towards the memory limit.
+    /// Bytes that the caller needs in addition to the scene. They must be free as well.
     pub more_bytes: u64,
-    /// Bytes that the caller needs per triangle, for example for trees. They count towards the memory limit.
+    /// Bytes that the caller needs per triangle, for example for trees. They must be free as well.
     pub triangle_bytes: u64,
 }
 
@@ -103,7 +101,6 @@ impl Default for SceneOptions {
             allow_outside: false,
             recentre: false,
             key_bytes: 512 << 20,
-            memory: None,
             more_bytes: 0,
             triangle_bytes: 0,
         }
@@ -179,7 +176,8 @@ mod testing {
     }
 
     pub(crate) fn surface(mesh: &PolygonMesh) -> Surface {
-        let mut triangles = polygon::triangulate(&mesh.polygons, &mesh.points).triangles;
+        let found = polygon::triangulate(&mesh.polygons, &mesh.points).unwrap();
+        let mut triangles = found.triangles;
         let kept = compact(&mut triangles, mesh.points.len());
         let points = kept.iter().map(|&v| mesh.points[v as usize]);
         let points = points.map(|p| Rounding::default().point(p)).collect();

@@ -1,7 +1,7 @@
 //! Contents of a mesh file of any format: vertices, faces and colours. Later key frames are checked for the faces of
 //! the first.
 
-use crate::paging::check_counts;
+use crate::paging::{check_counts, reserve};
 use crate::rounding::Position;
 use crate::{Location, Result, Rgb, SceneError};
 use std::path::Path;
@@ -53,9 +53,10 @@ pub(crate) struct MaterialUse {
 
 impl Polygons {
     /// Adds a face of at least three vertices.
-    pub(crate) fn push(&mut self, corners: impl IntoIterator<Item = u32>) {
-        self.corners.extend(corners);
-        self.ends.push(self.corners.len());
+    pub(crate) fn push(&mut self, corners: &[u32]) -> Result<(), String> {
+        reserve(&mut self.corners, corners.len())?;
+        self.corners.extend_from_slice(corners);
+        append(&mut self.ends, self.corners.len())
     }
 
     pub(crate) fn faces(&self) -> impl Iterator<Item = &[u32]> {
@@ -110,18 +111,27 @@ impl Polygons {
     }
 }
 
+/// Adds an element to a list. Returns an error if there is too little memory.
+pub(crate) fn append<T>(list: &mut Vec<T>, element: T) -> Result<(), String> {
+    reserve(list, 1)?;
+    list.push(element);
+    Ok(())
+}
+
 /// Concatenates the triangles of several meshes, and offsets their indices to match concatenated vertices. A mesh is
-/// given by its triangles and its number of vertices.
+/// given by its triangles and its number of vertices. Errors name `place`.
 pub(crate) fn joined_triangles<'a>(
+    place: impl AsRef<Path>,
     meshes: impl Iterator<Item = (&'a [[u32; 3]], usize)>,
-) -> Vec<[u32; 3]> {
+) -> Result<Vec<[u32; 3]>> {
     let mut all = Vec::new();
     let mut first = 0;
     for (triangles, vertices) in meshes {
+        reserve(&mut all, triangles.len()).map_err(|e| SceneError::unusable(&place, e))?;
         all.extend(triangles.iter().map(|t| t.map(|v| v + first)));
         first += vertices as u32;
     }
-    all
+    Ok(all)
 }
 
 /// Renumbers the triangles to use consecutive vertices, and returns the used vertices in ascending order.
@@ -187,8 +197,8 @@ impl Colours {
         self.0.len()
     }
 
-    pub(crate) fn push(&mut self, colour: [f32; 3]) {
-        self.0.push(colour);
+    pub(crate) fn push(&mut self, colour: [f32; 3]) -> Result<(), String> {
+        append(&mut self.0, colour)
     }
 
     /// Converts all colours. If a component exceeds `MAX_ONE`, all colours are read as 0 to 255, and a remark is added.

@@ -2,7 +2,6 @@
 
 use crate::{Result, SceneError, SceneOptions};
 use geom::{Animation, KeyFrameError, Point};
-use host::FreeMemory;
 use rayon::prelude::*;
 use std::path::Path;
 use std::sync::Arc;
@@ -109,7 +108,7 @@ pub(crate) fn check_keys(
     if options.triangle_bytes > 0 {
         what += &format!(", and trees over {triangles} triangles");
     }
-    check_memory(place, what, with_more(bytes, triangles, options), options)
+    check_memory(place, what, with_more(bytes, triangles, options))
 }
 
 /// Returns the bytes of a scene plus the memory that the caller needs for it.
@@ -120,36 +119,15 @@ pub(crate) fn with_more(bytes: u64, triangles: usize, options: &SceneOptions) ->
         .saturating_add(bytes)
 }
 
-/// Upper bounds for reading a mesh file: numbers of vertices and faces, and bytes of memory.
-#[derive(Debug, PartialEq, Eq)]
-pub(crate) struct ReadSize {
-    pub(crate) vertices: usize,
-    pub(crate) faces: usize,
-    pub(crate) bytes: usize,
-}
-
-impl ReadSize {
-    /// Refuses a file that would not fit into memory.
-    pub(crate) fn check(&self, path: &Path) -> Result<()> {
-        let (vertices, faces) = (self.vertices, self.faces);
-        let what = format!("reading {vertices} vertices and {faces} faces");
-        let checked = host::check_memory(self.bytes as u64);
-        checked.map_err(|e| SceneError::unusable(path, format_args!("{what}: {e}")))
-    }
-}
-
-pub(crate) fn check_memory(
-    place: impl AsRef<Path>,
-    what: String,
-    bytes: u64,
-    options: &SceneOptions,
-) -> Result<()> {
-    let by = "limit given";
-    let checked = match options.memory {
-        Some(limit) => host::check_against(bytes, Some(FreeMemory { bytes: limit, by })),
-        None => host::check_memory(bytes),
-    };
+/// Refuses to use `bytes` of memory if they are not free. `what` names their use.
+pub(crate) fn check_memory(place: impl AsRef<Path>, what: String, bytes: u64) -> Result<()> {
+    let checked = host::check_memory(bytes);
     checked.map_err(|e| SceneError::unusable(place, format_args!("{what}: {e}")))
+}
+
+/// Ensures that `more` elements can be added to a list.
+pub(crate) fn reserve<T>(list: &mut Vec<T>, more: usize) -> Result<(), String> {
+    host::reserve(list, more).map_err(|e| e.to_string())
 }
 
 #[cfg(test)]

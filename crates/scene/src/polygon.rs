@@ -5,6 +5,7 @@
 //! triangulated by ear clipping in their plane. Both methods keep the polygon's orientation.
 
 use crate::mesh::Polygons;
+use crate::paging::reserve;
 use crate::rounding::Position;
 use earcut::Earcut;
 
@@ -20,8 +21,11 @@ pub(crate) struct Triangulation {
     pub(crate) fanned: usize,
 }
 
-/// Triangulates all polygons with vertex positions `points`.
-pub(crate) fn triangulate(polygons: &Polygons, points: &[Position]) -> Triangulation {
+/// Triangulates all polygons with vertex positions `points`. Returns an error if there is too little memory.
+pub(crate) fn triangulate(
+    polygons: &Polygons,
+    points: &[Position],
+) -> Result<Triangulation, String> {
     let mut clipper = Clipper {
         points,
         earcut: Earcut::new(),
@@ -29,17 +33,15 @@ pub(crate) fn triangulate(polygons: &Polygons, points: &[Position]) -> Triangula
         indices: Vec::new(),
         ears: Vec::new(),
     };
-    let mut found = Triangulation {
-        triangles: Vec::with_capacity(polygons.triangle_count()),
-        fanned: 0,
-    };
+    let mut found = Triangulation::default();
+    reserve(&mut found.triangles, polygons.triangle_count())?;
     for corners in polygons.faces() {
         match corners {
             &[a, b, c] => found.triangles.push([a, b, c]),
-            _ => clipper.polygon(corners, &mut found),
+            _ => clipper.polygon(corners, &mut found)?,
         }
     }
-    found
+    Ok(found)
 }
 
 /// Buffers that are reused for all polygons.
@@ -54,7 +56,9 @@ struct Clipper<'a> {
 }
 
 impl Clipper<'_> {
-    fn polygon(&mut self, corners: &[u32], found: &mut Triangulation) {
+    fn polygon(&mut self, corners: &[u32], found: &mut Triangulation) -> Result<(), String> {
+        self.flat.clear();
+        reserve(&mut self.flat, corners.len())?;
         let is_fan = !self.flatten(corners) || self.is_covered_by_fan();
         let is_large = corners.len() > MAX_CLIPPED;
         if is_fan || is_large {
@@ -62,13 +66,14 @@ impl Clipper<'_> {
             let rim = corners[1..].windows(2);
             let fan = rim.map(|edge| [corners[0], edge[0], edge[1]]);
             found.triangles.extend(fan);
-            return;
+            return Ok(());
         }
         self.clip();
         let corner = |place: u32| corners[place as usize];
         complete(&self.ears, corners.len(), |places| {
             found.triangles.push(places.map(corner));
         });
+        Ok(())
     }
 
     /// Projects a polygon along the axis of the largest component of its normal. The normal is the sum of cross
@@ -99,7 +104,6 @@ impl Clipper<'_> {
             (u, v) = (v, u);
         }
         let flat = corners.iter().map(point).map(|p| [p[u], p[v]]);
-        self.flat.clear();
         self.flat.extend(flat);
         normal.iter().all(|n| n.is_finite()) && size[axis] > 0.0
     }

@@ -2,7 +2,7 @@
 
 use crate::folder::Folder;
 use crate::mesh::{CLAY, Paint, Polygons, compact, mean};
-use crate::paging::{KeySize, check_keys};
+use crate::paging::{KeySize, check_keys, reserve};
 use crate::paths::extension;
 use crate::ply::{Pattern, Ply};
 use crate::polygon::{self, Triangulation};
@@ -34,10 +34,11 @@ pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &SceneOptions) ->
     let path = files[0].as_path();
     let Ply { mesh, pattern } = read(path)?;
     mesh.polygons.check(path)?;
+    let found = polygon::triangulate(&mesh.polygons, &mesh.points);
     let Triangulation {
         mut triangles,
         fanned,
-    } = polygon::triangulate(&mesh.polygons, &mesh.points);
+    } = found.map_err(|e| SceneError::unusable(path, e))?;
     let folder = Folder::of(path, options.allow_outside);
     let mut notes = mesh.notes;
     if fanned > 0 {
@@ -53,7 +54,7 @@ pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &SceneOptions) ->
     };
     let colours = surface.colours(&folder, mesh.paint, &mut notes);
     let kept = compact(&mut triangles, mesh.polygons.vertices);
-    let exact = pick(&mesh.points, &kept);
+    let exact = pick(path, &mesh.points, &kept)?;
     drop(mesh.points);
     let rounding = Rounding::of(&exact, options);
     notes.extend(rounding.remark(path, &exact, options));
@@ -93,8 +94,12 @@ pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &SceneOptions) ->
 }
 
 /// Returns the points of `vertices`.
-fn pick(points: &[Position], vertices: &[u32]) -> Vec<Position> {
-    vertices.iter().map(|&v| points[v as usize]).collect()
+fn pick(path: &Path, points: &[Position], vertices: &[u32]) -> Result<Vec<Position>> {
+    let mut picked = Vec::new();
+    let reserved = reserve(&mut picked, vertices.len());
+    reserved.map_err(|e| SceneError::unusable(path, e))?;
+    picked.extend(vertices.iter().map(|&v| points[v as usize]));
+    Ok(picked)
 }
 
 /// Key-frame files, which are read again when a key frame is not in memory.
@@ -150,7 +155,8 @@ impl Sequence {
         if !notes.is_empty() && key > 0 {
             lock(&self.notes).insert(key, notes);
         }
-        Ok(self.rounding.points(&pick(&mesh.points, &self.kept)))
+        let points = pick(path, &mesh.points, &self.kept)?;
+        Ok(self.rounding.points(&points))
     }
 
     /// Checks that the size and time of a file match its stamp. `alike` is valid only for an unchanged file.

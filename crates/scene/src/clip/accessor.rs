@@ -89,14 +89,6 @@ pub(super) fn floats<const N: usize>(file: &GltfFile, index: Whole) -> Result<Ve
     })
 }
 
-/// Reads an optional accessor. Returns an empty list if there is none.
-pub(super) fn listed<const N: usize>(
-    file: &GltfFile,
-    index: Option<Whole>,
-) -> Result<Vec<[f32; N]>> {
-    index.map_or(Ok(Vec::new()), |index| floats(file, index))
-}
-
 pub(super) fn indices(file: &GltfFile, index: Whole) -> Result<Vec<u32>> {
     let elements = Elements::of(file, index)?;
     elements.expect("SCALAR")?;
@@ -106,13 +98,6 @@ pub(super) fn indices(file: &GltfFile, index: Whole) -> Result<Vec<u32>> {
         }
         _ => Err(elements.unexpected("unsigned integers")),
     }
-}
-
-/// Returns the number of elements, after checking that the file contains them.
-pub(super) fn count(file: &GltfFile, index: Whole) -> Result<usize> {
-    let elements = Elements::of(file, index)?;
-    elements.find().map_err(|e| elements.wrong(e))?;
-    Ok(elements.accessor.count.0)
 }
 
 /// Iterator over elements as byte slices. Each slice extends to the next element, so it may be longer than the element.
@@ -148,16 +133,6 @@ impl ElementSpan {
         }
         Ok(bytes[offset..].chunks(stride).take(count))
     }
-}
-
-/// Bytes of an accessor's elements, in the buffers of the file.
-#[derive(Default)]
-struct ElementBytes<'a> {
-    /// Elements in the buffer view. `None` if the accessor has no buffer view, so that all elements are zero unless
-    /// replaced.
-    own: Option<Rows<'a>>,
-    /// Elements of a sparse accessor that replace others, by index.
-    replaced: Vec<(usize, &'a [u8])>,
 }
 
 impl<'a> Elements<'a> {
@@ -206,28 +181,27 @@ impl<'a> Elements<'a> {
         self.width * self.component.size()
     }
 
-    fn find(&self) -> Result<ElementBytes<'a>, String> {
+    /// Returns the rows of the elements in the buffer view. `None` if the accessor has no buffer view, so that all
+    /// elements are zero unless replaced.
+    fn own(&self) -> Result<Option<Rows<'a>>, String> {
         /// Maximum number of elements without a buffer view. Their number is not bounded by the size of the file.
         const MOST_ZEROS: usize = 1 << 26;
         let count = self.accessor.count.0;
-        if count == 0 {
-            return Ok(ElementBytes::default());
-        }
-        let own = self.accessor.buffer_view.map(|view| ElementSpan {
+        let Some(view) = self.accessor.buffer_view else {
+            if count > MOST_ZEROS {
+                return Err(format!(
+                    "{count} elements are more than the limit of {MOST_ZEROS}"
+                ));
+            }
+            return Ok(None);
+        };
+        let span = ElementSpan {
             view,
             offset: self.accessor.byte_offset,
             count,
             size: self.size(),
-        });
-        if own.is_none() && count > MOST_ZEROS {
-            return Err(format!(
-                "{count} elements are more than the limit of {MOST_ZEROS}"
-            ));
-        }
-        let own = own.map(|span| span.rows(self.file)).transpose()?;
-        let sparse = self.accessor.sparse.as_ref();
-        let replaced = sparse.map_or(Ok(Vec::new()), |sparse| self.replaced(sparse))?;
-        Ok(ElementBytes { own, replaced })
+        };
+        span.rows(self.file).map(Some)
     }
 
     fn replaced(&self, sparse: &Sparse) -> Result<Vec<(usize, &'a [u8])>, String> {
@@ -269,14 +243,21 @@ impl<'a> Elements<'a> {
     }
 
     fn read<T: Clone>(&self, read: impl Fn(&[u8]) -> T) -> Result<Vec<T>> {
-        let found = self.find().map_err(|e| self.wrong(e))?;
+        let mut elements = Vec::new();
         let count = self.accessor.count.0;
-        let mut elements = host::try_with_capacity(count).map_err(|e| self.wrong(e))?;
-        match found.own {
+        if count == 0 {
+            return Ok(elements);
+        }
+        let own = self.own().map_err(|e| self.wrong(e))?;
+        let sparse = self.accessor.sparse.as_ref();
+        let replaced = sparse.map(|sparse| self.replaced(sparse)).transpose();
+        let replaced = replaced.map_err(|e| self.wrong(e))?;
+        host::reserve(&mut elements, count).map_err(|e| self.wrong(e))?;
+        match own {
             Some(own) => elements.extend(own.map(&read)),
             None => elements.resize(count, read(&vec![0; self.size()])),
         }
-        for (index, value) in found.replaced {
+        for (index, value) in replaced.into_iter().flatten() {
             elements[index] = read(value);
         }
         Ok(elements)

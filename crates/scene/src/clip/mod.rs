@@ -13,7 +13,7 @@ mod schema;
 mod transform;
 
 use crate::mesh::joined_triangles;
-use crate::paging::{KeySize, check_counts, check_keys, within};
+use crate::paging::{KeySize, check_counts, check_keys, reserve, within};
 use crate::paths::extension;
 use crate::rounding::Rounding;
 use crate::{Facts, MAX_FPS, Result, Scene, SceneError, SceneOptions, paging};
@@ -41,37 +41,41 @@ pub(crate) fn open(name: String, path: &Path, options: &SceneOptions) -> Result<
     let mut notes = std::mem::take(&mut file.notes);
     let rig = Rig::new(&file)?;
     let drawn = Drawn::of(&file, &rig)?;
-    drawn.check_memory(&file, options)?;
-    let parts = drawn.parts(&file, &mut notes)?;
+    let skipped = drawn.skipped();
+    let parts = drawn.parts;
+    notes.extend(drawn.notes);
     let clip = choose(&file, options, &mut notes)?;
     let motion = ClipMotion::of(&file, clip.map(|i| &file.document.animations[i]))?;
     let times = times(path, motion.span(), fps)?;
-    let vertices = parts.iter().map(ClipPart::vertices).sum();
-    let count: usize = parts.iter().map(|p| p.triangles.len()).sum();
+    let vertices = parts.iter().map(ClipPart::vertices);
+    let vertices = vertices.fold(0, usize::saturating_add);
+    let count = parts.iter().map(ClipPart::triangle_count);
+    let count = count.fold(0, usize::saturating_add);
     let keys = times.len();
     let size = KeySize { keys, vertices };
     check_keys(path, size, count, options)?;
     let all = vertices.saturating_mul(keys);
     within(path, "vertices in all key frames", all, MAX_POSITIONS)?;
-    let skipped = drawn.skipped();
     let hint = skipped.iter().map(|note| format!("; {note}"));
     check_counts(path, [vertices, count], &hint.collect::<String>())?;
     notes.extend(skipped);
-    let colours = |p: &ClipPart| std::iter::repeat_n(p.colour, p.triangles.len());
-    let colours = parts.iter().flat_map(colours).collect();
-    let triangles = joined_triangles(parts.iter().map(|p| (&p.triangles[..], p.vertices())));
+    let colours = parts.iter().flat_map(ClipPart::colours).collect();
+    let triangles = joined_triangles(path, parts.iter().flat_map(ClipPart::meshes))?;
     let seconds_per_key = times.get(1).map(|t| t - times[0]);
+    let place = path.to_owned();
     let positions = move |key: usize| {
         let time = times[key];
         let pose = rig.pose(&motion, time);
         // Allocates the exact capacity. A growing list would need more memory than its points.
-        let mut points = Vec::with_capacity(vertices);
+        let mut points = Vec::new();
+        let reserved = reserve(&mut points, vertices);
+        reserved.map_err(|e| SceneError::unusable(&place, e))?;
         for part in &parts {
-            points.extend(part.positions(&pose, &motion, time));
+            part.add_positions(&pose, &motion, time, &mut points);
         }
-        points
+        Ok::<_, SceneError>(points)
     };
-    let exact = positions(0);
+    let exact = positions(0)?;
     let rounding = Rounding::of(&exact, options);
     notes.extend(rounding.remark(path, &exact, options));
     let facts = Facts {
@@ -84,9 +88,9 @@ pub(crate) fn open(name: String, path: &Path, options: &SceneOptions) -> Result<
     };
     let first = Mutex::new(Some(rounding.points(&exact)));
     drop(exact);
-    let source = move |key: usize| {
-        let first = lock(&first).take_if(|_| key == 0);
-        Ok(first.unwrap_or_else(|| rounding.points(&positions(key))))
+    let source = move |key: usize| match lock(&first).take_if(|_| key == 0) {
+        Some(first) => Ok(first),
+        None => Ok(rounding.points(&positions(key)?)),
     };
     let animation = paging::animation(source, size, triangles, options)?;
     Ok(Scene {

@@ -1,93 +1,79 @@
 //! Drawn primitives with their nodes, morph targets and skins.
 
-use super::accessor::{count, floats, indices};
+use super::accessor::{floats, indices};
 use super::document::GltfFile;
 use super::motion::ClipMotion;
-use super::rig::{self, Rig};
-use super::schema::{GltfMaterial, GltfMesh, GltfNode, GltfPrimitive, Whole};
+use super::rig::{Rig, places};
+use super::schema::{GltfMaterial, GltfPrimitive, Whole};
 use super::transform::vector;
-use crate::mesh::{compact, from_linear};
-use crate::paging::check_memory;
+use crate::mesh::{append, compact, from_linear};
 use crate::rounding::Position;
-use crate::{Result, Rgb, SceneOptions};
+use crate::{Result, Rgb};
 use glam::{DMat4, DVec3, Mat4};
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+use std::sync::Arc;
 
-/// Topology of a primitive.
-#[derive(Clone, Copy)]
-enum Mode {
-    Triangles,
-    Strip,
-    Fan,
-    /// Topology without triangles, by name.
-    Other(&'static str),
-}
-
-impl Mode {
-    fn of(primitive: &GltfPrimitive) -> Option<Self> {
-        Some(match primitive.mode.map_or(4, |mode| mode.0) {
-            0 => Self::Other("Points"),
-            1 => Self::Other("Lines"),
-            2 => Self::Other("LineLoop"),
-            3 => Self::Other("LineStrip"),
-            4 => Self::Triangles,
-            5 => Self::Strip,
-            6 => Self::Fan,
-            _ => return None,
-        })
-    }
-}
+/// Names of the modes 0 to 3, which have no triangles.
+const OTHER_MODES: [&str; 4] = ["Points", "Lines", "LineLoop", "LineStrip"];
+const TRIANGLES: usize = 4;
+const STRIP: usize = 5;
+const FAN: usize = 6;
 
 /// Triangle primitives of the scene, in node order.
-pub(super) struct Drawn<'a> {
-    items: Vec<Item<'a>>,
+#[derive(Default)]
+pub(super) struct Drawn {
+    pub(super) parts: Vec<ClipPart>,
+    /// Remarks on primitives that are drawn.
+    pub(super) notes: Vec<String>,
     /// Number of primitives that are not drawn, by reason.
     skipped: BTreeMap<String, usize>,
 }
 
-/// Primitive of a node's mesh.
-#[derive(Clone, Copy)]
-struct Item<'a> {
-    index: usize,
-    node: &'a GltfNode,
-    mesh: &'a GltfMesh,
-    primitive: &'a GltfPrimitive,
-    /// Accessor of the positions.
-    positions: Whole,
-    mode: Mode,
-}
-
-impl<'a> Drawn<'a> {
-    pub(super) fn of(file: &'a GltfFile, rig: &Rig) -> Result<Self> {
-        let mut drawn = Self {
-            items: Vec::new(),
-            skipped: BTreeMap::new(),
-        };
-        for index in rig.visible(file)? {
-            let node = &file.document.nodes[index];
-            let Some(number) = node.mesh else { continue };
+impl Drawn {
+    pub(super) fn of(file: &GltfFile, rig: &Rig) -> Result<Self> {
+        let mut drawn = Self::default();
+        let mut shared = BTreeMap::new();
+        for node in rig.visible(file)? {
+            let own = &file.document.nodes[node];
+            let Some(number) = own.mesh else { continue };
             let mesh = file.item("mesh", &file.document.meshes, number)?;
-            for primitive in &mesh.primitives {
-                let mode = Mode::of(primitive).ok_or_else(|| {
-                    let mode = primitive.mode.map_or(0, |mode| mode.0);
-                    file.wrong(("mesh", number.0), format!("unknown mode {mode}"))
-                })?;
-                let reason = match (mode, primitive.positions()) {
-                    (Mode::Other(name), _) => format!("of mode {name}"),
-                    (_, None) => "without positions".to_owned(),
-                    (_, Some(positions)) => {
-                        drawn.items.push(Item {
-                            index,
-                            node,
-                            mesh,
-                            primitive,
-                            positions,
-                            mode,
-                        });
-                        continue;
+            let weights = own.weights.as_ref().or(mesh.weights.as_ref());
+            for (i, source) in mesh.primitives.iter().enumerate() {
+                let mode = source.mode.map_or(TRIANGLES, |mode| mode.0);
+                if mode > FAN {
+                    return Err(file.wrong(("mesh", number.0), format!("unknown mode {mode}")));
+                }
+                let other = OTHER_MODES.get(mode);
+                let positions = source.positions().filter(|_| other.is_none());
+                let Some(positions) = positions else {
+                    let reason = other.map(|name| format!("of mode {name}"));
+                    let reason = reason.unwrap_or_else(|| "without positions".to_owned());
+                    *drawn.skipped.entry(reason).or_insert(0) += 1;
+                    continue;
+                };
+                let reader = PrimitiveReader {
+                    file,
+                    source,
+                    mode,
+                    positions,
+                    skin: own.skin,
+                };
+                let key = (number.0, i, own.skin.map(|skin| skin.0));
+                let primitive = match shared.entry(key) {
+                    Entry::Occupied(known) => Arc::clone(known.get()),
+                    Entry::Vacant(new) => {
+                        Arc::clone(new.insert(Arc::new(reader.read(&mut drawn.notes)?)))
                     }
                 };
-                *drawn.skipped.entry(reason).or_insert(0) += 1;
+                let part = ClipPart {
+                    node,
+                    places: places(file, node)?,
+                    weights: weights.cloned().unwrap_or_default(),
+                    primitive,
+                };
+                let added = append(&mut drawn.parts, part);
+                added.map_err(|e| file.wrong(("node", node), e))?;
             }
         }
         Ok(drawn)
@@ -99,118 +85,77 @@ impl<'a> Drawn<'a> {
         let remark = |(reason, n)| format!("skipped {n} primitives {reason}");
         skipped.map(remark).collect()
     }
-
-    /// Refuses meshes that exceed the memory limit. A small file can exceed it, because many nodes may share a mesh.
-    pub(super) fn check_memory(&self, file: &GltfFile, options: &SceneOptions) -> Result<()> {
-        let mut bytes = 0_u64;
-        for item in &self.items {
-            let copies = rig::copies(file, item.index)? as u64;
-            bytes = bytes.saturating_add(item.bytes(file)?.saturating_mul(copies));
-        }
-        let what = "the meshes of its nodes".to_owned();
-        check_memory(&file.path, what, bytes, options)
-    }
-
-    pub(super) fn parts(&self, file: &GltfFile, notes: &mut Vec<String>) -> Result<Vec<ClipPart>> {
-        let mut parts = Vec::new();
-        for item in &self.items {
-            let part = item.part(file, notes)?;
-            let copy = |place| ClipPart {
-                place,
-                ..part.clone()
-            };
-            parts.extend(rig::places(file, item.index)?.into_iter().map(copy));
-        }
-        Ok(parts)
-    }
 }
 
-impl Item<'_> {
-    /// Returns the bytes that one instance needs.
-    fn bytes(&self, file: &GltfFile) -> Result<u64> {
-        let vertices = count(file, self.positions)?;
-        let mut points = vertices;
-        for target in self.primitive.displacements().flatten() {
-            points += count(file, target)?;
-        }
-        let corners = match self.primitive.indices {
-            Some(accessor) => count(file, accessor)?,
-            None => vertices,
-        };
-        let bytes = points * size_of::<DVec3>() + corners * size_of::<u32>();
-        Ok(bytes as u64)
-    }
+/// Primitive of a file, and the skin of a node that draws it.
+struct PrimitiveReader<'a> {
+    file: &'a GltfFile,
+    source: &'a GltfPrimitive,
+    mode: usize,
+    /// Accessor of the positions.
+    positions: Whole,
+    skin: Option<Whole>,
+}
 
-    fn part(&self, file: &GltfFile, notes: &mut Vec<String>) -> Result<ClipPart> {
-        let positions = floats(file, self.positions)?;
-        let mut triangles = self.triangles(file, positions.len(), notes)?;
-        let mut moved = Vec::new();
-        for (number, target) in self.primitive.displacements().enumerate() {
+impl PrimitiveReader<'_> {
+    fn read(&self, notes: &mut Vec<String>) -> Result<Primitive> {
+        let file = self.file;
+        let mut rest = floats(file, self.positions)?;
+        let mut triangles = self.triangles(rest.len(), notes)?;
+        let mut targets = Vec::new();
+        for (number, target) in self.source.displacements().enumerate() {
             let Some(accessor) = target else {
                 continue;
             };
             let moves = floats::<3>(file, accessor)?;
-            check_count(file, accessor, moves.len(), positions.len())?;
-            moved.push((number, moves));
+            check_count(file, accessor, moves.len(), rest.len())?;
+            targets.push((number, moves));
         }
-        let skin = self.node.skin;
-        let skin = skin.map(|skin| VertexSkin::new(file, skin, self.primitive, positions.len()));
-        let mut skin = skin.transpose()?;
-        let kept = compact(&mut triangles, positions.len());
-        let used = || kept.iter().map(|&v| v as usize);
-        if let Some(VertexSkin { influences, .. }) = &mut skin {
-            *influences = used().map(|v| std::mem::take(&mut influences[v])).collect();
-        }
-        let keep = |from: Vec<[f32; 3]>| used().map(|v| vector(from[v])).collect();
-        let targets = moved.into_iter().map(|(n, moves)| (n, keep(moves)));
-        let targets = targets.collect();
-        let weights = self.node.weights.as_ref().or(self.mesh.weights.as_ref());
-        Ok(ClipPart {
-            node: self.index,
-            place: DMat4::IDENTITY,
+        let skin = self.skin;
+        let skin = skin.map(|skin| VertexSkin::new(file, skin, self.source, rest.len()));
+        let mut skin = skin.transpose()?.unwrap_or_default();
+        let kept = compact(&mut triangles, rest.len());
+        keep(&mut rest, &kept);
+        targets.iter_mut().for_each(|(_, moves)| keep(moves, &kept));
+        keep(&mut skin.influences, &kept);
+        Ok(Primitive {
             triangles,
-            colour: from_linear(self.colour(file)),
-            rest: keep(positions),
+            colour: from_linear(self.colour()),
+            rest,
             targets,
-            weights: weights.cloned().unwrap_or_default(),
             skin,
         })
     }
 
-    fn colour(&self, file: &GltfFile) -> [f32; 3] {
-        let materials = &file.document.materials;
-        let material = self.primitive.material.and_then(|m| materials.get(m.0));
+    fn colour(&self) -> [f32; 3] {
+        let materials = &self.file.document.materials;
+        let material = self.source.material.and_then(|m| materials.get(m.0));
         material.map_or([1.0; 3], GltfMaterial::base_colour)
     }
 
     /// Returns the vertices of each triangle, in file order.
-    fn triangles(
-        &self,
-        file: &GltfFile,
-        vertices: usize,
-        notes: &mut Vec<String>,
-    ) -> Result<Vec<[u32; 3]>> {
-        let accessor = self.primitive.indices;
+    fn triangles(&self, vertices: usize, notes: &mut Vec<String>) -> Result<Vec<[u32; 3]>> {
+        let accessor = self.source.indices;
         let list = match accessor {
-            Some(accessor) => indices(file, accessor)?,
+            Some(accessor) => indices(self.file, accessor)?,
             None => (0..vertices as u32).collect(),
         };
         if let Some(at) = list.iter().position(|&v| v as usize >= vertices) {
             let place = ("accessor", accessor.map_or(0, |a| a.0));
             let vertex = list[at];
             let cause = format!("index {at} names vertex {vertex}, but there are {vertices}");
-            return Err(file.wrong(place, cause));
+            return Err(self.file.wrong(place, cause));
         }
         Ok(match self.mode {
-            Mode::Strip => {
+            STRIP => {
                 let turned = |(i, w): (usize, &[u32])| [w[0], w[1 + i % 2], w[2 - i % 2]];
                 list.windows(3).enumerate().map(turned).collect()
             }
-            Mode::Fan => {
+            FAN => {
                 let rim = list.iter().skip(1).zip(list.iter().skip(2));
                 rim.map(|(&b, &c)| [list[0], b, c]).collect()
             }
-            Mode::Triangles | Mode::Other(_) => {
+            _ => {
                 let (whole, rest) = list.as_chunks::<3>();
                 if !rest.is_empty() {
                     let left = rest.len();
@@ -223,6 +168,14 @@ impl Item<'_> {
     }
 }
 
+/// Removes all elements except those at the indices `kept`, which are in ascending order.
+fn keep<T>(list: &mut Vec<T>, kept: &[u32]) {
+    for (to, &from) in kept.iter().enumerate().take(list.len()) {
+        list.swap(to, from as usize);
+    }
+    list.truncate(kept.len());
+}
+
 fn check_count(file: &GltfFile, accessor: Whole, found: usize, vertices: usize) -> Result<()> {
     if found == vertices {
         return Ok(());
@@ -231,53 +184,93 @@ fn check_count(file: &GltfFile, accessor: Whole, found: usize, vertices: usize) 
     Err(file.wrong(("accessor", accessor.0), cause))
 }
 
-/// Drawn primitive with everything that determines its positions.
-#[derive(Clone)]
+/// Drawn primitive of a node.
 pub(super) struct ClipPart {
     node: usize,
-    /// Transform relative to the node.
-    place: DMat4,
-    pub(super) triangles: Vec<[u32; 3]>,
-    pub(super) colour: Rgb,
-    /// Positions of the vertices without animation, relative to the mesh.
-    rest: Vec<DVec3>,
-    /// Index of each morph target with displacements, and its displacement of each vertex.
-    targets: Vec<(usize, Vec<DVec3>)>,
+    /// Transform of each instance relative to the node.
+    places: Vec<DMat4>,
     /// Weights of the morph targets, used if the clip does not animate them.
     weights: Vec<f64>,
-    skin: Option<VertexSkin>,
+    primitive: Arc<Primitive>,
+}
+
+/// Contents of a primitive, shared by all nodes with the same mesh and skin.
+struct Primitive {
+    triangles: Vec<[u32; 3]>,
+    colour: Rgb,
+    /// Positions of the vertices without animation, relative to the mesh.
+    rest: Vec<[f32; 3]>,
+    /// Index of each morph target with displacements, and its displacement of each vertex.
+    targets: Vec<(usize, Vec<[f32; 3]>)>,
+    skin: VertexSkin,
 }
 
 impl ClipPart {
+    /// Returns the number of vertices of all instances.
     pub(super) fn vertices(&self) -> usize {
-        self.rest.len()
+        self.places.len().saturating_mul(self.primitive.rest.len())
     }
 
-    /// Returns the positions in world space.
-    pub(super) fn positions(
+    /// Returns the number of triangles of all instances.
+    pub(super) fn triangle_count(&self) -> usize {
+        let each = self.primitive.triangles.len();
+        self.places.len().saturating_mul(each)
+    }
+
+    /// Returns the triangles and the number of vertices of each instance.
+    pub(super) fn meshes(&self) -> impl Iterator<Item = (&[[u32; 3]], usize)> {
+        let Primitive {
+            triangles, rest, ..
+        } = &*self.primitive;
+        let mesh = (triangles.as_slice(), rest.len());
+        std::iter::repeat_n(mesh, self.places.len())
+    }
+
+    /// Returns the colours of the triangles of all instances.
+    pub(super) fn colours(&self) -> impl Iterator<Item = Rgb> {
+        std::iter::repeat_n(self.primitive.colour, self.triangle_count())
+    }
+
+    /// Adds the positions of all instances in world space.
+    pub(super) fn add_positions(
         &self,
         pose: &[DMat4],
         motion: &ClipMotion,
         time: f64,
-    ) -> Vec<Position> {
-        let mut points = self.rest.clone();
+        to: &mut Vec<Position>,
+    ) {
+        let Primitive {
+            rest,
+            targets,
+            skin,
+            ..
+        } = &*self.primitive;
+        let mut points: Vec<DVec3> = rest.iter().copied().map(vector).collect();
         let weights = motion.weights(self.node, time);
         let weights = weights.as_ref().unwrap_or(&self.weights);
-        for (number, moves) in &self.targets {
+        for (number, moves) in targets {
             let weight = weights.get(*number).copied().unwrap_or(0.0);
             if weight != 0.0 {
                 let each = points.iter_mut().zip(moves);
-                each.for_each(|(p, m)| *p += weight * *m);
+                each.for_each(|(p, m)| *p += weight * vector(*m));
             }
         }
-        let world = pose[self.node] * self.place;
-        match &self.skin {
-            Some(skin) => skin.bend(&mut points, pose, world),
-            None => points
-                .iter_mut()
-                .for_each(|p| *p = world.transform_point3(*p)),
+        let joints = skin.joints.iter();
+        let joints: Vec<_> = joints.map(|j| pose[j.node] * j.inverse_bind).collect();
+        for place in &self.places {
+            let world = pose[self.node] * *place;
+            to.extend(points.iter().enumerate().map(|(vertex, p)| {
+                let share = |i: &Influence| i.weight * joints[i.joint].transform_point3(*p);
+                // The transform of the node applies only to vertices without influences (glTF 2.0, 3.7.3.3).
+                let bent = match skin.influences.get(vertex) {
+                    Some(influences) if !influences.is_empty() => {
+                        influences.iter().map(share).sum()
+                    }
+                    _ => world.transform_point3(*p),
+                };
+                bent.to_array()
+            }));
         }
-        points.into_iter().map(|p| p.to_array()).collect()
     }
 }
 
@@ -296,8 +289,8 @@ struct Influence {
     weight: f64,
 }
 
-/// Skin with its weights for one primitive.
-#[derive(Clone)]
+/// Skin with its weights for one primitive. Empty for a primitive without a skin.
+#[derive(Default)]
 struct VertexSkin {
     joints: Vec<SkinJoint>,
     /// Influences on each vertex. Their weights add up to 1. A vertex without influences follows its node.
@@ -366,21 +359,6 @@ impl VertexSkin {
             }
         }
         Ok(())
-    }
-
-    /// Transforms each vertex by its joints. The node's own transform `world` applies only to vertices without
-    /// influences (glTF 2.0, 3.7.3.3).
-    fn bend(&self, points: &mut [DVec3], pose: &[DMat4], world: DMat4) {
-        let joints = self.joints.iter();
-        let joints: Vec<_> = joints.map(|j| pose[j.node] * j.inverse_bind).collect();
-        for (p, influences) in points.iter_mut().zip(&self.influences) {
-            let share = |i: &Influence| i.weight * joints[i.joint].transform_point3(*p);
-            *p = if influences.is_empty() {
-                world.transform_point3(*p)
-            } else {
-                influences.iter().map(share).sum()
-            };
-        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! Node hierarchy: node transforms over time, and the instances of a mesh at a node (`EXT_mesh_gpu_instancing`).
 
-use super::accessor::{count, listed};
+use super::accessor::floats;
 use super::document::GltfFile;
 use super::motion::ClipMotion;
 use super::schema::{GltfNode, Whole};
@@ -17,26 +17,25 @@ pub(super) struct Rig {
 
 struct Joint {
     parent: Option<usize>,
-    /// Transform without animation.
-    rest: Rest,
+    /// Transforms without animation, as the file specifies them and decomposed.
+    matrix: DMat4,
+    transform: Transform,
 }
 
-enum Rest {
-    Matrix(DMat4),
-    Transform(Transform),
-}
-
-impl Rest {
-    fn of(node: &GltfNode) -> Self {
-        if let Some(matrix) = &node.matrix {
-            return Self::Matrix(DMat4::from_cols_array(matrix));
-        }
+impl Joint {
+    fn new(parent: Option<usize>, node: &GltfNode) -> Self {
         let vector = |v: Option<[f64; 3]>, default| v.map_or(default, DVec3::from_array);
-        Self::Transform(Transform {
+        let parts = Transform {
             translation: vector(node.translation, DVec3::ZERO),
             rotation: node.rotation.map_or(DQuat::IDENTITY, |q| unit(&q)),
             scale: vector(node.scale, DVec3::ONE),
-        })
+        };
+        let matrix = node.matrix.map(|matrix| DMat4::from_cols_array(&matrix));
+        Self {
+            parent,
+            matrix: matrix.unwrap_or_else(|| parts.matrix()),
+            transform: matrix.map_or(parts, |matrix| Transform::of_matrix(&matrix)),
+        }
     }
 }
 
@@ -65,10 +64,7 @@ impl Rig {
             return Err(file.wrong(("node", cyclic), "the node is its own ancestor"));
         }
         let joints = parents.into_iter().zip(nodes);
-        let joints = joints.map(|(parent, node)| Joint {
-            parent,
-            rest: Rest::of(node),
-        });
+        let joints = joints.map(|(parent, node)| Joint::new(parent, node));
         Ok(Self {
             nodes: joints.collect(),
             order,
@@ -103,12 +99,14 @@ impl Rig {
     }
 
     fn own(&self, node: usize, motion: &ClipMotion, time: f64) -> DMat4 {
-        let rest = match &self.nodes[node].rest {
-            Rest::Matrix(matrix) if !motion.moves(node) => return *matrix,
-            Rest::Matrix(matrix) => Transform::of_matrix(matrix),
-            Rest::Transform(transform) => *transform,
-        };
-        motion.transform(node, time, rest).matrix()
+        let Joint {
+            matrix, transform, ..
+        } = self.nodes[node];
+        if motion.moves(node) {
+            motion.transform(node, time, transform).matrix()
+        } else {
+            matrix
+        }
     }
 }
 
@@ -128,52 +126,47 @@ fn descend(file: &GltfFile, roots: Vec<Whole>) -> Vec<usize> {
     order
 }
 
-/// Accessors of the translations, rotations and scales of mesh instances at a node. All have the same length.
-struct Instances {
-    accessors: [Option<Whole>; 3],
-    /// Number of instances.
-    count: usize,
+/// Returns an attribute of the mesh instances at a node, or `None` if it is absent.
+fn attribute<const N: usize>(
+    file: &GltfFile,
+    node: usize,
+    name: &str,
+) -> Result<Option<Vec<[f32; N]>>> {
+    let instancing = file.document.nodes[node].extensions.instancing.as_ref();
+    let accessor = instancing.and_then(|i| i.attributes.get(name));
+    accessor.map(|&accessor| floats(file, accessor)).transpose()
 }
 
-impl Instances {
-    fn of(file: &GltfFile, node: usize) -> Result<Self> {
-        let instancing = file.document.nodes[node].extensions.instancing.as_ref();
-        let accessor = |name| instancing.and_then(|i| i.attributes.get(name).copied());
-        let accessors = ["TRANSLATION", "ROTATION", "SCALE"].map(accessor);
-        let counts = accessors.iter().flatten().map(|&a| count(file, a));
-        let counts = counts.collect::<Result<Vec<_>>>()?;
-        let first = counts.first().copied().unwrap_or(1);
-        if counts.iter().any(|&count| count != first) {
-            let cause = "EXT_mesh_gpu_instancing: its attributes differ in their counts";
-            return Err(file.wrong(("node", node), cause));
-        }
-        Ok(Self {
-            accessors,
-            count: first,
-        })
-    }
-}
-
-/// Returns the number of instances of a node's mesh.
-pub(super) fn copies(file: &GltfFile, node: usize) -> Result<usize> {
-    Ok(Instances::of(file, node)?.count)
-}
-
-/// Returns the transform of each instance relative to the node.
+/// Returns the transform of each mesh instance at a node, relative to the node.
 pub(super) fn places(file: &GltfFile, node: usize) -> Result<Vec<DMat4>> {
-    let Instances { accessors, count } = Instances::of(file, node)?;
-    let [translations, rotations, scales] = accessors;
-    let translations = listed::<3>(file, translations)?;
-    let rotations = listed::<4>(file, rotations)?;
-    let scales = listed::<3>(file, scales)?;
+    let translations = attribute::<3>(file, node, "TRANSLATION")?;
+    let rotations = attribute::<4>(file, node, "ROTATION")?;
+    let scales = attribute::<3>(file, node, "SCALE")?;
+    let counts = [
+        translations.as_ref().map(Vec::len),
+        rotations.as_ref().map(Vec::len),
+        scales.as_ref().map(Vec::len),
+    ];
+    let count = counts.iter().flatten().next().copied().unwrap_or(1);
+    let wrong =
+        |cause: &str| file.wrong(("node", node), format!("EXT_mesh_gpu_instancing: {cause}"));
+    if counts.iter().flatten().any(|&other| other != count) {
+        return Err(wrong("its attributes differ in their counts"));
+    }
     let place = |i: usize| {
-        let rotation = rotations.get(i);
         let transform = Transform {
-            translation: translations.get(i).map_or(DVec3::ZERO, |&v| vector(v)),
-            rotation: rotation.map_or(DQuat::IDENTITY, |q| unit(&q.map(f64::from))),
-            scale: scales.get(i).map_or(DVec3::ONE, |&v| vector(v)),
+            translation: translations
+                .as_ref()
+                .map_or(DVec3::ZERO, |all| vector(all[i])),
+            rotation: rotations
+                .as_ref()
+                .map_or(DQuat::IDENTITY, |all| unit(&all[i].map(f64::from))),
+            scale: scales.as_ref().map_or(DVec3::ONE, |all| vector(all[i])),
         };
         transform.matrix()
     };
-    Ok((0..count).map(place).collect())
+    let mut places = Vec::new();
+    host::reserve(&mut places, count).map_err(|e| wrong(&e.to_string()))?;
+    places.extend((0..count).map(place));
+    Ok(places)
 }

@@ -48,7 +48,7 @@ pub(crate) fn open(name: &str, options: &SceneOptions) -> Result<Scene> {
     let budget = asked.map_or(Ok(default), |text| triangles(name, text))?;
     let bytes = with_more(budget as u64 * LEAST_BYTES, budget, options);
     let what = format!("{budget} triangles");
-    check_memory(format!("demo:{name}"), what, bytes, options)?;
+    check_memory(format!("demo:{name}"), what, bytes)?;
     let (animation, colours) = assemble(build(budget), keys, options)?;
     let made = animation.triangle_count();
     let facts = Facts {
@@ -139,11 +139,11 @@ mod tests {
             assert!(each as u64 >= LEAST_BYTES && each < 1000, "{name}: {each}");
         }
         let options = SceneOptions {
-            memory: Some(1 << 30),
+            more_bytes: 1 << 60,
             ..SceneOptions::default()
         };
         let large = super::open("twist:90000000", &options);
-        refused(large, &["1.1 GB are free"]);
+        refused(large, &["90000000 triangles: 1.2 EB of memory are needed"]);
     }
 
     fn fnv(scene: &Scene) -> u64 {

@@ -88,7 +88,8 @@ pub(super) fn assemble(
 ) -> Result<(Animation, Vec<Rgb>)> {
     let vertices = parts.iter().map(|p| p.mesh.points.len()).sum();
     let meshes = parts.iter().map(|p| &p.mesh);
-    let triangles = joined_triangles(meshes.map(|m| (&m.triangles[..], m.points.len())));
+    let meshes = meshes.map(|m| (&m.triangles[..], m.points.len()));
+    let triangles = joined_triangles("demo", meshes)?;
     let colours = parts.iter().flat_map(|p| p.colours.iter().copied());
     let colours = colours.collect();
     let source = move |key: usize| {

@@ -8,9 +8,8 @@ mod materials;
 pub(crate) use materials::library_names;
 
 use crate::mesh::{
-    Colours, MaterialUse, Materials, Paint, PolygonMesh, Polygons, SHORT_FACES, Skipped,
+    Colours, MaterialUse, Materials, Paint, PolygonMesh, Polygons, SHORT_FACES, Skipped, append,
 };
-use crate::paging::ReadSize;
 use crate::rounding::Position;
 use crate::text::{LineError, before_comment, check_encoding, lines, number};
 use crate::{Result, SceneError};
@@ -21,7 +20,6 @@ use std::path::Path;
 pub(crate) fn read(path: &Path) -> Result<PolygonMesh> {
     let bytes = host::read(path).map_err(|e| SceneError::unreadable(path, e))?;
     check_encoding(&bytes).map_err(|cause| SceneError::malformed(path, None, cause))?;
-    size(&bytes).check(path)?;
     let found = Statements::scan(&bytes).map_err(|e| e.in_file(path))?;
     let mut notes = found.notes(path);
     let paint = if !found.materials.uses.is_empty() {
@@ -101,7 +99,7 @@ impl Statements {
             // Material names may contain '#'.
             "usemtl" => {
                 let (first_face, name) = (self.face_lines.len(), rest.trim().to_owned());
-                self.materials.uses.push(MaterialUse { first_face, name });
+                append(&mut self.materials.uses, MaterialUse { first_face, name })?;
             }
             "mtllib" => self.materials.libraries.push(rest.trim().to_owned()),
             // These statements do not affect triangles.
@@ -134,24 +132,23 @@ impl Statements {
         }
         let [x, y, z, r, g, b, _] = numbers;
         if count > 4 && self.colours.len() == self.points.len() {
-            self.colours.push([r, g, b].map(|c| c as f32));
+            self.colours.push([r, g, b].map(|c| c as f32))?;
         }
-        self.points.push([x, y, z]);
-        Ok(())
+        append(&mut self.points, [x, y, z])
     }
 
     fn face(&mut self, line: usize, data: &str) -> Result<(), String> {
         self.corners.clear();
         for word in data.split_ascii_whitespace() {
-            self.corners.push(corner(word, self.points.len())?);
+            let corner = corner(word, self.points.len())?;
+            append(&mut self.corners, corner)?;
         }
         if self.corners.len() < 3 {
             self.short_faces.add(("line", line));
             return Ok(());
         }
-        self.polygons.push(self.corners.iter().copied());
-        self.face_lines.push(line);
-        Ok(())
+        self.polygons.push(&self.corners)?;
+        append(&mut self.face_lines, line)
     }
 
     /// Refuses faces with undefined vertices. Runs at the end of the file, because a face may precede its vertices.
@@ -223,36 +220,6 @@ fn corner(word: &str, vertices: usize) -> Result<u32, String> {
         i64::MIN..0 => format!("vertex {index} lies before the first of {vertices} vertices"),
         _ => format!("vertex {index} does not exist, there are {vertices}"),
     })
-}
-
-/// Returns upper bounds for reading a text. Sizes include spare capacity, because lists grow by doubling.
-fn size(text: &[u8]) -> ReadSize {
-    /// Bytes of a position and a colour.
-    const VERTEX: usize = 84;
-    /// Bytes of a face in the list of ends, and of its line number.
-    const FACE: usize = 32;
-    /// Bytes of a corner and of the triangle that it may add.
-    const CORNER: usize = 20;
-    let [mut vertices, mut faces, mut corners] = [0_usize; 3];
-    for line in lines(text) {
-        let mut words = line
-            .split(u8::is_ascii_whitespace)
-            .filter(|w| !w.is_empty());
-        match words.next() {
-            Some(b"v") => vertices += 1,
-            Some(b"vt" | b"vn" | b"#") | None => {}
-            // Any other line may continue a face.
-            Some(word) => {
-                faces += usize::from(matches!(word, b"f" | b"fo"));
-                corners += 1 + words.count();
-            }
-        }
-    }
-    ReadSize {
-        vertices,
-        faces,
-        bytes: vertices * VERTEX + faces * FACE + corners * CORNER,
-    }
 }
 
 #[cfg(test)]

@@ -59,8 +59,7 @@ impl<'a> AsciiBody<'a> {
             self.unaligned = Some(format!("'{name}' {index} in line {line}"));
         }
         self.last_line = self.line;
-        let read = Parser::new().read_ascii_element(&self.text, of);
-        read.map_err(|_| self.bad(of, index, &cause(&self.text)))
+        parse(&self.text, of).map_err(|cause| self.bad(of, index, &cause))
     }
 
     /// Reads an element that occupies exactly one line, without copying its words. Returns `None` if the line does not
@@ -86,7 +85,7 @@ impl<'a> AsciiBody<'a> {
         if words().count() != needed || !words().all(is_plain) {
             return None;
         }
-        let element = Parser::new().read_ascii_element(line, of).ok()?;
+        let element = parse(line, of).ok()?;
         self.rest = rest;
         self.last_line = self.line;
         Some(element)
@@ -137,6 +136,13 @@ impl<'a> AsciiBody<'a> {
         let hinted = self.unaligned.as_ref().map(hint);
         LineError::new(self.line, hinted.unwrap_or_else(|| cause.to_owned()))
     }
+}
+
+/// Parses an element. Its text is checked first, because the parser allocates up to 24 bytes per byte of text.
+fn parse(text: &str, of: &ElementDef) -> Result<Element, String> {
+    host::check_memory(24 * text.len() as u64).map_err(|e| e.to_string())?;
+    let read = Parser::new().read_ascii_element(text, of);
+    read.map_err(|_| cause(text))
 }
 
 fn cause(text: &str) -> String {

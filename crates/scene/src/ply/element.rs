@@ -1,5 +1,6 @@
 //! The element type that the parser fills, and conversion of numbers to the parser's grammar.
 
+use crate::paging::reserve;
 use crate::rounding::Position;
 use crate::text::number;
 use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
@@ -8,14 +9,17 @@ use std::fmt::Write;
 /// Index that separates strips in a list of vertices. Files store it as -1.
 pub(super) const RESTART: u32 = u32::MAX;
 
+pub(super) const NEGATIVE: &str = "a vertex index is negative";
+
 /// The properties that the reader uses, for a vertex, face or strip.
 #[derive(Debug, Default)]
 pub(super) struct Element {
     pub(super) point: Position,
     /// Red, green and blue, where present.
     colour: [Option<f32>; 3],
-    /// Vertices of a face or strip, with [`RESTART`] for -1. `None` if any other index is negative or there is no list.
-    pub(super) corners: Option<Vec<u32>>,
+    /// Vertices of a face or strip, with [`RESTART`] for -1. An error if any other index is negative, or if there is
+    /// too little memory.
+    pub(super) corners: Option<Result<Vec<u32>, String>>,
 }
 
 impl PropertyAccess for Element {
@@ -45,7 +49,7 @@ impl Element {
             "red" | "r" | "diffuse_red" => self.colour[0] = Some(component(property)?),
             "green" | "g" | "diffuse_green" => self.colour[1] = Some(component(property)?),
             "blue" | "b" | "diffuse_blue" => self.colour[2] = Some(component(property)?),
-            "vertex_indices" | "vertex_index" => self.corners = indices(property),
+            "vertex_indices" | "vertex_index" => self.corners = Some(indices(property)),
             _ => return None,
         }
         Some(())
@@ -71,17 +75,29 @@ fn component(property: &Property) -> Option<f32> {
     }
 }
 
-fn indices(property: &Property) -> Option<Vec<u32>> {
+fn indices(property: &Property) -> Result<Vec<u32>, String> {
     let signed = |v: i32| match v {
         -1 => Some(RESTART),
         v => u32::try_from(v).ok(),
     };
     match property {
-        Property::ListChar(list) => list.iter().map(|&v| signed(v.into())).collect(),
-        Property::ListShort(list) => list.iter().map(|&v| signed(v.into())).collect(),
-        Property::ListInt(list) => list.iter().map(|&v| signed(v)).collect(),
-        _ => property.to_u32_list(),
+        Property::ListChar(list) => converted(list, |v| signed(v.into())),
+        Property::ListUChar(list) => converted(list, |v| Some(v.into())),
+        Property::ListShort(list) => converted(list, |v| signed(v.into())),
+        Property::ListUShort(list) => converted(list, |v| Some(v.into())),
+        Property::ListInt(list) => converted(list, signed),
+        Property::ListUInt(list) => converted(list, Some),
+        _ => Err(NEGATIVE.to_owned()),
     }
+}
+
+fn converted<T: Copy>(list: &[T], index: impl Fn(T) -> Option<u32>) -> Result<Vec<u32>, String> {
+    let mut indices = Vec::new();
+    reserve(&mut indices, list.len())?;
+    for &item in list {
+        indices.push(index(item).ok_or(NEGATIVE)?);
+    }
+    Ok(indices)
 }
 
 /// Appends a number in the parser's grammar, which lacks the common forms `nan`, `inf`, `.5` and `5.`.

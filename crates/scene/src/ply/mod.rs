@@ -26,7 +26,6 @@ pub(crate) struct Ply {
 pub(crate) fn read(path: &Path) -> Result<Ply> {
     let bytes = host::read(path).map_err(|e| SceneError::unreadable(path, e))?;
     let mut file = PlyFile::open(path, &bytes)?;
-    file.size().check(path)?;
     let definitions = file.header.elements.clone();
     for definition in &definitions {
         file.element(definition)?;

@@ -1,10 +1,9 @@
 //! The elements of a PLY file: vertices, faces and strips.
 
 use super::ascii::AsciiBody;
-use super::element::{Element, RESTART};
+use super::element::{Element, NEGATIVE, RESTART};
 use super::header::PlyHeader;
-use crate::mesh::{Colours, Paint, PolygonMesh, Polygons, SHORT_FACES, Skipped};
-use crate::paging::ReadSize;
+use crate::mesh::{Colours, Paint, PolygonMesh, Polygons, SHORT_FACES, Skipped, append};
 use crate::rounding::Position;
 use crate::text::check_encoding;
 use crate::{Location, Result, SceneError};
@@ -49,59 +48,6 @@ impl<'a> PlyFile<'a> {
         };
         file.check_header()?;
         Ok(file)
-    }
-
-    /// Returns upper bounds for reading the file.
-    pub(super) fn size(&self) -> ReadSize {
-        // The header may declare more elements than the file contains. Each element takes at least one byte.
-        let count = |name: &str| {
-            let element = self.header.element(name);
-            element.map_or(0, |e| e.count.min(self.bytes.len()))
-        };
-        let [vertices, mut faces] = [count("vertex"), count("face")];
-        let listed = self.listed();
-        // Each corner after the third adds a triangle to its face.
-        let mut more = listed.saturating_sub(3 * faces);
-        // Each corner of a strip adds a face.
-        if count(STRIPS) > 0 {
-            faces = faces.saturating_add(listed);
-            more = 0;
-        }
-        // Bytes per vertex, face and further corner. They include spare capacity, because lists grow by doubling.
-        let bytes = vertices * 84 + faces.saturating_mul(80) + more.saturating_mul(32);
-        ReadSize {
-            vertices,
-            faces,
-            bytes,
-        }
-    }
-
-    /// Returns an upper bound of the number of corners: the size of all lists in the file, divided by the size of
-    /// a corner.
-    fn listed(&self) -> usize {
-        let ascii = self.header.encoding == Encoding::Ascii;
-        let size = |kind: &ScalarType| if ascii { 1 } else { size(kind) };
-        let rest = self.body.rest;
-        let words = rest.split(u8::is_ascii_whitespace);
-        let all = if ascii {
-            words.filter(|w| !w.is_empty()).count()
-        } else {
-            rest.len()
-        };
-        // Size of an element without its list items, in bytes, or in words of an ascii file.
-        let own = |element: &ElementDef| {
-            let kinds = element.properties.values().map(|p| match &p.data_type {
-                PropertyType::Scalar(kind) | PropertyType::List(kind, _) => size(kind),
-            });
-            element.count.saturating_mul(kinds.sum())
-        };
-        let own = self.header.elements.iter().map(own);
-        let listed = all.saturating_sub(own.fold(0, usize::saturating_add));
-        let smallest = self.surfaces().filter_map(corners).map(|kind| match kind {
-            PropertyType::List(_, corner) => size(corner),
-            PropertyType::Scalar(kind) => size(kind),
-        });
-        smallest.min().map_or(0, |bytes| listed / bytes)
     }
 
     /// Returns the elements that contain faces or strips.
@@ -167,6 +113,8 @@ impl<'a> PlyFile<'a> {
             return Ok(());
         }
         let ascii = self.header.encoding == Encoding::Ascii;
+        let used = ["vertex", "face", STRIPS];
+        let used = used.into_iter().find(|name| *name == definition.name);
         for index in 0..definition.count {
             let element = if ascii {
                 let read = self.body.element(definition, index);
@@ -174,7 +122,11 @@ impl<'a> PlyFile<'a> {
             } else {
                 self.binary(definition, index)?
             };
-            self.take(definition, index, element)?;
+            if let Some(name) = used {
+                let place = (name, index);
+                let taken = self.take(place, element);
+                taken.map_err(|cause| self.wrong(place, cause))?;
+            }
         }
         if definition.name == "vertex" {
             self.ends[1] = self.bytes.len() - self.body.rest.len();
@@ -202,54 +154,43 @@ impl<'a> PlyFile<'a> {
         })
     }
 
-    fn take(&mut self, definition: &ElementDef, index: usize, element: Element) -> Result<()> {
-        match definition.name.as_str() {
+    fn take(&mut self, place: Location, element: Element) -> Result<(), String> {
+        let colour = element.colour();
+        match place.0 {
             "vertex" => {
-                self.points.push(element.point);
-                if let Some(colour) = element.colour() {
-                    self.colours.push(colour);
-                }
+                append(&mut self.points, element.point)?;
+                colour.map_or(Ok(()), |colour| self.colours.push(colour))
             }
             "face" => {
-                let place = ("face", index);
-                let colour = element.colour();
-                let corners = self.corners(place, element)?;
+                let corners = self.corners(element)?;
                 if corners.len() < 3 {
                     self.short_faces.add(place);
                     return Ok(());
                 }
                 if corners.contains(&RESTART) {
-                    return Err(self.wrong(place, NEGATIVE));
+                    return Err(NEGATIVE.to_owned());
                 }
-                self.polygons.push(corners);
-                if let Some(colour) = colour {
-                    self.face_colours.push(colour);
-                }
+                self.polygons.push(&corners)?;
+                colour.map_or(Ok(()), |colour| self.face_colours.push(colour))
             }
-            STRIPS => {
-                let place = (STRIPS, index);
-                let corners = self.corners(place, element)?;
-                let strips = corners.split(|&v| v == RESTART);
-                strips.for_each(|strip| self.strip(place, strip));
+            _ => {
+                let corners = self.corners(element)?;
+                let mut strips = corners.split(|&v| v == RESTART);
+                strips.try_for_each(|strip| self.strip(place, strip))
             }
-            _ => {}
         }
-        Ok(())
     }
 
     /// Returns the vertices of a face, or of strips separated by [`RESTART`]. Checks that all other indices exist,
     /// except in lists of fewer than three corners, which are skipped.
-    fn corners(&self, place: Location, element: Element) -> Result<Vec<u32>> {
-        let corners = element.corners;
-        let corners = corners.ok_or_else(|| self.wrong(place, NEGATIVE))?;
+    fn corners(&self, element: Element) -> Result<Vec<u32>, String> {
+        let corners = element.corners.ok_or(NEGATIVE)??;
         let vertices = self.header.element("vertex").map_or(0, |e| e.count);
         let is_missing = |v: &&u32| **v as usize >= vertices && **v != RESTART;
         match corners.iter().find(is_missing) {
-            Some(vertex) if corners.len() > 2 => {
-                let cause =
-                    format!("vertex {vertex} does not exist, there are {vertices} (from 0)");
-                Err(self.wrong(place, cause))
-            }
+            Some(vertex) if corners.len() > 2 => Err(format!(
+                "vertex {vertex} does not exist, there are {vertices} (from 0)"
+            )),
             _ => Ok(corners),
         }
     }
@@ -257,7 +198,7 @@ impl<'a> PlyFile<'a> {
     /// Adds the triangles of a strip. The first two vertices of every second triangle are swapped, so that all
     /// triangles face the same side. Degenerate triangles that connect parts of the strip are kept, so that triangle
     /// indices match the file.
-    fn strip(&mut self, place: Location, strip: &[u32]) {
+    fn strip(&mut self, place: Location, strip: &[u32]) -> Result<(), String> {
         if matches!(strip.len(), 1 | 2) {
             self.short_faces.add(place);
         }
@@ -265,8 +206,9 @@ impl<'a> PlyFile<'a> {
             let [a, b, c] = [corners[0], corners[1], corners[2]];
             let is_even = index.is_multiple_of(2);
             self.polygons
-                .push(if is_even { [a, b, c] } else { [b, a, c] });
+                .push(&if is_even { [a, b, c] } else { [b, a, c] })?;
         }
+        Ok(())
     }
 
     pub(super) fn finish(mut self) -> Result<PolygonMesh> {
@@ -300,8 +242,6 @@ impl<'a> PlyFile<'a> {
 
 /// Name of the element that contains triangle strips.
 const STRIPS: &str = "tristrips";
-
-const NEGATIVE: &str = "a vertex index is negative";
 
 /// Returns the declared type of the list of vertices in a face or strip.
 fn corners(element: &ElementDef) -> Option<&PropertyType> {

@@ -2,7 +2,6 @@
 
 use super::*;
 use crate::mesh::Paint;
-use crate::paging::ReadSize;
 use crate::rounding::Position;
 use crate::testing::{Surface, put, refused, surface};
 use std::fs;
@@ -74,38 +73,6 @@ fn all_encodings_give_same_mesh() {
         if let Paint::Vertices(colours) = mesh.paint {
             assert_eq!(colours[3], [60, 30, 30]);
         }
-    }
-}
-
-#[test]
-fn memory_estimate_counts_every_corner() {
-    let need = |bytes: &[u8]| {
-        let path = Path::new("a.ply");
-        PlyFile::open(path, bytes).unwrap().size()
-    };
-    let square = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n";
-    let triangles = ascii(square, "3 0 1 2\n3 3 2 0\n");
-    let small = 4 * 84 + 2 * 80;
-    let size = |bytes| ReadSize {
-        vertices: 4,
-        faces: 2,
-        bytes,
-    };
-    assert_eq!(need(triangles.as_bytes()), size(small));
-    let rim: Vec<i16> = (0..1000).map(|i| i % 4).collect();
-    let words = rim.iter().map(|v| format!(" {v}")).collect::<String>();
-    let text = ascii(square, &format!("1000{words}\n3 0 1 2\n"));
-    for bytes in [
-        text.into_bytes(),
-        binary(false, &[(1000, &rim), (3, &[0, 1, 2])]),
-        binary(true, &[(1000, &rim), (3, &[0, 1, 2])]),
-        // In a truncated file, or with a false list length, only the existing data counts.
-        binary(true, &[(3, &[0, 1, 2]), (i32::MAX, &rim)]),
-    ] {
-        let need = need(&bytes);
-        assert_eq!(need, size(small + 997 * 32));
-        // A corner takes 4 bytes and a triangle takes 12.
-        assert!(need.bytes >= 1003 * 4 + 999 * 12);
     }
 }
 

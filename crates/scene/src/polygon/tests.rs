@@ -8,8 +8,9 @@ use std::collections::BTreeSet;
 fn triangles(points: &[Position]) -> Vec<[u32; 3]> {
     let mut polygons = Polygons::default();
     polygons.vertices = points.len();
-    polygons.push(0..points.len() as u32);
-    let found = triangulate(&polygons, points);
+    let corners: Vec<u32> = (0..points.len() as u32).collect();
+    polygons.push(&corners).unwrap();
+    let found = triangulate(&polygons, points).unwrap();
     assert_eq!(found.fanned, 0);
     found.triangles
 }
@@ -181,8 +182,9 @@ fn oversized_concave_polygons_are_counted() {
     let points: Vec<Position> = (0..count).map(point).collect();
     let mut polygons = Polygons::default();
     polygons.vertices = count;
-    polygons.push(0..count as u32);
-    let found = triangulate(&polygons, &points);
+    let corners: Vec<u32> = (0..count as u32).collect();
+    polygons.push(&corners).unwrap();
+    let found = triangulate(&polygons, &points).unwrap();
     assert_eq!((found.triangles.len(), found.fanned), (count - 2, 1));
 }
 
