@@ -26,31 +26,14 @@ impl LineError {
     }
 }
 
-/// Iterator over lines that end in LF, CR or CR LF.
-#[derive(Clone)]
-pub(crate) struct Lines<'a> {
-    rest: &'a [u8],
-}
-
-/// Splits `bytes` into lines. The last line may lack a line end. A final line end starts no empty line.
-pub(crate) fn lines(bytes: &[u8]) -> Lines<'_> {
-    Lines { rest: bytes }
-}
-
-impl<'a> Iterator for Lines<'a> {
-    type Item = &'a [u8];
-
-    fn next(&mut self) -> Option<&'a [u8]> {
-        if self.rest.is_empty() {
-            return None;
-        }
-        let is_end = |b: &u8| matches!(b, b'\n' | b'\r');
-        let end = self.rest.iter().position(is_end);
-        let (line, rest) = self.rest.split_at(end.unwrap_or(self.rest.len()));
-        let after = rest.strip_prefix(b"\r\n").or_else(|| rest.get(1..));
-        self.rest = after.unwrap_or_default();
-        Some(line)
-    }
+/// Splits `bytes` into lines that end in LF, CR or CR LF. The last line may lack a line end. A final line end starts no
+/// empty line.
+pub(crate) fn lines(bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
+    bytes.split_inclusive(|b| *b == b'\n').flat_map(|line| {
+        let line = line.strip_suffix(b"\n").unwrap_or(line);
+        let line = line.strip_suffix(b"\r").unwrap_or(line);
+        line.split(|b| *b == b'\r')
+    })
 }
 
 /// Parses a number. Accepts C library spellings of `nan` and `inf`: `-nan(ind)`, `1.#QNAN`, `-1.#INF00`.
@@ -114,7 +97,7 @@ mod tests {
         let split = |text: &'static str| -> Vec<_> { lines(text.as_bytes()).collect() };
         assert_eq!(split("a\nb\rc\r\nd"), [b"a", b"b", b"c", b"d"]);
         assert_eq!(split("a\r\r\n\nb\r"), [&b"a"[..], b"", b"", b"b"]);
-        assert_eq!(split("").len(), 0);
+        assert!(split("").is_empty());
     }
 
     #[test]
