@@ -5,13 +5,14 @@ import package::intersect::candidates::{NO_CANDIDATE, candidate_at};
 import package::intersect::line::{ExactIntersection, is_within_limits, line, unit_range};
 import package::lib::buffers::{counts, occluded, records};
 import package::lib::fixed::{
-    Approximation, Int192, Int64x3, add_192, approximate_192, approximate_quotient, negate_192, round_quotient_192,
-    sign_192, sub_64, to_fixed_point, triple_product_192,
+    Int192, Int64x3, abs_192, add_192, negate_192, round_quotient_192, select_192, sign_192, sub_64, to_fixed_point,
+    triple_product_192,
 };
 import package::lib::integers::{INTERSECTIONS_OFFSET, words};
 
-// Whether the triangle is hit, and whether it needs longer integers. `t` is rounded once, as bits.
-struct CandidateResult { is_hit: u32, needs_fallback: u32, leaf: u32, exponent: i32, approximate_t: Approximation, t: u32 }
+// Whether the triangle is hit, and whether it needs longer integers. `t` is rounded once, as bits. The exact t is
+// N / D * 2^exponent.
+struct CandidateResult { is_hit: u32, needs_fallback: u32, triangle: u32, exponent: i32, t: u32 }
 
 struct FixedTriangle { fits: bool, unit: i32, a: Int64x3, b: Int64x3, c: Int64x3 }
 
@@ -52,28 +53,18 @@ fn determinant(fixed_corners: FixedTriangle, side: u32) -> Int192 {
 }
 
 struct Determinants { u: Int192, v: Int192, w: Int192, n: Int192 }
-struct SolvedTriangle { result: CandidateResult, d: Int192, n: Int192 }
 
-// Derives the denominator D, the numerator N and the decision from the four determinants.
-fn solve_determinants(given: CandidateResult, values: Determinants) -> SolvedTriangle {
-    // `d` is set below, unless the triangle is missed.
-    var solved = SolvedTriangle(given, values.u, values.n);
+// Whether the ray's line hits the triangle in front of the ray's start, and the denominator D and the numerator N of t.
+struct SolvedTriangle { is_hit: bool, d: Int192, n: Int192 }
+
+fn solve_determinants(values: Determinants) -> SolvedTriangle {
     let signs = vec3<i32>(sign_192(values.u), sign_192(values.v), sign_192(values.w));
     let negative = any(signs < vec3<i32>(0));
-    if negative && any(signs > vec3<i32>(0)) { return solved; }
-    solved.d = add_192(add_192(values.u, values.v), values.w);
-    if negative {
-        solved.d = negate_192(solved.d);
-        solved.n = negate_192(solved.n);
-    }
-    // The ray is in the triangle's plane, or the triangle is behind its start.
-    if all(signs == vec3<i32>(0)) || sign_192(solved.n) <= 0 { return solved; }
-    solved.result.approximate_t = approximate_quotient(
-        approximate_192(solved.n), approximate_192(solved.d), solved.result.exponent,
-    );
-    solved.result.t = round_quotient_192(solved.n, solved.d, solved.result.exponent);
-    solved.result.is_hit = select(0u, 1u, is_within_limits(solved.result.t));
-    return solved;
+    let d = add_192(add_192(values.u, values.v), values.w);
+    let n = select_192(values.n, negate_192(values.n), negative);
+    // All signs are zero if the ray is in the triangle's plane.
+    let is_hit = !(negative && any(signs > vec3<i32>(0))) && any(signs != vec3<i32>(0)) && sign_192(n) > 0;
+    return SolvedTriangle(is_hit, abs_192(d), n);
 }
 
 // Number of limbs of 192 bits.
@@ -100,9 +91,10 @@ fn store_192(at: u32, n: Int192) {
 
 const RAYS_PER_WORKGROUP: u32 = 4u;
 
-// Holds one determinant per invocation at first, then D, V, W and N of each candidate. The ray hits the triangle at
-// t = N / D * 2^exponent. V and W may have either sign.
+// One determinant per invocation. Once its candidate is decided, the first of the four holds D and the last one N.
 var<workgroup> determinants: array<Int192, 64>;
+// t and the weights of the second and third corner, each rounded once, by a candidate's first three invocations.
+var<workgroup> rounded_quotients: array<u32, 64>;
 var<workgroup> candidate_results: array<CandidateResult, 16>;
 // Number of undecided rays of this submission, and whether a ray of this round has more candidates.
 var<workgroup> undecided_count: u32;
@@ -124,28 +116,38 @@ fn candidate_after(list: u32, count: u32) -> u32 {
 // Decides the first four candidates of `list`, and stores the results in `candidate_results`. The ray's line must be set. All
 // invocations of the workgroup must call it.
 fn decide_candidates(list: u32, local: u32) {
+    let side = local & 3u;
     let candidate = candidate_after(list, (local / 4u) % 4u);
     var result = CandidateResult();
-    var fixed_corners = FixedTriangle();
+    var fits = false;
     if candidate != NO_CANDIDATE {
-        result.leaf = occluded[candidate_at(candidate)];
-        let triangle = records[3u * result.leaf].w;
-        fixed_corners = fixed_triangle(points_of(triangle));
-        if fixed_corners.fits { determinants[local] = determinant(fixed_corners, local & 3u); }
-        result.needs_fallback = select(1u, 0u, fixed_corners.fits);
+        result.triangle = records[3u * occluded[candidate_at(candidate)]].w;
+        let fixed_corners = fixed_triangle(points_of(result.triangle));
+        fits = fixed_corners.fits;
+        if fits { determinants[local] = determinant(fixed_corners, side); }
+        result.needs_fallback = select(1u, 0u, fits);
         result.exponent = fixed_corners.unit - line.shift - line.unit;
     }
     workgroupBarrier();
-    if (local & 3u) == 0u {
-        if fixed_corners.fits {
-            let all = Determinants(
-                determinants[local], determinants[local + 1u], determinants[local + 2u], determinants[local + 3u],
-            );
-            let solved = solve_determinants(result, all);
-            result = solved.result;
-            determinants[local] = solved.d;
-            determinants[local + 3u] = solved.n;
+    let first = local - side;
+    var solved = SolvedTriangle();
+    if fits {
+        let u = determinants[first];
+        let v = determinants[first + 1u];
+        let w = determinants[first + 2u];
+        solved = solve_determinants(Determinants(u, v, w, determinants[first + 3u]));
+        if solved.is_hit && side < 3u {
+            var dividend = solved.n;
+            if side != 0u { dividend = abs_192(select_192(v, w, side == 2u)); }
+            result.t = round_quotient_192(dividend, solved.d, select(0, result.exponent, side == 0u));
         }
+    }
+    workgroupBarrier();
+    rounded_quotients[local] = result.t;
+    if side == 3u { determinants[local] = solved.n; }
+    if side == 0u {
+        determinants[local] = solved.d;
+        result.is_hit = select(0u, 1u, solved.is_hit && is_within_limits(result.t));
         candidate_results[local / 4u] = result;
     }
     workgroupBarrier();
@@ -164,15 +166,15 @@ fn remaining_candidates(list: u32, local: u32) -> RemainingList {
     return RemainingList(next, workgroupUniformLoad(&has_more) == 0u);
 }
 
-// Computes the four determinants of one triangle in a single invocation.
-fn decide_in_one_invocation(leaf: u32, points: array<vec3<u32>, 3>) -> SolvedTriangle {
+// The decision on one triangle, and the numbers D and N.
+struct DecidedTriangle { result: CandidateResult, d: Int192, n: Int192 }
+
+// Decides one triangle in a single invocation.
+fn decide_in_one_invocation(triangle: u32, points: array<vec3<u32>, 3>) -> DecidedTriangle {
     let fixed_corners = fixed_triangle(points);
-    var result = CandidateResult();
-    result.leaf = leaf;
-    result.needs_fallback = select(1u, 0u, fixed_corners.fits);
-    result.exponent = fixed_corners.unit - line.shift - line.unit;
+    let exponent = fixed_corners.unit - line.shift - line.unit;
+    if !fixed_corners.fits { return DecidedTriangle(CandidateResult(0u, 1u, triangle, exponent, 0u), Int192(), Int192()); }
     var all = Determinants();
-    if !fixed_corners.fits { return SolvedTriangle(result, all.u, all.n); }
     for (var side = 0u; side < 4u; side += 1u) {
         let n = determinant(fixed_corners, side);
         if side == 0u { all.u = n; }
@@ -180,5 +182,11 @@ fn decide_in_one_invocation(leaf: u32, points: array<vec3<u32>, 3>) -> SolvedTri
         if side == 2u { all.w = n; }
         if side == 3u { all.n = n; }
     }
-    return solve_determinants(result, all);
+    let solved = solve_determinants(all);
+    var result = CandidateResult(0u, 0u, triangle, exponent, 0u);
+    if solved.is_hit {
+        result.t = round_quotient_192(solved.n, solved.d, exponent);
+        result.is_hit = select(0u, 1u, is_within_limits(result.t));
+    }
+    return DecidedTriangle(result, solved.d, solved.n);
 }

@@ -11,7 +11,7 @@ import package::intersect::determinants::decide_in_one_invocation;
 import package::intersect::filter::{classify, set_shear_view};
 import package::intersect::line::prepare_line;
 import package::intersect::resolve_exact::{
-    accept_if_first, first_intersection, first_leaf, first_triangle, free_slot, store_intersection,
+    accept_if_first, first_t, first_triangle, free_slot, has_first, store_intersection,
 };
 import package::intersect::round_intersection::{intersect_within_limits, rounded_t, rounded_weights};
 import package::lib::buffers::{counts, hits, nodes, occluded, records};
@@ -84,8 +84,9 @@ fn decide_candidate(leaf: u32) -> bool {
         decide_closest(leaf);
         return false;
     }
-    let points = points_of(records[3u * leaf].w);
-    let result = decide_in_one_invocation(leaf, points).result;
+    let triangle = records[3u * leaf].w;
+    let points = points_of(triangle);
+    let result = decide_in_one_invocation(triangle, points).result;
     found_any = result.is_hit == 1u;
     if result.needs_fallback == 1u { found_any = intersect_within_limits(points, 0u).is_hit; }
     return found_any;
@@ -125,16 +126,14 @@ fn traverse_candidates(worker: u32, ray: PreparedRay, bound: f32) {
 fn decide_closest(leaf: u32) {
     let triangle = records[3u * leaf].w;
     let points = points_of(triangle);
-    let solved = decide_in_one_invocation(leaf, points);
-    let is_decided = solved.result.needs_fallback == 0u;
-    if is_decided {
-        if solved.result.is_hit == 1u {
-            _ = accept_if_first(solved.result, triangle, store_intersection(solved.result.exponent, solved.n, solved.d), true);
-        }
-        return;
+    let decided = decide_in_one_invocation(triangle, points);
+    let result = decided.result;
+    if result.needs_fallback == 1u {
+        let intersection = intersect_within_limits(points, free_slot());
+        if intersection.is_hit { _ = accept_if_first(triangle, intersection, rounded_t(intersection)); }
+    } else if result.is_hit == 1u {
+        _ = accept_if_first(triangle, store_intersection(result.exponent, decided.n, decided.d), result.t);
     }
-    let intersection = intersect_within_limits(points, free_slot());
-    if intersection.is_hit { _ = accept_if_first(solved.result, triangle, intersection, false); }
 }
 
 // Writes the hit of a worker's ray. The ray's line must be set.
@@ -143,14 +142,13 @@ fn fallback_closest(worker: u32, i: u32, ray: PreparedRay) {
     set_shear_view(ray);
     seeks_closest = true;
     ignored_triangle = NO_LEAF;
-    first_leaf = NO_LEAF;
+    has_first = false;
     traverse_candidates(worker, ray, bitcast<f32>(hits[i].x));
-    if first_leaf == NO_LEAF {
+    if !has_first {
         hits[i] = MISS;
         return;
     }
-    let t = rounded_t(first_intersection);
-    hits[i] = vec4<u32>(t, rounded_weights(points_of(first_triangle)), first_triangle);
+    hits[i] = vec4<u32>(first_t, rounded_weights(points_of(first_triangle)), first_triangle);
     atomicAdd(&counts[HIT_COUNT], 1u);
 }
 

@@ -5,14 +5,12 @@ import package::geometry::node::{LEAF, NO_NODE, child_row, first_triangle_of, se
 import package::geometry::queries::{eye, set_line_of_query};
 import package::geometry::ray::{PreparedRay, intersects_box};
 import package::geometry::record::corners_of;
-import package::geometry::shadow_ray::{ShadowSegment, set_line_of_segment, shadow_ray, shadow_segment_of_hit};
+import package::geometry::shadow_ray::{set_line_of_segment, shadow_ray, shadow_segment_of_hit};
 import package::intersect::candidates::{NO_CANDIDATE, UNDECIDED, allocate_candidate, candidate_at, list_or_empty, write_any_hit};
 import package::intersect::determinants::load_undecided_count;
 import package::intersect::exact::exact_is_undecided;
 import package::intersect::filter::{classify, set_shear_view};
-import package::intersect::resolve_exact::{
-    any_hit_of_candidates, first_of_candidates, resolve_exact_any, resolve_exact_closest,
-};
+import package::intersect::resolve_exact::{find_first_hit, resolve_exact_any, resolve_exact_closest};
 import package::lib::buffers::{counts, hits, nodes, occluded};
 import package::lib::counters::{CANDIDATE_COUNT, OCCLUDED_COUNT, UNDECIDED_RAYS, UNDECIDED_SHADOWS};
 import package::lib::params::params;
@@ -131,26 +129,29 @@ fn load_ray(at: u32, local: u32) -> u32 {
     return workgroupUniformLoad(&current_ray);
 }
 
-// Returns the hit of ray `i`. Resolves it first if it is undecided.
-fn load_hit(i: u32, needs_hit: bool, local: u32) -> vec4<u32> {
-    if needs_hit {
-        set_line_of_query(i);
-        // Each of the first 16 invocations computes a determinant.
-        let leaf = first_of_candidates(select(NO_CANDIDATE, list_or_empty(hits[i].y), local < 16u), local);
-        if local == 0u { resolve_exact_closest(i, leaf); }
-    }
+// Returns the hit of ray `i`.
+fn load_hit(i: u32, local: u32) -> vec4<u32> {
     if local == 0u { current_hit = hits[i]; }
     return workgroupUniformLoad(&current_hit);
 }
 
-// Resolves whether the segment from the hit of ray `i` to the light is occluded. `list` holds the candidates.
-fn resolve_shadow(i: u32, segment: ShadowSegment, list: u32, local: u32) {
-    set_line_of_segment(segment);
-    let result = any_hit_of_candidates(select(NO_CANDIDATE, list_or_empty(list), local < 16u), local);
-    if local == 0u {
-        occluded[i] = list;
-        resolve_exact_any(i, OCCLUDED_COUNT, result);
+// Returns the candidates of the shadow ray of ray `i`, and sets its line. `needs_search` is set if the shadow ray was not traced
+// yet. Returns NO_CANDIDATE if no candidate needs to be decided: the hit is still undecided, or the shadow is written.
+fn candidates_of_shadow(i: u32, needs_search: bool, local: u32) -> u32 {
+    let hit = load_hit(i, local);
+    if exact_is_undecided(hit) { return NO_CANDIDATE; }
+    var list = NO_CANDIDATE;
+    if hit.w != NO_TRIANGLE {
+        let segment = shadow_segment_of_hit(hit, eye());
+        list = occluded[i];
+        if needs_search { list = search_any_together(segment.is_traced, shadow_ray(segment), hit.w, local); }
+        if list != CERTAIN_HIT && list != NO_CANDIDATE {
+            set_line_of_segment(segment);
+            return list;
+        }
     }
+    if local == 0u { write_any_hit(i, list == CERTAIN_HIT, OCCLUDED_COUNT); }
+    return NO_CANDIDATE;
 }
 
 // Resolves the rays with undecided hits, then the undecided shadows of the other rays. The workgroups share both lists.
@@ -169,19 +170,24 @@ fn resolve_exact_camera(
         let needs_hit = k < hit_count;
         let shadow_at = params.search.undecided_shadows_at + k - hit_count;
         let i = load_ray(select(shadow_at, params.search.undecided_rays_at + k, needs_hit), local);
-        let hit = load_hit(i, needs_hit, local);
-        if exact_is_undecided(hit) { continue; }
-        if hit.w == NO_TRIANGLE {
-            if local == 0u { write_any_hit(i, false, OCCLUDED_COUNT); }
-            continue;
-        }
-        let segment = shadow_segment_of_hit(hit, eye());
-        var list = occluded[i];
-        if needs_hit { list = search_any_together(segment.is_traced, shadow_ray(segment), hit.w, local); }
-        if list == CERTAIN_HIT || list == NO_CANDIDATE {
-            if local == 0u { write_any_hit(i, list == CERTAIN_HIT, OCCLUDED_COUNT); }
-        } else {
-            resolve_shadow(i, segment, list, local);
+        // Resolves the hit, if it needs it, and then the shadow. In one loop, the code that decides candidates is compiled once.
+        for (var is_shadow = !needs_hit; ; is_shadow = true) {
+            var list = NO_CANDIDATE;
+            if is_shadow {
+                list = candidates_of_shadow(i, needs_hit, local);
+                if list == NO_CANDIDATE { break; }
+            } else {
+                set_line_of_query(i);
+                list = hits[i].y;
+            }
+            // Each of the first 16 invocations computes a determinant.
+            let is_decided = find_first_hit(select(NO_CANDIDATE, list_or_empty(list), local < 16u), local);
+            if local == 0u && is_shadow {
+                occluded[i] = list;
+                resolve_exact_any(i, OCCLUDED_COUNT, is_decided);
+            }
+            if local == 0u && !is_shadow { resolve_exact_closest(i, is_decided); }
+            if is_shadow { break; }
         }
     }
 }

@@ -1,32 +1,29 @@
 // Resolves the rays that intersector `exact` left undecided, from their candidates. All workgroups share the list of rays.
 
-import package::geometry::node::NO_LEAF;
 import package::geometry::queries::{query_ray, set_line_of_query};
 import package::geometry::ray::MISS;
 import package::geometry::shadow_ray::{set_line_of_segment, shadow_segment_of_hit};
+import package::geometry::units::ordered;
 import package::intersect::candidates::{NO_CANDIDATE, UNDECIDED, list_or_empty, write_any_hit};
 import package::intersect::determinants::{
-    RAYS_PER_WORKGROUP, CandidateResult, RemainingList, candidate_results, decide_candidates, determinants,
-    intersection_in_slot, load_undecided_count, remaining_candidates, store_192,
+    RAYS_PER_WORKGROUP, RemainingList, candidate_results, decide_candidates, determinants, intersection_in_slot,
+    load_undecided_count, remaining_candidates, rounded_quotients, store_192,
 };
 import package::intersect::line::{ExactIntersection, compare_intersections};
-import package::lib::buffers::{counts, hits, occluded, records};
+import package::lib::buffers::{counts, hits, occluded};
 import package::lib::counters::{FALLBACK_OFFSET, HIT_COUNT, OCCLUDED_COUNT, UNDECIDED_OFFSET, UNDECIDED_RAYS};
-import package::lib::fixed::{Approximation, Int192, abs_192, compare_approximations, round_quotient_192};
+import package::lib::fixed::Int192;
 import package::lib::integers::INTERSECTIONS_OFFSET;
 import package::lib::params::params;
 
-// The first hit among a ray's candidates so far.
-
-// Its exact intersection, and an approximate distance if known.
+// The first hit among a ray's candidates so far: whether there is one, its exact intersection, its rounded t, and its triangle.
+var<private> has_first: bool;
 var<private> first_intersection: ExactIntersection;
-var<private> first_approximate_t: Approximation;
-var<private> first_has_approximation: bool;
-var<private> first_leaf: u32;
+var<private> first_t: u32;
 var<private> first_triangle: u32;
 
 // Returns the slot that `first_intersection` does not use.
-fn free_slot() -> u32 { return select(0u, 1u, first_leaf != NO_LEAF && first_intersection.numerator == INTERSECTIONS_OFFSET); }
+fn free_slot() -> u32 { return select(0u, 1u, has_first && first_intersection.numerator == INTERSECTIONS_OFFSET); }
 
 fn store_intersection(exponent: i32, n: Int192, d: Int192) -> ExactIntersection {
     let intersection = intersection_in_slot(free_slot(), exponent);
@@ -35,55 +32,46 @@ fn store_intersection(exponent: i32, n: Int192, d: Int192) -> ExactIntersection 
     return intersection;
 }
 
-// Makes a triangle the first hit if it precedes the current one: least t, then least index. `has_approximation` is set if an
-// approximate distance is known. Returns whether it became the first hit.
-fn accept_if_first(result: CandidateResult, triangle: u32, intersection: ExactIntersection, has_approximation: bool) -> bool {
-    if first_leaf != NO_LEAF {
-        var order = 0;
-        if has_approximation && first_has_approximation {
-            order = compare_approximations(result.approximate_t, first_approximate_t);
+// Makes a triangle the first hit if it precedes the current one: least t, then least index. `t` is the intersection's, rounded
+// once. Returns whether it became the first hit.
+fn accept_if_first(triangle: u32, intersection: ExactIntersection, t: u32) -> bool {
+    if has_first {
+        if ordered(t) > ordered(first_t) { return false; }
+        if t == first_t {
+            let order = compare_intersections(intersection, first_intersection);
+            if order > 0 || (order == 0 && triangle > first_triangle) { return false; }
         }
-        if order == 0 { order = compare_intersections(intersection, first_intersection); }
-        if order > 0 || (order == 0 && triangle > first_triangle) { return false; }
     }
+    has_first = true;
     first_intersection = intersection;
-    first_approximate_t = result.approximate_t;
-    first_has_approximation = has_approximation;
-    first_leaf = result.leaf;
+    first_t = t;
     first_triangle = triangle;
     return true;
 }
-
-// Closest hits from candidates.
-
-// Replaces a leaf: the candidates do not decide the ray.
-const UNDECIDED_LEAF: u32 = 0xfffffffeu;
 
 // The first hit so far, as it is written: t and both weights are rounded once.
 var<private> first_hit: vec4<u32>;
 
 // Updates the first hit with four results, from index `at` on. Returns false if a candidate needs longer integers.
 fn accept_results(at: u32) -> bool {
+    var is_decided = true;
     for (var k = at; k < at + 4u; k += 1u) {
         let result = candidate_results[k];
-        if result.needs_fallback == 1u { return false; }
+        if result.needs_fallback == 1u { is_decided = false; }
         if result.is_hit == 1u {
-            let denominator = determinants[4u * k];
-            let triangle = records[3u * result.leaf].w;
-            if accept_if_first(result, triangle, store_intersection(result.exponent, determinants[4u * k + 3u], denominator), true) {
-                let u = round_quotient_192(abs_192(determinants[4u * k + 1u]), denominator, 0);
-                let v = round_quotient_192(abs_192(determinants[4u * k + 2u]), denominator, 0);
-                first_hit = vec4<u32>(result.t, u, v, triangle);
+            let intersection = store_intersection(result.exponent, determinants[4u * k + 3u], determinants[4u * k]);
+            if accept_if_first(result.triangle, intersection, result.t) {
+                first_hit = vec4<u32>(result.t, rounded_quotients[4u * k + 1u], rounded_quotients[4u * k + 2u], result.triangle);
             }
         }
     }
-    return true;
+    return is_decided;
 }
 
-// Returns the leaf of a ray's first hit, NO_LEAF, or UNDECIDED_LEAF, to the ray's first invocation only. All invocations of the
-// workgroup must call it.
-fn first_of_candidates(list: u32, local: u32) -> u32 {
-    first_leaf = NO_LEAF;
+// Finds the first hit among a ray's candidates. Returns, to the ray's first invocation only, whether all candidates are decided.
+// All invocations of the workgroup must call it.
+fn find_first_hit(list: u32, local: u32) -> bool {
+    has_first = false;
     var is_decided = true;
     var remaining = RemainingList(list, false);
     while !remaining.all_done {
@@ -91,16 +79,16 @@ fn first_of_candidates(list: u32, local: u32) -> u32 {
         if local % 16u == 0u { is_decided = accept_results(local / 4u) && is_decided; }
         remaining = remaining_candidates(remaining.list, local);
     }
-    return select(UNDECIDED_LEAF, first_leaf, is_decided);
+    return is_decided;
 }
 
-// Writes the hit of one ray if its candidates decide it. `leaf` is the result of `first_of_candidates`.
-fn resolve_exact_closest(i: u32, leaf: u32) {
-    if leaf == UNDECIDED_LEAF || hits[i].y == UNDECIDED {
+// Writes the hit of one ray after `find_first_hit`, if its candidates decide it.
+fn resolve_exact_closest(i: u32, is_decided: bool) {
+    if !is_decided || hits[i].y == UNDECIDED {
         atomicAdd(&counts[UNDECIDED_RAYS + FALLBACK_OFFSET], 1u);
         return;
     }
-    if leaf == NO_LEAF {
+    if !has_first {
         hits[i] = MISS;
         return;
     }
@@ -121,40 +109,19 @@ fn resolve_exact_hits(local: u32, group_index: u32, group_count: u32) {
             list = list_or_empty(hits[i].y);
             set_line_of_query(i);
         }
-        let leaf = first_of_candidates(list, local);
-        if k < undecided_count && local % 16u == 0u { resolve_exact_closest(i, leaf); }
+        let is_decided = find_first_hit(list, local);
+        if k < undecided_count && local % 16u == 0u { resolve_exact_closest(i, is_decided); }
     }
 }
 
-// Any-hit queries from candidates.
-
-// Whether a candidate is hit, and whether one needs longer integers.
-struct AnyHitResult { is_hit: bool, needs_fallback: bool }
-
-// Returns the result to the ray's first invocation only. All invocations of the workgroup must call it.
-fn any_hit_of_candidates(list: u32, local: u32) -> AnyHitResult {
-    var result = AnyHitResult();
-    var remaining = RemainingList(list, false);
-    while !remaining.all_done {
-        decide_candidates(remaining.list, local);
-        if local % 16u == 0u {
-            for (var k = local / 4u; k < local / 4u + 4u; k += 1u) {
-                result.is_hit = result.is_hit || candidate_results[k].is_hit == 1u;
-                result.needs_fallback = result.needs_fallback || candidate_results[k].needs_fallback == 1u;
-            }
-        }
-        remaining = remaining_candidates(remaining.list, local);
-    }
-    return result;
-}
-
-// Writes whether one ray hits anything, if its candidates decide it. A hit increments word `count` of `counts`.
-fn resolve_exact_any(i: u32, count: u32, result: AnyHitResult) {
-    if !result.is_hit && (result.needs_fallback || occluded[i] == UNDECIDED) {
+// Writes whether one ray hits anything after `find_first_hit`, if its candidates decide it. A hit increments word `count` of
+// `counts`.
+fn resolve_exact_any(i: u32, count: u32, is_decided: bool) {
+    if !has_first && (!is_decided || occluded[i] == UNDECIDED) {
         atomicAdd(&counts[count + UNDECIDED_OFFSET + FALLBACK_OFFSET], 1u);
         return;
     }
-    write_any_hit(i, result.is_hit, count);
+    write_any_hit(i, has_first, count);
 }
 
 // Sets the line of the any-hit query `i`: an explicit ray or a shadow ray.
@@ -177,8 +144,8 @@ fn resolve_exact_any_hits(local: u32, group_index: u32, group_count: u32, count:
             list = list_or_empty(occluded[i]);
             set_line_of_any_hit_query(i);
         }
-        let result = any_hit_of_candidates(list, local);
-        if k < undecided_count && local % 16u == 0u { resolve_exact_any(i, count, result); }
+        let is_decided = find_first_hit(list, local);
+        if k < undecided_count && local % 16u == 0u { resolve_exact_any(i, count, is_decided); }
     }
 }
 

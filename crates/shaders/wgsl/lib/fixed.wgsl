@@ -87,6 +87,10 @@ fn negate_192(a: Int192) -> Int192 {
     return add_192(Int192(~a.low, ~a.high), Int192(vec3<u32>(1u, 0u, 0u), vec3<u32>(0u)));
 }
 
+fn select_192(a: Int192, b: Int192, takes_second: bool) -> Int192 {
+    return Int192(select(a.low, b.low, takes_second), select(a.high, b.high, takes_second));
+}
+
 fn sign_192(a: Int192) -> i32 {
     if any(a.low != vec3<u32>(0u)) || any(a.high != vec3<u32>(0u)) { return select(1, -1, (a.high.z >> 31u) == 1u); }
     return 0;
@@ -139,25 +143,6 @@ fn approximate_192(n: Int192) -> Approximation {
     return Approximation(f32(((high << shift) | low_bits) >> 8u) * 1.1920928955078125e-7, exponent + 31 - i32(shift));
 }
 
-// Returns a / b * 2^exponent, with a relative error below 2^-20.
-fn approximate_quotient(a: Approximation, b: Approximation, exponent: i32) -> Approximation {
-    let m = a.mantissa / b.mantissa;
-    let e = a.exponent - b.exponent + exponent;
-    if m < 1.0 { return Approximation(m * 2.0, e - 1); }
-    return Approximation(min(m, 1.99999988), e);
-}
-
-// Compares two approximations. Returns -1 or 1 if they differ by more than their errors, else 0.
-fn compare_approximations(a: Approximation, b: Approximation) -> i32 {
-    let exponent_difference = a.exponent - b.exponent;
-    if abs(exponent_difference) > 1 { return sign(exponent_difference); }
-    let x = select(a.mantissa, 2.0 * a.mantissa, exponent_difference == 1);
-    let y = select(b.mantissa, 2.0 * b.mantissa, exponent_difference == -1);
-    // Mantissas close to each other are at most slightly above 2, and each has a relative error of at most 2^-20.
-    if abs(x - y) < 7.62939453125e-6 { return 0; }
-    return select(-1, 1, x > y);
-}
-
 // Returns n * 2^shift modulo 2^192.
 fn shift_left_192(n: Int192, shift: u32) -> Int192 {
     var result = n;
@@ -187,10 +172,7 @@ fn sub_192(a: Int192, b: Int192) -> Int192 { return add_192(a, negate_192(b)); }
 
 fn is_negative_192(a: Int192) -> bool { return (a.high.z >> 31u) == 1u; }
 
-fn abs_192(a: Int192) -> Int192 {
-    if is_negative_192(a) { return negate_192(a); }
-    return a;
-}
+fn abs_192(a: Int192) -> Int192 { return select_192(a, negate_192(a), is_negative_192(a)); }
 
 // Rounds n / d * 2^exponent once to a float and returns its bits. Both are below 2^186; n is not negative, d is positive.
 fn round_quotient_192(n: Int192, d: Int192, exponent: i32) -> u32 {
