@@ -20,6 +20,12 @@ const UNDECIDED_HIT: u32 = 0xffffffffu;
 // The list of undecided rays has one word per ray, as has the part of `occluded` before it.
 fn candidate_at(candidate: u32) -> u32 { return 2u * params.search.undecided_rays_at + 2u * (candidate - FIRST_CANDIDATE); }
 
+// Returns where ray `k` of both lists is stored in `occluded`: the undecided hits come before the undecided shadows.
+fn listed_at(k: u32, undecided_hits: u32) -> u32 {
+    if k < undecided_hits { return params.search.undecided_rays_at + k; }
+    return params.search.undecided_shadows_at + k - undecided_hits;
+}
+
 // Allocates a candidate that is in no list yet. Returns UNDECIDED if the buffer is full.
 fn allocate_candidate(leaf: u32) -> u32 {
     let index = atomicAdd(&counts[CANDIDATE_COUNT], 1u);

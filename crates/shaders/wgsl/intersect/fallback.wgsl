@@ -6,7 +6,7 @@ import package::geometry::ray::{MISS, PreparedRay, intersects_box};
 import package::geometry::record::corners_of;
 import package::geometry::shadow_ray::{set_line_of_segment, shadow_ray, shadow_segment_of_hit};
 import package::geometry::triangle::points_of;
-import package::intersect::candidates::{FIRST_CANDIDATE, UNDECIDED_HIT, write_any_hit};
+import package::intersect::candidates::{FIRST_CANDIDATE, UNDECIDED_HIT, listed_at, write_any_hit};
 import package::intersect::determinants::decide_in_one_invocation;
 import package::intersect::filter::{classify, set_shear_view};
 import package::intersect::line::prepare_line;
@@ -254,8 +254,7 @@ fn fallback_camera(
     let hit_count = atomicLoad(&counts[UNDECIDED_RAYS]);
     let count = hit_count + atomicLoad(&counts[UNDECIDED_SHADOWS]);
     for (var k = worker; k < count; k += params.search.fallback_workers) {
-        let shadow_at = params.search.undecided_shadows_at + k - hit_count;
-        let i = occluded[select(shadow_at, params.search.undecided_rays_at + k, k < hit_count)];
+        let i = occluded[listed_at(k, hit_count)];
         if fallback_hit(worker, i) || is_undecided_any_hit(i) { fallback_ray(worker, i); }
     }
 }

@@ -4,9 +4,11 @@
 import package::geometry::node::{LEAF, NO_NODE, child_row, first_triangle_of, second_triangle_of};
 import package::geometry::queries::{eye, set_line_of_query};
 import package::geometry::ray::{PreparedRay, intersects_box};
-import package::geometry::record::corners_of;
+import package::geometry::record::{NO_TRIANGLE, corners_of};
 import package::geometry::shadow_ray::{set_line_of_segment, shadow_ray, shadow_segment_of_hit};
-import package::intersect::candidates::{NO_CANDIDATE, UNDECIDED, allocate_candidate, candidate_at, list_or_empty, write_any_hit};
+import package::intersect::candidates::{
+    NO_CANDIDATE, UNDECIDED, allocate_candidate, candidate_at, list_or_empty, listed_at, write_any_hit,
+};
 import package::intersect::determinants::load_undecided_count;
 import package::intersect::exact::exact_is_undecided;
 import package::intersect::filter::{classify, set_shear_view};
@@ -18,8 +20,6 @@ import package::lib::params::params;
 // Any-hit search for one ray by a workgroup of 64. Each invocation processes one node at a time. A single invocation per ray would
 // wait for memory at every node. On an H200 with a few hundred rays, the workgroup takes less than half of that time.
 
-// The triangle of a ray that hits nothing.
-const NO_TRIANGLE: u32 = 0xffffffffu;
 // Replaces the first candidate: a triangle is certainly hit.
 const CERTAIN_HIT: u32 = 0xfffffffdu;
 // Capacity of the queue of nodes to visit.
@@ -168,8 +168,7 @@ fn resolve_exact_camera(
     let count = hit_count + load_undecided_count(local, UNDECIDED_SHADOWS);
     for (var k = group.x + group.y * groups.x; k < count; k += groups.x * groups.y) {
         let needs_hit = k < hit_count;
-        let shadow_at = params.search.undecided_shadows_at + k - hit_count;
-        let i = load_ray(select(shadow_at, params.search.undecided_rays_at + k, needs_hit), local);
+        let i = load_ray(listed_at(k, hit_count), local);
         // Resolves the hit, if it needs it, and then the shadow. In one loop, the code that decides candidates is compiled once.
         for (var is_shadow = !needs_hit; ; is_shadow = true) {
             var list = NO_CANDIDATE;
