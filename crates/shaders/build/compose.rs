@@ -1,7 +1,7 @@
 //! Composes a kernel from its file and its imports: plain WGSL with its entry points, without unused declarations.
 
 use crate::syntax::{Conditions, Import, Item, Token, is_word, items, tokens};
-use anyhow::{Context, Error, Result, anyhow, bail, ensure};
+use anyhow::{Context, Error, Result, anyhow, ensure};
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::mem;
 
@@ -56,7 +56,6 @@ impl<'a> Sources<'a> {
             on,
             files: Vec::new(),
             texts: BTreeMap::new(),
-            owners: HashMap::new(),
         };
         let file = composer.load(path)?;
         for entry in entries {
@@ -110,8 +109,6 @@ struct Composer<'a, 'c> {
     /// Files in the order of their first use.
     files: Vec<File<'a>>,
     texts: BTreeMap<Place, String>,
-    /// The declaration of each name in the text.
-    owners: HashMap<String, Place>,
 }
 
 impl Composer<'_, '_> {
@@ -154,7 +151,6 @@ impl Composer<'_, '_> {
             return Ok(());
         }
         self.texts.insert(place, String::new());
-        self.claim_name(place)?;
         // The tokens of a declaration are needed once.
         let tokens = mem::take(&mut self.files[place.0].items[place.1].tokens);
         let (mut text, mut line) = (String::new(), tokens[0].line);
@@ -203,19 +199,6 @@ impl Composer<'_, '_> {
         let name = self.files[file].items[at].name;
         let is_entry = self.entries.contains(&name);
         [if is_entry { "" } else { self.prefix }, name].concat()
-    }
-
-    /// Checks that no other declaration has the same name in the text.
-    fn claim_name(&mut self, place: Place) -> Result<()> {
-        let name = self.name(place);
-        let Some(other) = self.owners.insert(name.clone(), place) else {
-            return Ok(());
-        };
-        let [a, b] = [other, place].map(|(file, at)| {
-            let File { path, items, .. } = &self.files[file];
-            format!("wgsl/{path}.wgsl:{}", items[at].line)
-        });
-        bail!("{a} and {b} both declare `{name}`")
     }
 }
 

@@ -241,13 +241,7 @@ fn unbalanced_brackets_are_errors() {
 }
 
 #[test]
-fn names_of_declarations_are_unique() {
-    let main = "import package::k::a::f;\nfn g() {}\nfn main() { f(); g(); }";
-    let files = |a| [("k/main", main), ("k/a", a)];
-    let expected = "wgsl/k/a.wgsl:2 and wgsl/k/main.wgsl:2 both declare `g`";
-    assert_error(&files("fn f() { g(); }\nfn g() {}"), expected);
-    // The other `g` is not used.
-    compose(&files("fn f() {}\nfn g() {}"));
+fn names_of_a_file_are_unique() {
     let twice = ("k/main", "fn main() {}\n@if(!A) fn main() {}");
     assert_error(&[twice], "wgsl/k/main.wgsl:2: second `main`");
     let local = "wgsl/k/main.wgsl:3: local name `x` hides a declaration";
