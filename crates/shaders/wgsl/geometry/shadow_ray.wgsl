@@ -6,14 +6,11 @@ import package::geometry::units::{flushed, is_finite_point, scaled_point, snappe
 import package::intersect::intersector::{BestHit, trace_any};
 import package::intersect::line::set_line;
 import package::lib::buffers::{nodes, positions, triangles};
+import package::lib::double_float::sub_each;
 import package::lib::ieee::{add, mul, sub};
 import package::lib::params::params;
 
 // The shadow ray: see "Shadow rays" in docs/design/hits.md.
-
-fn sub3(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
-    return vec3<f32>(sub(a.x, b.x), sub(a.y, b.y), sub(a.z, b.z));
-}
 
 fn dot3(a: vec3<f32>, b: vec3<f32>) -> f32 {
     return add(add(flushed(mul(a.x, b.x)), flushed(mul(a.y, b.y))), flushed(mul(a.z, b.z)));
@@ -34,8 +31,8 @@ struct ShadowSegment { origin: vec3<f32>, direction: vec3<f32>, is_traced: bool 
 
 // Computes the segment from the corners of the triangle that was hit, all in scaled units. `eye` is the origin of the ray.
 fn shadow_segment(v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>, hit: vec4<u32>, eye: vec3<f32>) -> ShadowSegment {
-    let e1 = sub3(v1, v0);
-    let e2 = sub3(v2, v0);
+    let e1 = sub_each(v1, v0);
+    let e2 = sub_each(v2, v0);
     let u = bitcast<f32>(hit.y);
     let v = bitcast<f32>(hit.z);
     var point = vec3<f32>(
@@ -50,9 +47,9 @@ fn shadow_segment(v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>, hit: vec4<u32>, e
         flushed(sub(mul(e1.x, e2.y), mul(e1.y, e2.x))),
     );
     let light = params.light;
-    var side = sign_of(dot3(normal, sub3(light, point)));
-    if side == 0.0 { side = sign_of(dot3(normal, sub3(eye, point))); }
-    let scene_extent = sub3(bitcast<vec3<f32>>(nodes[1].xyz), bitcast<vec3<f32>>(nodes[0].xyz));
+    var side = sign_of(dot3(normal, sub_each(light, point)));
+    if side == 0.0 { side = sign_of(dot3(normal, sub_each(eye, point))); }
+    let scene_extent = sub_each(bitcast<vec3<f32>>(nodes[1].xyz), bitcast<vec3<f32>>(nodes[0].xyz));
     let largest_coordinate = max(abs(point.x), max(abs(point.y), abs(point.z)));
     let triangle_extent = max(abs(e1), abs(e2));
     // The triangle's own size counts too: in a streamed key frame it may exceed the root box of a driver's tree, which only covers
@@ -68,7 +65,7 @@ fn shadow_segment(v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>, hit: vec4<u32>, e
         offset_coordinate(point.y, normal.y, side, delta),
         offset_coordinate(point.z, normal.z, side, delta),
     );
-    let direction = sub3(light, point);
+    let direction = sub_each(light, point);
     let is_traced = any(direction != vec3<f32>(0.0)) && is_finite_point(direction) && is_finite_point(point);
     return ShadowSegment(point, direction, is_traced);
 }

@@ -1,7 +1,9 @@
 // A triangle's corners in scene units, and the test for zero area.
 
 import package::lib::buffers::{positions, triangles};
+import package::lib::double_float::sub_each;
 import package::lib::ieee::{add, mul, sub};
+import package::lib::integers::mantissa_of;
 
 // Returns a vertex's position in scene units, as bits.
 fn point_of(vertex: u32) -> vec3<u32> {
@@ -68,7 +70,7 @@ fn half_gaps(word: u32) -> u32 {
 // Returns a coordinate modulo a prime.
 fn residue(bits: u32, prime: u32) -> u32 {
     let exponent = (bits >> 23u) & 255u;
-    var value = ((bits & 0x7fffffu) | select(0x800000u, 0u, exponent == 0u)) % prime;
+    var value = mantissa_of(bits) % prime;
     var power = 2u;
     for (var shift = max(exponent, 1u) - 1u; shift > 0u; shift >>= 1u) {
         if (shift & 1u) != 0u { value = (value * power) % prime; }
@@ -101,8 +103,8 @@ fn exceeds_rounding_error(ei: f32, ej: f32, fi: f32, fj: f32) -> bool {
 
 // Returns whether rounded arithmetic shows an area. Coordinates are zero or at least 2^-64.
 fn has_area_when_rounded(a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> bool {
-    let e = vec3<f32>(sub(b.x, a.x), sub(b.y, a.y), sub(b.z, a.z));
-    let f = vec3<f32>(sub(c.x, a.x), sub(c.y, a.y), sub(c.z, a.z));
+    let e = sub_each(b, a);
+    let f = sub_each(c, a);
     return exceeds_rounding_error(e.x, e.y, f.x, f.y) || exceeds_rounding_error(e.y, e.z, f.y, f.z)
         || exceeds_rounding_error(e.z, e.x, f.z, f.x);
 }

@@ -1,6 +1,7 @@
 // Integer arithmetic on floats: exact signs of products and sums, and IEEE results for subnormal numbers.
 
 import package::lib::ieee::{decode_float, round_quotient};
+import package::lib::integers::mantissa_of;
 
 // A product of two 24-bit numbers, as two parts of 24 bits.
 struct Product48 { high: u32, low: u32 }
@@ -97,9 +98,9 @@ fn soft_add(a: u32, b: u32) -> u32 {
     if (larger & 0x7fffffffu) == 0u { return larger & smaller; }
     let exponent = exponent_field(larger);
     // Keeps six bits below the last place. The lowest one is sticky: it also records the bits shifted out.
-    let larger_mantissa = mantissa(larger) << 6u;
+    let larger_mantissa = mantissa_of(larger) << 6u;
     let shift = exponent - exponent_field(smaller);
-    let smaller_mantissa = mantissa(smaller) << 6u;
+    let smaller_mantissa = mantissa_of(smaller) << 6u;
     let aligned = select(smaller_mantissa >> (shift & 31u), 0u, shift > 31u);
     let sticky = select(0u, 1u, select((aligned << (shift & 31u)) != smaller_mantissa, smaller_mantissa != 0u, shift > 31u));
     let is_difference = ((a ^ b) >> 31u) == 1u;
@@ -123,7 +124,3 @@ fn round_sum(sum: u32, e: i32) -> u32 {
 
 // Returns the exponent field; 1 for subnormal numbers too.
 fn exponent_field(bits: u32) -> u32 { return max((bits >> 23u) & 255u, 1u); }
-
-fn mantissa(bits: u32) -> u32 {
-    return (bits & 0x7fffffu) | select(0x800000u, 0u, ((bits >> 23u) & 255u) == 0u);
-}

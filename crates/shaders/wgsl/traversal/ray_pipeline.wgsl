@@ -1,6 +1,8 @@
 // Rays through the driver's own tree: the stages of a ray-tracing pipeline.
 
 import package::geometry::queries::{is_invalid_ray, pixel_direction};
+import package::geometry::ray::MISS;
+import package::geometry::record::NO_TRIANGLE;
 import package::geometry::shadow_ray::shadow_segment_of_hit;
 import package::geometry::units::{is_finite_point, scale_bits, scaled_point, snapped3};
 import package::lib::buffers::{hits, occluded, rays};
@@ -10,8 +12,6 @@ import package::lib::params::params;
 
 // Result of a ray. Shadow rays run no closest-hit shader, so `triangle` keeps its value unless the ray misses.
 struct Payload { t: f32, u: f32, v: f32, triangle: u32 }
-
-const NO_HIT: u32 = 0xffffffffu;
 
 var<ray_payload> payload: Payload;
 var<incoming_ray_payload> incoming: Payload;
@@ -26,7 +26,7 @@ fn closest_hit(@builtin(primitive_index) triangle: u32, @builtin(ray_t_current_m
 
 @miss @incoming_payload(incoming)
 fn miss() {
-    incoming.triangle = NO_HIT;
+    incoming.triangle = NO_TRIANGLE;
 }
 
 fn driver_trace_closest(origin: vec3<f32>, direction: vec3<f32>, t_min: f32, t_max: f32) {
@@ -37,11 +37,11 @@ fn driver_trace_any(origin: vec3<f32>, direction: vec3<f32>, t_min: f32, t_max: 
     payload.triangle = 0u;
     let flags = RAY_FLAG_FORCE_OPAQUE | RAY_FLAG_TERMINATE_ON_FIRST_HIT | RAY_FLAG_SKIP_CLOSEST_HIT_SHADER;
     traceRay(scene, RayDesc(flags, 0xffu, t_min, t_max, origin, direction), &payload);
-    return payload.triangle != NO_HIT;
+    return payload.triangle != NO_TRIANGLE;
 }
 
 fn hit_of_payload() -> vec4<u32> {
-    if payload.triangle == NO_HIT { return vec4<u32>(0x7f800000u, 0u, 0u, NO_HIT); }
+    if payload.triangle == NO_TRIANGLE { return MISS; }
     return vec4<u32>(bitcast<u32>(payload.t), bitcast<u32>(payload.u), bitcast<u32>(payload.v), payload.triangle);
 }
 
@@ -54,7 +54,7 @@ fn unscaled(v: vec3<f32>) -> vec3<f32> {
 
 // Returns 1 if the hit is in shadow. `origin` is the start of the ray that hit, in scene units, as bits.
 fn trace_shadow(hit: vec4<u32>, origin: vec3<u32>) -> u32 {
-    if hit.w == NO_HIT { return 0u; }
+    if hit.w == NO_TRIANGLE { return 0u; }
     let ray = shadow_segment_of_hit(hit, scaled_point(origin));
     if !ray.is_traced { return 0u; }
     return select(0u, 1u, driver_trace_any(unscaled(snapped3(ray.origin)), unscaled(ray.direction), 0.0, 1.0));
@@ -62,7 +62,7 @@ fn trace_shadow(hit: vec4<u32>, origin: vec3<u32>) -> u32 {
 
 fn trace_pixel(pixel: vec2<u32>) -> vec4<u32> {
     let direction = pixel_direction(pixel);
-    payload.triangle = NO_HIT;
+    payload.triangle = NO_TRIANGLE;
     if any(direction != vec3<f32>(0.0)) && is_finite_point(direction) && is_finite_point(params.eye) {
         driver_trace_closest(params.eye, direction, 0.0, bitcast<f32>(0x7f7fffffu));
     }
@@ -96,7 +96,7 @@ fn load_ray(i: u32) -> ExplicitRay {
 
 fn trace_explicit(i: u32) -> vec4<u32> {
     let ray = load_ray(i);
-    payload.triangle = NO_HIT;
+    payload.triangle = NO_TRIANGLE;
     if ray.is_traced { driver_trace_closest(ray.origin, ray.direction, ray.t_min, ray.t_max); }
     return hit_of_payload();
 }

@@ -2,9 +2,11 @@
 // crate `abvh`
 // computes the same bits on the host; docs/design/pictures.md explains why they are equal.
 
+import package::geometry::queries::pixel_direction;
 import package::geometry::triangle::points_of;
 import package::geometry::units::{flushed, scale_bits, snapped};
 import package::lib::buffers::{hits, occluded};
+import package::lib::double_float::{add_each, mul_each, sub_each};
 import package::lib::ieee::{add, decode_float, mul, sub};
 import package::lib::params::params;
 
@@ -33,14 +35,6 @@ fn mix1(a: f32, b: f32, s: f32) -> f32 { return add(a, mul(sub(b, a), s)); }
 
 fn mix3(a: vec3<f32>, b: vec3<f32>, s: f32) -> vec3<f32> {
     return vec3<f32>(mix1(a.x, b.x, s), mix1(a.y, b.y, s), mix1(a.z, b.z, s));
-}
-
-fn sub_each(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
-    return vec3<f32>(sub(a.x, b.x), sub(a.y, b.y), sub(a.z, b.z));
-}
-
-fn mul_each(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
-    return vec3<f32>(mul(a.x, b.x), mul(a.y, b.y), mul(a.z, b.z));
 }
 
 fn dot_product(a: vec3<f32>, b: vec3<f32>) -> f32 {
@@ -128,11 +122,7 @@ fn surface_light(hit: vec4<u32>, in_shadow: bool, direction: vec3<f32>) -> vec3<
         let larger = max(exponent, exponent_of(lamp));
         let to_lamp = unit(sub_each(scale_to_unit(lamp, larger), scale_to_unit(bitcast<vec3<u32>>(point), larger - exponent)));
         let facing = max(dot_product(normal, to_lamp), 0.0);
-        light = vec3<f32>(
-            add(light.x, mul(LAMP.x, facing)),
-            add(light.y, mul(LAMP.y, facing)),
-            add(light.z, mul(LAMP.z, facing)),
-        );
+        light = add_each(light, mul_each(LAMP, vec3<f32>(facing)));
     }
     let colour = colours[hit.w];
     return mul_each(vec3<f32>(linear(colour), linear(colour >> 8u), linear(colour >> 16u)), light);
@@ -148,14 +138,7 @@ fn level(light: f32) -> u32 { return tones[256u + min(u32(add(mul(light, STEPS),
 fn shade(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= params.width || id.y >= params.height { return; }
     let i = id.y * params.width + id.x;
-    // geom::Camera::ray.
-    let px = add(f32(id.x), 0.5);
-    let py = add(f32(id.y), 0.5);
-    let direction = unit(vec3<f32>(
-        add(add(params.corner.x, mul(px, params.across.x)), mul(py, params.down.x)),
-        add(add(params.corner.y, mul(px, params.across.y)), mul(py, params.down.y)),
-        add(add(params.corner.z, mul(px, params.across.z)), mul(py, params.down.z)),
-    ));
+    let direction = unit(pixel_direction(id.xy));
     let hit = hits[i];
     var light: vec3<f32>;
     if hit.w == 0xffffffffu {
