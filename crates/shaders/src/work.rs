@@ -86,18 +86,14 @@ impl Work {
         Self::new(kernel, Params { count, ..params }, Groups::Linear(count))
     }
 
-    /// Returns the dispatch of a kernel over all rays: of `given` for explicit rays, of `camera` for camera rays.
-    fn over(
-        intersector: Intersector,
-        rays: RaySource<'_>,
-        params: Params,
-        [given, camera]: [&str; 2],
-    ) -> Self {
+    /// Returns the dispatch of a kernel over all rays.
+    fn over(intersector: Intersector, rays: RaySource<'_>, params: Params, entry: &str) -> Self {
+        let kernel = kernel(entry, intersector);
         match rays {
-            RaySource::Buffer(count) => Self::linear(kernel(given, intersector), params, count),
+            RaySource::Buffer(count) => Self::linear(kernel, params, count),
             RaySource::Camera(c) => {
                 let groups = Groups::Pixels([c.width, c.height], [16, 8]);
-                Self::new(kernel(camera, intersector), params.with_camera(c), groups)
+                Self::new(kernel, params.with_camera(c), groups)
             }
         }
     }
@@ -215,7 +211,13 @@ fn trace_ordinary_rays(input: TraceInput<'_>, traits: Traits) -> Trace {
             let rays = RaySource::Buffer(rays.count());
             primary(search(intersector, params, rays, ANY))
         }
-        QueryKind::Closest => primary(search(intersector, params, rays, HITS)),
+        QueryKind::Closest => {
+            let kernels = match rays {
+                RaySource::Buffer(..) => HITS,
+                RaySource::Camera(..) => CAMERA_HITS,
+            };
+            primary(search(intersector, params, rays, kernels))
+        }
         QueryKind::ClosestAndShadow { light } => {
             let params = params.with_light(light);
             match rays {
@@ -246,7 +248,7 @@ fn picture(intersector: Intersector, params: Params, camera: &Camera, traits: Tr
                 intersector,
                 rays,
                 params,
-                ["trace_and_shadow_camera"; 2],
+                "trace_and_shadow_camera",
             )],
             ..Trace::default()
         });
@@ -259,7 +261,7 @@ fn picture(intersector: Intersector, params: Params, camera: &Camera, traits: Tr
             ]
             .map(|(entry, groups)| Work {
                 groups,
-                ..Work::over(intersector, rays, params, [entry; 2])
+                ..Work::over(intersector, rays, params, entry)
             }),
         );
     }
@@ -269,10 +271,8 @@ fn picture(intersector: Intersector, params: Params, camera: &Camera, traits: Tr
 /// The kernels of a search, by entry point.
 #[derive(Clone, Copy)]
 struct SearchKernels {
-    /// Searches along explicit rays.
-    given: &'static str,
-    /// Searches along a camera's rays.
-    camera: &'static str,
+    /// Searches along all rays.
+    search: &'static str,
     /// For `exact`: resolves most of the rays that the search left undecided.
     resolve: &'static str,
     /// For `exact`: resolves the remaining rays one by one.
@@ -280,20 +280,21 @@ struct SearchKernels {
 }
 
 const HITS: SearchKernels = SearchKernels {
-    given: "trace_rays",
-    camera: "trace_camera",
+    search: "trace_rays",
     resolve: "resolve_exact_rays",
     fallback: "fallback_rays",
 };
+const CAMERA_HITS: SearchKernels = SearchKernels {
+    search: "trace_camera",
+    ..HITS
+};
 const ANY: SearchKernels = SearchKernels {
-    given: "any_rays",
-    camera: "any_rays",
+    search: "any_rays",
     resolve: "resolve_exact_any_rays",
     fallback: "fallback_any_rays",
 };
 const SHADOWS: SearchKernels = SearchKernels {
-    given: "shadow_rays",
-    camera: "shadow_rays",
+    search: "shadow_rays",
     resolve: "resolve_exact_shadow_rays",
     fallback: "fallback_shadow_rays",
 };
@@ -307,10 +308,6 @@ fn searching(rays: RaySource<'_>) -> SearchParams {
         fallback_workers: fallback_workers(count.into()),
         candidate_capacity: candidate_capacity(count.into()) as u32,
     }
-}
-
-fn resolvers(rays: RaySource<'_>) -> u32 {
-    RESOLVERS.min(rays.count().saturating_mul(16))
 }
 
 /// Returns the workgroups of kernels that resolve rays one by one.
@@ -327,14 +324,15 @@ fn search(
     kernels: SearchKernels,
 ) -> Vec<Work> {
     let own = searching(rays);
-    let over = |entries| Work::over(intersector, rays, params.with(own), entries);
-    let mut all = vec![over([kernels.given, kernels.camera])];
+    let over = |entry| Work::over(intersector, rays, params.with(own), entry);
+    let mut all = vec![over(kernels.search)];
     if intersector == Intersector::Exact {
         let open = |entry, groups| Work {
             groups,
-            ..over([entry; 2])
+            ..over(entry)
         };
-        all.push(open(kernels.resolve, Groups::Linear(resolvers(rays))));
+        let resolvers = RESOLVERS.min(rays.count().saturating_mul(16));
+        all.push(open(kernels.resolve, Groups::Linear(resolvers)));
         all.push(open(kernels.fallback, fallback_groups(own)));
     }
     all
