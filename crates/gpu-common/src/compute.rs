@@ -128,7 +128,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
     fn record_candidate(&mut self, params: Params) -> Result<()> {
         let (intersector, engine) = (self.intersector, &mut self.engine);
         let trees = self.tree.as_mut().expect("a scene was loaded");
-        let tree = trees.candidate_mut().expect("it was loaded");
+        let tree = trees.candidate.as_mut().expect("it was loaded");
         let (work, _) = tree.progress.preprocess(intersector, params, &tree.shape);
         engine.run(Some(Stage::Preprocess), &work, |name| tree.get(name))?;
         tree.progress.preprocessed(&tree.shape);
@@ -249,10 +249,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         let (gpu, current) = (&mut self.engine.gpu, self.tree.as_mut());
         let current = current.expect("a scene was loaded");
         let upload_value = current.send(gpu, tree, generation)?;
-        gpu.has_finished(PendingWork::Use(LastUse {
-            upload_value,
-            ticket: 0,
-        }))
+        gpu.has_finished(PendingWork::Use(LastUse::by_upload(upload_value)))
     }
 
     fn interpolate(&mut self, pose: Pose) -> Result<()> {

@@ -155,16 +155,12 @@ impl<D: GpuDevice> KeySlots<D> {
                 break;
             };
             let old = self.slots.remove(oldest);
-            let (upload_value, ticket) = (old.upload_value, old.read_by);
             let size = D::size(&old.buffer);
-            self.free.put(
-                old.buffer,
-                size,
-                LastUse {
-                    upload_value,
-                    ticket,
-                },
-            );
+            let last = LastUse {
+                upload_value: old.upload_value,
+                ticket: old.read_by,
+            };
+            self.free.put(old.buffer, size, last);
         }
         let bytes = size_of_val(&frame[..]) as u64;
         let spare = self

@@ -22,6 +22,17 @@ pub struct LastUse {
     pub ticket: u64,
 }
 
+impl LastUse {
+    /// Returns the use by an upload only.
+    pub fn by_upload(upload_value: u64) -> Self {
+        let ticket = 0;
+        Self {
+            upload_value,
+            ticket,
+        }
+    }
+}
+
 /// Buffers of one kind with their last uses.
 pub struct Pool<B>(Vec<PooledBuffer<B>>);
 

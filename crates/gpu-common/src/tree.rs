@@ -16,15 +16,15 @@ pub(crate) struct TreeBuffers<D: GpuDevice> {
     /// The tree that frames trace.
     pub(crate) current: DeviceTree<D>,
     /// The tree that was evaluated last. Its buffers are created at the first evaluation.
-    candidate: Option<DeviceTree<D>>,
+    pub(crate) candidate: Option<DeviceTree<D>>,
     /// Visibility buffers, as large as the largest trace so far.
     picture: BufferTable<D>,
     /// Topology buffers that no tree uses.
     free: Pool<D::Buffer>,
     /// Bytes of the topology that was uploaded last; 0 before the first.
     last_bytes: u64,
-    /// A topology that was uploaded but is not part of a tree yet, with the number of its upload.
-    sent: Option<(Generation, D::Buffer, u64)>,
+    /// A topology that was uploaded but is not part of a tree yet.
+    sent: Option<UploadedTopology<D::Buffer>>,
     /// The next topology in staging memory, which the builder thread writes.
     written: Arc<Mutex<Option<Written<D::Staging>>>>,
     /// Buffers for tree builds on the device; `None` before the first.
@@ -35,8 +35,8 @@ pub(crate) struct TreeBuffers<D: GpuDevice> {
 
 /// A tree with the boxes and triangle data of one pose.
 pub(crate) struct DeviceTree<D: GpuDevice> {
-    /// The topology as the host uploaded it, with the number of its upload; `None` before the first.
-    topology: Option<(D::Buffer, u64)>,
+    /// The topology as the host uploaded it; `None` before the first.
+    topology: Option<UploadedTopology<D::Buffer>>,
     /// Buffers by name. Those of nodes and costs fit the largest tree so far.
     pub(crate) buffers: BufferTable<D>,
     pub(crate) generation: Generation,
@@ -59,7 +59,7 @@ impl<D: GpuDevice> DeviceTree<D> {
 
     pub(crate) fn get(&self, name: BufferName) -> Option<&D::Buffer> {
         match name {
-            BufferName::Topology => self.topology.as_ref().map(|(topology, _)| topology),
+            BufferName::Topology => self.topology.as_ref().map(|topology| &topology.buffer),
             _ => self.buffers.get(name),
         }
     }
@@ -73,9 +73,21 @@ impl<D: GpuDevice> DeviceTree<D> {
         Ok(())
     }
 
+    /// Makes an uploaded topology the tree's own. Returns the previous one.
+    fn place(
+        &mut self,
+        uploaded: UploadedTopology<D::Buffer>,
+        shape: Shape,
+        progress: TreeProgress,
+    ) -> Option<UploadedTopology<D::Buffer>> {
+        self.generation = uploaded.generation;
+        (self.shape, self.progress) = (shape, progress);
+        self.topology.replace(uploaded)
+    }
+
     fn held(&self) -> u64 {
-        let topology = self.topology.as_ref();
-        self.buffers.held() + topology.map_or(0, |(topology, _)| D::size(topology).allocated)
+        let topology = self.get(BufferName::Topology);
+        self.buffers.held() + topology.map_or(0, |buffer| D::size(buffer).allocated)
     }
 }
 
@@ -118,7 +130,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
     ) -> Result<Option<TreeWriter>> {
         // A topology that was written but never uploaded is obsolete.
         let spare = lock(&self.written).take();
-        let mut staging = match spare {
+        let staging = match spare {
             Some(spare) => spare.staging,
             None if self.last_bytes == 0 => return Ok(None),
             None => gpu.staging(self.last_bytes)?,
@@ -128,12 +140,8 @@ impl<D: GpuDevice> TreeBuffers<D> {
             let treelets = tree.to_treelets();
             let parts = treelets.parts();
             // If the staging buffer is too small, drop it. The next tree gets a larger one.
-            if staging.fill(&parts) {
-                *lock(&to) = Some(Written {
-                    staging,
-                    bytes: bytes(&parts),
-                    generation,
-                });
+            if let Some(written) = Written::new(staging, &parts, generation) {
+                *lock(&to) = Some(written);
             }
         })))
     }
@@ -145,33 +153,26 @@ impl<D: GpuDevice> TreeBuffers<D> {
         tree: &Topology,
         generation: Generation,
     ) -> Result<u64> {
-        let (buffer, upload_value) = match self.sent.take() {
-            Some((of, buffer, upload_value)) if of == generation => (buffer, upload_value),
-            left => {
-                if let Some((_, buffer, upload_value)) = left {
-                    let (size, last) = (
-                        D::size(&buffer),
-                        LastUse {
-                            upload_value,
-                            ticket: 0,
-                        },
-                    );
-                    self.free.put(buffer, size, last);
-                }
-                let Written { staging, bytes, .. } = self.staged(gpu, tree, generation)?;
-                let spare = self
-                    .free
-                    .fit(bytes, |last, may_wait| has_ended(gpu, last, may_wait))?;
-                let buffer = match spare {
-                    Some(buffer) => buffer,
-                    None => with_slack(bytes, |bytes| gpu.buffer(BufferName::Topology, bytes))?,
-                };
-                self.last_bytes = bytes;
-                let upload_value = gpu.send(Upload::Staged(staging), &buffer)?;
-                (buffer, upload_value)
-            }
+        if let Some(sent) = self.sent.as_ref().filter(|s| s.generation == generation) {
+            return Ok(sent.upload_value);
+        }
+        let obsolete = self.sent.take();
+        self.release(obsolete, Ticket(0));
+        let Written { staging, bytes, .. } = self.staged(gpu, tree, generation)?;
+        let spare = self
+            .free
+            .fit(bytes, |last, may_wait| has_ended(gpu, last, may_wait))?;
+        let buffer = match spare {
+            Some(buffer) => buffer,
+            None => with_slack(bytes, |bytes| gpu.buffer(BufferName::Topology, bytes))?,
         };
-        self.sent = Some((generation, buffer, upload_value));
+        self.last_bytes = bytes;
+        let upload_value = gpu.send(Upload::Staged(staging), &buffer)?;
+        self.sent = Some(UploadedTopology {
+            generation,
+            buffer,
+            upload_value,
+        });
         Ok(upload_value)
     }
 
@@ -188,16 +189,10 @@ impl<D: GpuDevice> TreeBuffers<D> {
         }
         let treelets = tree.to_treelets();
         let parts = treelets.parts();
-        let mut staging = gpu.staging(bytes(&parts))?;
-        if !staging.fill(&parts) {
-            let why = "the staging memory of a tree cannot be written";
-            return Err(BackendError::DeviceLost(why.into()));
-        }
-        Ok(Written {
-            staging,
-            bytes: bytes(&parts),
-            generation,
-        })
+        let staging = gpu.staging(bytes(&parts))?;
+        let written = Written::new(staging, &parts, generation);
+        let why = "the staging memory of a tree cannot be written";
+        written.ok_or_else(|| BackendError::DeviceLost(why.into()))
     }
 
     /// Makes `tree` current for work recorded from now on.
@@ -215,13 +210,10 @@ impl<D: GpuDevice> TreeBuffers<D> {
             self.built_on_device = false;
             return Ok(());
         }
-        let uploaded = self.take_upload(gpu, tree, generation)?;
-        if let Err(e) = self.current.grow(gpu, frames, &uploaded.shape) {
-            self.sent = Some((generation, uploaded.buffer, uploaded.upload_value));
-            return Err(e);
-        }
-        frames.await_upload(uploaded.upload_value);
-        let old = uploaded.place(&mut self.current, TreeProgress::default());
+        let shape = self.send_checked(gpu, tree, generation)?;
+        self.current.grow(gpu, frames, &shape)?;
+        let uploaded = take_sent(&mut self.sent, frames);
+        let old = self.current.place(uploaded, shape, TreeProgress::default());
         self.release(old, frames.submitted);
         self.built_on_device = false;
         Ok(())
@@ -242,24 +234,18 @@ impl<D: GpuDevice> TreeBuffers<D> {
         }
         let is_loaded = |tree: &DeviceTree<D>| tree.generation == generation;
         if self.candidate.as_ref().is_some_and(|c| !is_loaded(c)) {
-            let uploaded = self.take_upload(gpu, tree, generation)?;
+            let shape = self.send_checked(gpu, tree, generation)?;
             let Some(candidate) = &mut self.candidate else {
                 return Ok(None);
             };
-            if unless_too_large(candidate.grow(gpu, frames, &uploaded.shape))?.is_none() {
-                self.sent = Some((generation, uploaded.buffer, uploaded.upload_value));
+            if unless_too_large(candidate.grow(gpu, frames, &shape))?.is_none() {
                 return Ok(None);
             }
-            frames.await_upload(uploaded.upload_value);
-            let old = uploaded.place(candidate, TreeProgress::of_candidate());
+            let uploaded = take_sent(&mut self.sent, frames);
+            let old = candidate.place(uploaded, shape, TreeProgress::of_candidate());
             self.release(old, frames.submitted);
         }
         Ok(self.candidate.as_mut())
-    }
-
-    /// Returns the candidate.
-    pub(crate) fn candidate_mut(&mut self) -> Option<&mut DeviceTree<D>> {
-        self.candidate.as_mut()
     }
 
     /// Discards the progress of the candidate, because its recording is not submitted.
@@ -283,38 +269,30 @@ impl<D: GpuDevice> TreeBuffers<D> {
         }
     }
 
-    /// Returns the uploaded topology of a tree, for the next recording. Starts the upload if necessary.
-    fn take_upload(
+    /// Starts the upload of a tree, unless it has started, and returns the tree's shape.
+    ///
+    /// # Errors
+    /// The tree does not match the animation.
+    fn send_checked(
         &mut self,
         gpu: &mut D,
         tree: &Topology,
         generation: Generation,
-    ) -> Result<UploadedTree<D::Buffer>> {
-        let animation = &self.animation;
-        check_tree(tree, animation)?;
-        let shape = Shape::of(&tree.to_treelets());
+    ) -> Result<Shape> {
+        check_tree(tree, &self.animation)?;
         self.send(gpu, tree, generation)?;
-        let (_, buffer, upload_value) = self.sent.take().expect("it was sent just now");
-        Ok(UploadedTree {
-            buffer,
-            upload_value,
-            generation,
-            shape,
-        })
+        Ok(Shape::of(&tree.to_treelets()))
     }
 
     /// Returns a topology buffer to the pool. The recording after the `last` submission may still use it.
-    fn release(&mut self, old: Option<(D::Buffer, u64)>, last: Ticket) {
-        if let Some((old, upload_value)) = old {
-            let (size, ticket) = (D::size(&old), last.0);
-            self.free.put(
-                old,
-                size,
-                LastUse {
-                    upload_value,
-                    ticket,
-                },
-            );
+    fn release(&mut self, old: Option<UploadedTopology<D::Buffer>>, last: Ticket) {
+        if let Some(old) = old {
+            let size = D::size(&old.buffer);
+            let last = LastUse {
+                upload_value: old.upload_value,
+                ticket: last.0,
+            };
+            self.free.put(old.buffer, size, last);
         }
     }
 
@@ -353,24 +331,21 @@ impl<D: GpuDevice> TreeBuffers<D> {
 }
 
 /// A topology that is on the device, or will be when the next submission runs.
-struct UploadedTree<B> {
-    buffer: B,
-    upload_value: u64,
+struct UploadedTopology<B> {
     generation: Generation,
-    shape: Shape,
+    buffer: B,
+    /// Number of the upload.
+    upload_value: u64,
 }
 
-impl<B> UploadedTree<B> {
-    /// Makes this the topology of `tree` and returns the previous one.
-    fn place<D: GpuDevice<Buffer = B>>(
-        self,
-        tree: &mut DeviceTree<D>,
-        progress: TreeProgress,
-    ) -> Option<(B, u64)> {
-        (tree.generation, tree.shape) = (self.generation, self.shape);
-        tree.progress = progress;
-        tree.topology.replace((self.buffer, self.upload_value))
-    }
+/// Removes the topology that was sent, for work recorded from now on.
+fn take_sent<D: GpuDevice>(
+    sent: &mut Option<UploadedTopology<D::Buffer>>,
+    frames: &mut Frames<D>,
+) -> UploadedTopology<D::Buffer> {
+    let sent = sent.take().expect("it was sent just now");
+    frames.await_upload(sent.upload_value);
+    sent
 }
 
 /// Converts errors for lack of memory to `None`.
@@ -387,6 +362,18 @@ struct Written<S> {
     staging: S,
     bytes: u64,
     generation: Generation,
+}
+
+impl<S: Staging> Written<S> {
+    /// Writes the parts of a tree. Returns `None` if they do not fit.
+    fn new(mut staging: S, parts: &[&[u32]], generation: Generation) -> Option<Self> {
+        let is_filled = staging.fill(parts);
+        is_filled.then(|| Self {
+            staging,
+            bytes: bytes(parts),
+            generation,
+        })
+    }
 }
 
 fn bytes(parts: &[&[u32]]) -> u64 {

@@ -93,14 +93,9 @@ impl StagingPool {
         let StagingBuffer { buffer, filled } = from;
         let copy = BufferCopy::between(buffer.vk, to.vk).range(0..filled, 0);
         let upload_value = transfer.start(&copy, &[])?;
-        let (size, last) = (
-            buffer.size(),
-            LastUse {
-                upload_value,
-                ticket: 0,
-            },
-        );
-        self.free.put(buffer, size, last);
+        let size = buffer.size();
+        self.free
+            .put(buffer, size, LastUse::by_upload(upload_value));
         Ok(upload_value)
     }
 }

@@ -181,10 +181,7 @@ impl VulkanDevice {
     ) {
         let bytes = allocated;
         let size = BufferSize { bytes, allocated };
-        let last = LastUse {
-            upload_value,
-            ticket: 0,
-        };
+        let last = LastUse::by_upload(upload_value);
         self.in_use.put(Box::new(resource), size, last);
     }
 
