@@ -215,7 +215,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()> {
         self.require_later(generation);
         let Engine { gpu, frames, .. } = &mut self.engine;
-        let is_between = !frames.is_recording();
+        let is_between = frames.record().is_empty();
         assert!(is_between, "trees are adopted between submissions");
         let current = self.tree.as_mut().expect("a scene was loaded");
         current.adopt(gpu, frames, tree, generation)?;

@@ -73,15 +73,9 @@ impl<D: GpuDevice> Frames<D> {
         }
     }
 
-    /// Returns the recording, and begins one if needed.
+    /// Returns the recording.
     pub fn record(&mut self) -> &mut Recorder<D> {
-        self.recorder.begin();
         &mut self.recorder
-    }
-
-    /// Returns whether a recording was begun.
-    pub(crate) fn is_recording(&self) -> bool {
-        self.recorder.is_begun()
     }
 
     /// Makes the next submission wait for this upload and all uploads before it.

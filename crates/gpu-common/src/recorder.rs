@@ -18,7 +18,6 @@ const LEAF_COUNTS: u64 = offset_of!(Counts, hits) as u64;
 /// Records the stages of one submission at a time.
 pub struct Recorder<D: GpuDevice> {
     recording: RecordingOf<D>,
-    is_begun: bool,
     /// Stages that were recorded.
     stages: StageSet,
     /// Stages without work.
@@ -35,7 +34,6 @@ impl<D: GpuDevice> Recorder<D> {
     pub(crate) fn new(info: &DeviceInfo) -> Self {
         Self {
             recording: RecordingOf::<D>::default(),
-            is_begun: false,
             stages: StageSet::default(),
             idle: StageSet::default(),
             open: false,
@@ -45,18 +43,15 @@ impl<D: GpuDevice> Recorder<D> {
         }
     }
 
-    pub(crate) fn begin(&mut self) {
-        self.is_begun = true;
-    }
-
-    pub(crate) fn is_begun(&self) -> bool {
-        self.is_begun
+    /// Returns whether nothing was recorded.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.recording.commands.is_empty()
     }
 
     /// Drops all commands.
     pub(crate) fn abandon(&mut self) {
         self.recording.clear();
-        (self.is_begun, self.open) = (false, false);
+        self.open = false;
         (self.stages, self.idle) = Default::default();
         self.tree_stages = TreeStages::default();
     }
