@@ -20,15 +20,6 @@ pub enum Stage {
 }
 
 impl Stage {
-    const ALL: [Self; 6] = [
-        Self::Interpolate,
-        Self::Preprocess,
-        Self::Rebuild,
-        Self::Refit,
-        Self::TracePrimary,
-        Self::TraceShadow,
-    ];
-
     fn of(self, times: &mut StageTimes) -> &mut f64 {
         let time = match self {
             Self::Interpolate => &mut times.interpolate_ms,
@@ -39,24 +30,6 @@ impl Stage {
             Self::TraceShadow => &mut times.trace_shadow_ms,
         };
         time.get_or_insert(0.0)
-    }
-}
-
-/// A set of stages.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct StageSet(u8);
-
-impl StageSet {
-    pub(crate) fn insert(&mut self, stage: Stage) {
-        self.0 |= 1 << stage as u8;
-    }
-
-    pub(crate) fn contains(self, stage: Stage) -> bool {
-        self.0 >> stage as u8 & 1 == 1
-    }
-
-    pub(crate) fn is_empty(self) -> bool {
-        self.0 == 0
     }
 }
 
@@ -87,7 +60,7 @@ impl Clock {
         &mut self,
         marks: &[Option<Stage>],
         ticks: &[u64],
-        idle: StageSet,
+        idle: &[Stage],
     ) -> StageTimes {
         let mut times = StageTimes::default();
         let ticks = &ticks[..marks.len().min(ticks.len())];
@@ -103,10 +76,8 @@ impl Clock {
                 *stage.of(&mut times) += self.ms(self.between(pair[0], pair[1]));
             }
         }
-        for stage in Stage::ALL {
-            if idle.contains(stage) {
-                stage.of(&mut times);
-            }
+        for stage in idle {
+            stage.of(&mut times);
         }
         times
     }
@@ -141,11 +112,9 @@ mod tests {
     #[test]
     fn times_adjacent_and_separate_stages() {
         let interpolate = Some(Stage::Interpolate);
-        let mut idle = StageSet::default();
-        idle.insert(Stage::TracePrimary);
         let mut clock = Clock::new(64, 0.5);
         let mut check = |marks: &[Option<Stage>], ticks: &[u64]| {
-            let times = clock.times(marks, ticks, idle);
+            let times = clock.times(marks, ticks, &[Stage::TracePrimary]);
             assert_eq!(times.interpolate_ms, Some(0.5));
             assert_eq!(times.refit_ms, Some(3.5));
             assert_eq!(times.preprocess_ms, None);
@@ -168,7 +137,7 @@ mod tests {
         let garbage = 7 << 40;
         let mut begun = |from: u64| {
             let ticks = [garbage | (from % wrap), (from + 5) % wrap];
-            let times = clock.times(&[REFIT, None], &ticks, StageSet::default());
+            let times = clock.times(&[REFIT, None], &ticks, &[]);
             assert_eq!((times.refit_ms, times.device_ms), (Some(5.0), 5.0));
             times.begun_ms.unwrap()
         };
@@ -183,12 +152,8 @@ mod tests {
         // Nanoseconds since 1970 do not fit into the mantissa of an f64.
         let start = 1_800_000_000_000_000_001_u64;
         let mut clock = Clock::new(64, 1.0);
-        clock.times(&[REFIT, None], &[start, start + 1], StageSet::default());
-        let times = clock.times(
-            &[REFIT, None],
-            &[start + 3_000_001, start + 3_000_002],
-            StageSet::default(),
-        );
+        clock.times(&[REFIT, None], &[start, start + 1], &[]);
+        let times = clock.times(&[REFIT, None], &[start + 3_000_001, start + 3_000_002], &[]);
         let close = |found: Option<f64>, ms: f64| (found.unwrap() - ms).abs() < 1e-9;
         assert!(close(times.begun_ms, 3.000_001), "{times:?}");
         assert!(close(times.refit_ms, 0.000_001), "{times:?}");
@@ -197,13 +162,7 @@ mod tests {
     #[test]
     fn missing_marks_yield_no_times() {
         let mut clock = Clock::new(64, 1.0);
-        assert_eq!(
-            clock.times(&[REFIT], &[], StageSet::default()),
-            StageTimes::default()
-        );
-        assert_eq!(
-            clock.times(&[None], &[5], StageSet::default()),
-            StageTimes::default()
-        );
+        assert_eq!(clock.times(&[REFIT], &[], &[]), StageTimes::default());
+        assert_eq!(clock.times(&[None], &[5], &[]), StageTimes::default());
     }
 }

@@ -1,8 +1,7 @@
 //! The recording, unfinished submissions, and the reports and traces of finished ones.
 
-use crate::clock::StageSet;
 use crate::recorder::Recorder;
-use crate::{Clock, GpuDevice, Outcome, PendingWork, SubmissionOutput, TraceBuffers};
+use crate::{Clock, GpuDevice, Outcome, PendingWork, Stage, SubmissionOutput, TraceBuffers};
 use backend::{BackendError, FRAMES_IN_FLIGHT, FrameReport, Result, StageTimes, Ticket};
 use shaders::{RasterBackoff, TreeCounts, TreeStages};
 use std::collections::VecDeque;
@@ -46,7 +45,7 @@ struct SubmissionRecord<D: GpuDevice> {
     never_active: u64,
     at: Instant,
     /// Stages without work.
-    idle: StageSet,
+    idle: Vec<Stage>,
     /// Recorded stages that update `tree_counts`.
     tree_stages: TreeStages,
     readback_bytes: u64,
@@ -178,7 +177,7 @@ impl<D: GpuDevice> Frames<D> {
             traces,
             never_active,
             at,
-            idle: self.recorder.idle,
+            idle: std::mem::take(&mut self.recorder.idle),
             tree_stages: self.recorder.tree_stages,
             readback_bytes: positions.map_or(0, |(_, bytes)| bytes),
             report: None,
@@ -270,7 +269,7 @@ impl<D: GpuDevice> Frames<D> {
         let submission = ledger.find(|s| s.ticket == ticket);
         let submission = submission.expect("unfinished submissions are remembered");
         let times = match &ticks {
-            Some(ticks) => self.clock.times(&marks, ticks, submission.idle),
+            Some(ticks) => self.clock.times(&marks, ticks, &submission.idle),
             // Without a device clock, use the host's.
             None => StageTimes {
                 device_ms: submission.at.elapsed().as_secs_f64() * 1e3,

@@ -1,6 +1,5 @@
 //! Records stages as commands.
 
-use crate::clock::StageSet;
 use crate::recording::is_of_submission;
 use crate::{
     DeviceInfo, Dispatch, GpuDevice, Pipelines, PositionsCopy, RecordedCommand, RecordingOf, Stage,
@@ -19,9 +18,9 @@ const LEAF_COUNTS: u64 = offset_of!(Counts, hits) as u64;
 pub struct Recorder<D: GpuDevice> {
     recording: RecordingOf<D>,
     /// Stages that were recorded.
-    stages: StageSet,
+    stages: Vec<Stage>,
     /// Stages without work.
-    pub(crate) idle: StageSet,
+    pub(crate) idle: Vec<Stage>,
     /// Whether `interpolate` was recorded last and its stage is still open, so that `preprocess` may run concurrently.
     open: bool,
     /// Recorded stages that update [`shaders::TreeCounts`].
@@ -34,8 +33,8 @@ impl<D: GpuDevice> Recorder<D> {
     pub(crate) fn new(info: &DeviceInfo) -> Self {
         Self {
             recording: RecordingOf::<D>::default(),
-            stages: StageSet::default(),
-            idle: StageSet::default(),
+            stages: Vec::new(),
+            idle: Vec::new(),
             open: false,
             tree_stages: TreeStages::default(),
             max_groups: info.max_groups,
@@ -52,7 +51,8 @@ impl<D: GpuDevice> Recorder<D> {
     pub(crate) fn abandon(&mut self) {
         self.recording.clear();
         self.open = false;
-        (self.stages, self.idle) = Default::default();
+        self.stages.clear();
+        self.idle.clear();
         self.tree_stages = TreeStages::default();
     }
 
@@ -71,13 +71,13 @@ impl<D: GpuDevice> Recorder<D> {
             self.close();
         }
         if let Some(stage) = stage.filter(|_| work.is_empty() && !self.stages.is_empty()) {
-            self.idle.insert(stage);
+            self.idle.push(stage);
             return Ok(());
         }
         let groups = |w: &Work| groups(w, self.max_groups);
         work.iter().try_for_each(|w| groups(w).map(|_| ()))?;
         let commands = &mut self.recording.commands;
-        if stage == Some(Stage::Preprocess) && self.stages.contains(Stage::Preprocess) {
+        if stage == Some(Stage::Preprocess) && self.stages.contains(&Stage::Preprocess) {
             commands.push(RecordedCommand::ClearCounts(LEAF_COUNTS));
         }
         for work in work {
@@ -116,7 +116,7 @@ impl<D: GpuDevice> Recorder<D> {
     }
 
     fn end(&mut self, stage: Stage) {
-        self.stages.insert(stage);
+        self.stages.push(stage);
         self.recording
             .commands
             .push(RecordedCommand::EndStage(stage));
