@@ -19,9 +19,7 @@ use naga::back::spv;
 use naga::valid::{
     Capabilities, ModuleInfo, ShaderStages, SubgroupOperationSet, ValidationFlags, Validator,
 };
-use std::num::NonZero;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
 use variants::{EntryPoint, Text, Variant};
 
 fn main() -> Result<()> {
@@ -64,28 +62,14 @@ fn read(root: &Path) -> Result<Files> {
     Ok(files)
 }
 
-/// Compiles kernels on all cores. Returns them in their order, as Rust expressions.
+/// Compiles kernels, each on its own thread. Returns them in their order, as Rust expressions.
 fn compile_all(out: &Path, sources: &Sources, entries: &[&EntryPoint]) -> Result<String> {
-    let next = AtomicUsize::new(0);
-    let work = || {
-        let taken = std::iter::from_fn(|| {
-            let i = next.fetch_add(1, Ordering::Relaxed);
-            entries
-                .get(i)
-                .map(|entry| (i, compile(out, sources, entry)))
-        });
-        taken.collect::<Vec<_>>()
-    };
-    let cores = std::thread::available_parallelism().map_or(1, NonZero::get);
-    let mut compiled: Vec<_> = std::thread::scope(|scope| {
-        let threads: Vec<_> = (0..cores).map(|_| scope.spawn(work)).collect();
+    std::thread::scope(|scope| {
+        let start = |&entry| scope.spawn(move || compile(out, sources, entry));
+        let threads: Vec<_> = entries.iter().map(start).collect();
         let joined = threads.into_iter().map(|thread| thread.join());
-        joined
-            .flat_map(|done| done.expect("no thread panics"))
-            .collect()
-    });
-    compiled.sort_by_key(|(i, _)| *i);
-    compiled.into_iter().map(|(_, code)| code).collect()
+        joined.map(|done| done.expect("no thread panics")).collect()
+    })
 }
 
 /// Compiles all variants of a kernel. Returns them as Rust expressions.
