@@ -1,7 +1,5 @@
 //! `abvh conform`: tests every property on every backend of the user's machine.
 
-mod oracle;
-
 use crate::command::RunCommand;
 use crate::console::{self, ProgressLine};
 use crate::error::CliError;
@@ -11,8 +9,7 @@ use crate::tested_backends::{OpenedBackends, TestSettings, TestedBackends};
 use backend::Backend;
 use clap::Args;
 use clap::builder::PossibleValuesParser;
-use conformance::{Cases, PROPERTIES, Property, Reference, check_property};
-use oracle::OracleRow;
+use conformance::{Cases, Disagreement, PROPERTIES, Property, Reference, check_property};
 use serde::Serialize;
 use std::collections::BTreeSet;
 use std::time::Instant;
@@ -24,7 +21,7 @@ pub(crate) struct ConformSettings {
     /// Seed of the generated scenes and rays
     #[arg(long, value_name = "S", default_value = "1")]
     seed: u64,
-    /// Random cases per property; 0 tests no property and runs only the other requested checks
+    /// Random cases per property; 0 tests no property
     #[arg(long, value_name = "N", default_value = "36", conflicts_with = "case")]
     cases: u32,
     /// Test only these properties, by name. An unknown name prints the valid ones
@@ -34,10 +31,6 @@ pub(crate) struct ConformSettings {
     /// Test only the case of this number
     #[arg(long, value_name = "N")]
     case: Option<u32>,
-    /// Also compare N rays in total with exact answers, on meshes of many kinds, near and far, huge and tiny. Rays are
-    /// aimed at interiors, edges and vertices, within planes, along axes, from surfaces and from far away
-    #[arg(long, value_name = "N", default_value = "0")]
-    oracle_rays: u64,
 }
 
 fn property_names() -> BTreeSet<&'static str> {
@@ -51,17 +44,12 @@ impl RunCommand for ConformSettings {
             mut backends,
             tested,
         } = self.test.open()?;
-        let mut report = ConformReport {
+        let report = ConformReport {
             tested,
             seed: self.seed,
             cases: self.cases,
             rows: self.test_properties(&mut backends)?,
-            oracle_rays: self.oracle_rays,
-            ..ConformReport::default()
         };
-        if self.oracle_rays > 0 {
-            oracle::compare(self, &mut backends, &mut report)?;
-        }
         if let Some(file) = &self.test.json {
             output::write_json(file, &report)?;
         }
@@ -110,10 +98,7 @@ impl ConformSettings {
                     backend: name,
                     held: *held.as_ref().unwrap_or_else(|e| &e.held),
                     seconds,
-                    reproduce: held.as_ref().err().map(|e| {
-                        let rest = format!("--property {} --case {}", e.property, e.case);
-                        self.command(name, &rest)
-                    }),
+                    reproduce: held.as_ref().err().map(|e| self.command(e)),
                     disagreement: held.err().map(|e| e.to_string()),
                 };
                 let result = match row.disagreement {
@@ -132,12 +117,12 @@ impl ConformSettings {
         Ok(rows)
     }
 
-    /// Returns the command that reproduces a result.
-    fn command(&self, backend: &str, rest: &str) -> String {
+    /// Returns the command that reproduces a disagreement.
+    fn command(&self, found: &Disagreement) -> String {
         let adapter = self.test.adapter.as_deref();
         let adapter = adapter.map_or(String::new(), |a| format!(" --adapter '{a}'"));
-        let seed = self.seed;
-        format!("abvh conform --backend {backend}{adapter} --seed {seed} {rest}")
+        let (backend, options) = (found.backend, found.options());
+        format!("abvh conform --backend {backend}{adapter} {options}")
     }
 }
 
@@ -150,10 +135,6 @@ struct ConformReport {
     /// Cases per property.
     cases: u32,
     rows: Vec<PropertyRow>,
-    oracle_rays: u64,
-    oracle: Vec<OracleRow>,
-    /// The first rays whose answers differ from the oracle's, each with the command that reproduces the answer.
-    oracle_examples: Vec<String>,
 }
 
 #[derive(Serialize)]
@@ -168,11 +149,10 @@ struct PropertyRow {
 }
 
 impl ConformReport {
-    /// Returns the number of failed properties plus the number of mesh kinds with wrong answers, over all backends.
+    /// Returns the number of failed properties, over all backends.
     fn failures(&self) -> usize {
         let broken = self.rows.iter().filter(|r| r.disagreement.is_some());
-        let unlike = self.oracle.iter().filter(|r| r.is_failure());
-        broken.count() + unlike.count()
+        broken.count()
     }
 
     fn text(&self) -> String {
@@ -180,14 +160,10 @@ impl ConformReport {
         if !self.rows.is_empty() {
             text += &self.property_table();
         }
-        text += &oracle::text(&self.oracle);
         for row in &self.rows {
             if let (Some(what), Some(command)) = (&row.disagreement, &row.reproduce) {
                 text += &format!("{}: {what}\n    {command}\n", row.backend);
             }
-        }
-        for example in &self.oracle_examples {
-            text += &format!("{example}\n");
         }
         text
     }

@@ -35,7 +35,10 @@ pub(crate) fn rays(source: Source) {
         stage.adopt_tree_at(time);
         let found = stage.closest(time, &rays).closest;
         let off = |(hit, expected): &(&Hit, &Option<ExactHit>)| match expected {
-            Some(e) => hit.triangle != e.triangle || (f64::from(hit.t) - e.t).abs() > T_ERROR * e.t,
+            Some(e) => {
+                let [found, t] = [hit.t, e.rounded[0]].map(f64::from);
+                hit.triangle != e.triangle || (found - t).abs() > T_ERROR * t
+            }
             None => hit.is_hit(),
         };
         let count = found.iter().zip(&expected).filter(off).count();

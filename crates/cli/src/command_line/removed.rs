@@ -12,7 +12,7 @@ pub(super) struct Removed {
     replacement: &'static str,
 }
 
-const REMOVED: [Removed; 5] = [
+const REMOVED: [Removed; 6] = [
     Removed {
         option: "--update",
         value: Some("t-sah"),
@@ -37,6 +37,11 @@ const REMOVED: [Removed; 5] = [
         option: "--law",
         value: None,
         replacement: "--property",
+    },
+    Removed {
+        option: "--oracle-rays",
+        value: None,
+        replacement: "--property continued_rays_visit_every_crossing_once --cases N",
     },
 ];
 

@@ -101,6 +101,7 @@ trace demo:twist | --rays
 conform --backend opengl | opengl
 conform --property gravity | gravity
 conform --law gravity | --law was removed | use --property
+conform --oracle-rays 9 | --oracle-rays was removed | --property continued_rays_visit_every_crossing_once
 conform --case first | first
 stability --backend opengl | opengl
 stability --intersector sturdy | watertight

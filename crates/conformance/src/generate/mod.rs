@@ -1,4 +1,4 @@
-//! Scenes, rays and trees to test backends with, shared by properties, stability tests and audits.
+//! Scenes, rays and trees to test backends with, shared by properties and stability tests.
 
 pub(crate) mod bodies;
 pub(crate) mod cases;

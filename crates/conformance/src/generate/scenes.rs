@@ -1,4 +1,4 @@
-//! All scenes and motions with which properties and audits test backends.
+//! All scenes and motions with which properties test backends.
 
 use super::bodies::{BODIES, icosphere};
 use super::meshes::{self, IndexedMesh, PLUMP, flakes, grid, plane, plus, sheet, soup, stacks};

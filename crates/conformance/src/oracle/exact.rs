@@ -13,8 +13,6 @@ pub(super) struct Crossing {
     pub(super) t: BigRational,
     /// Exact weights of the second and the third corner; not reduced.
     pub(super) weights: [BigRational; 2],
-    /// True if the crossing is on an edge or a vertex.
-    pub(super) edge: bool,
 }
 
 type ExactVector = [BigInt; 3];
@@ -38,14 +36,13 @@ pub(super) fn cross(ray: &Ray, [a, b, c]: &Triangle) -> Option<Crossing> {
     if has(Sign::Plus) == has(Sign::Minus) {
         return None;
     }
-    let edge = has(Sign::NoSign);
     let divisor: BigInt = weights.iter().sum();
     let [_, v, w] = weights;
     let exponent = point_exponent - direction_exponent;
     let t = quotient(dot(&a, &b_c), divisor.clone(), exponent);
     let weights = [v, w].map(|weight| quotient(weight, divisor.clone(), 0));
     let is_within = is_nearest_above(&t, ray.t_min) && is_nearest_below(&t, ray.t_max);
-    is_within.then_some(Crossing { t, weights, edge })
+    is_within.then_some(Crossing { t, weights })
 }
 
 fn cross_product(a: &ExactVector, b: &ExactVector) -> ExactVector {

@@ -24,21 +24,14 @@ use exact::{Crossing, cross};
 use filter::{HitBounds, bound_hit};
 use geom::{Moment, Ray, Triangle};
 use nearest::nearest;
-use num_traits::ToPrimitive;
 
 /// One exact hit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExactHit {
     /// Index of the triangle.
     pub triangle: u32,
-    /// Exact distance in multiples of the direction, rounded once.
-    pub t: f64,
     /// The exact distance and the exact weights of the second and the third corner, each rounded once.
     pub rounded: [f32; 3],
-    /// True if the hit point is exactly on an edge or a vertex of the triangle.
-    pub edge: bool,
-    /// True if another triangle is hit at exactly the same distance.
-    pub tie: bool,
 }
 
 /// A triangle that may be the closest hit.
@@ -126,23 +119,14 @@ impl Oracle {
         let crossed = |i| Some((i, cross(ray, &self.corners[i as usize])?));
         let mut hits: Vec<(u32, Crossing)> = candidates.filter_map(crossed).collect();
         hits.sort_by(|(i, a), (j, b)| a.t.cmp(&b.t).then(i.cmp(j)));
-        let same = |i: usize, j: usize| hits.get(j).is_some_and(|h| h.1.t == hits[i].1.t);
-        let exact = |(i, (triangle, crossing)): (usize, &(u32, Crossing))| ExactHit {
+        let exact = |(triangle, crossing): &(u32, Crossing)| ExactHit {
             triangle: *triangle,
-            t: to_f64(crossing),
             rounded: [&crossing.t, &crossing.weights[0], &crossing.weights[1]].map(nearest),
-            edge: crossing.edge,
-            tie: same(i, i + 1) || (i > 0 && same(i, i - 1)),
         };
-        hits.iter().enumerate().map(exact).collect()
+        hits.iter().map(exact).collect()
     }
 }
 
 fn is_active(corners: &Triangle) -> bool {
     corners.iter().flatten().all(|x| x.is_finite())
-}
-
-/// Returns the nearest `f64`, ties to even.
-fn to_f64(crossing: &Crossing) -> f64 {
-    crossing.t.to_f64().expect("a distance is a number")
 }

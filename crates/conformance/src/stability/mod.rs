@@ -7,10 +7,7 @@
 //! `exact` must have zero counts, and `watertight` no leaks or double hits. All other rates must match the measured
 //! ones ([`baseline`]), within chance. A rate above its bounds is a fault. A rate below them is a fault too, because
 //! then an intersector is not the one it is named after.
-//!
-//! An [`audit::Audit`] traces millions of rays in scenes of all kinds. With `exact`, no answer may be wrong.
 
-pub mod audit;
 pub mod baseline;
 mod cell;
 mod scenes;

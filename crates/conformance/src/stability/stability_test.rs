@@ -4,7 +4,7 @@ use crate::crossings::crossings;
 use crate::oracle::{ExactHit, Oracle};
 use crate::stability::scenes::{StabilityScene, scenes};
 use crate::stability::{EventCount, Family, Measure, Plan, StabilityCell};
-use crate::stage::{Traced, open, record_refit, trace_and_wait, triangles};
+use crate::stage::{open, record_refit, trace_and_wait, triangles};
 use backend::{Backend, Intersector, QueryKind, Rays, Result};
 use geom::Hit;
 use rayon::prelude::*;
@@ -18,9 +18,9 @@ pub struct StabilityTest {
 
 /// A scene with the exact hits of its rays.
 #[derive(Clone, Debug)]
-pub(super) struct AnsweredScene {
-    pub(super) scene: StabilityScene,
-    pub(super) exact: Vec<Option<ExactHit>>,
+struct AnsweredScene {
+    scene: StabilityScene,
+    exact: Vec<Option<ExactHit>>,
 }
 
 impl StabilityTest {
@@ -64,14 +64,14 @@ impl StabilityTest {
 
 impl AnsweredScene {
     /// Computes the exact hits, in parallel.
-    pub(super) fn new(scene: StabilityScene) -> Self {
+    fn new(scene: StabilityScene) -> Self {
         let oracle = Oracle::new(triangles(&scene.animation, scene.time));
         let exact = scene.rays.par_iter().map(|r| oracle.closest(r)).collect();
         Self { scene, exact }
     }
 
     /// Returns the triangle that a ray hits exactly, or that of [`Hit::MISS`].
-    pub(super) fn triangle(&self, ray: usize) -> u32 {
+    fn triangle(&self, ray: usize) -> u32 {
         self.exact[ray].map_or(Hit::MISS.triangle, |e| e.triangle)
     }
 
@@ -82,7 +82,10 @@ impl AnsweredScene {
         intersector: Intersector,
     ) -> Result<Vec<EventCount>> {
         let scene = &self.scene;
-        let found = scene.trace(subject, intersector)?.hits.closest;
+        open(subject, &scene.animation, scene.built, intersector)?;
+        record_refit(subject, &scene.animation, scene.time)?;
+        let traced = trace_and_wait(subject, Rays::List(&scene.rays), QueryKind::Closest)?;
+        let found = traced.hits.closest;
         let share = |measure, of: usize, is_so: &dyn Fn(usize) -> bool| EventCount {
             measure,
             count: (0..found.len()).filter(|&i| is_so(i)).count() as u64,
@@ -104,19 +107,6 @@ impl AnsweredScene {
             counts.push(share(Measure::DoubleHits, found.len(), &is_double));
         }
         Ok(counts)
-    }
-}
-
-impl StabilityScene {
-    /// Returns the closest hits of the scene's rays.
-    pub(super) fn trace(
-        &self,
-        subject: &mut dyn Backend,
-        intersector: Intersector,
-    ) -> Result<Traced> {
-        open(subject, &self.animation, self.built, intersector)?;
-        record_refit(subject, &self.animation, self.time)?;
-        trace_and_wait(subject, Rays::List(&self.rays), QueryKind::Closest)
     }
 }
 
