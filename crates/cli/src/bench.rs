@@ -1,23 +1,21 @@
 //! `abvh bench`: measures every stage over scenes, backends, update policies and intersectors.
 
-mod failure;
 mod results;
 
 use crate::command::{Requirement, RunCommand};
-use crate::console::{self, ProgressLine};
-use crate::devices::{BackendChoice, DeviceSettings, Opening, backend_name, builds_trees};
+use crate::console;
+use crate::devices::{BackendChoice, DeviceSettings, backend_name, builds_trees};
 use crate::error::{self, CliError};
 use crate::file_checks::CommandFiles;
 use crate::machine::{self, VERSION};
-use crate::measure::rival::RivalDevice;
 use crate::measure::{
-    Contender, Contenders, MeasureSettings, MeasuredRays, MeasuredRow, Measuring,
+    Contender, Contenders, MeasureSettings, MeasuredRays, MeasuredRow, Run, RunLog,
 };
 use crate::parsers;
 use crate::tracer_settings::{PolicyChoice, TracerSettings, needs_host_builds, policy_name};
 use backend::{Intersector, Policy};
 use clap::Args;
-use failure::FailedRun;
+use output::plot::Failure;
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -90,7 +88,7 @@ impl RunCommand for BenchSettings {
 struct Results {
     rows: Vec<MeasuredRow>,
     /// Combinations that could not be measured.
-    failures: Vec<FailedRun>,
+    failures: Vec<Failure>,
 }
 
 impl BenchSettings {
@@ -122,47 +120,25 @@ impl BenchSettings {
                 "nothing is left to measure: {why}"
             )));
         }
-        let each = |&rays: &MeasuredRays| all.iter().map(move |contender| (rays, contender));
+        let run = |contender: &Contender, &rays: &MeasuredRays| Run {
+            contender: contender.clone(),
+            rays,
+        };
+        let each = |rays| all.iter().map(move |contender| run(contender, rays));
         let runs: Vec<_> = self.rays.iter().flat_map(each).collect();
         let steps = self.measure.scenes.len() * runs.len();
-        let mut progress = ProgressLine::new(steps as u64, self.measure.quiet);
-        skipped.iter().for_each(|remark| progress.say(remark));
-        let (mut rows, mut failures, mut errors) = (Vec::new(), Vec::new(), Vec::new());
+        let mut log = RunLog::new(steps, self.measure.quiet);
+        skipped.iter().for_each(|remark| log.progress.say(remark));
+        let mut rows = Vec::new();
         for name in &self.measure.scenes {
             let opened = self.measure.open(name);
-            for &(rays, contender) in &runs {
-                let measured = opened.as_ref().map_err(CliError::clone).and_then(|scene| {
-                    let measuring = Measuring {
-                        scene,
-                        rays,
-                        warm_up: self.measure.warm_up,
-                        rival_device: RivalDevice {
-                            adapter: self.adapter.as_deref(),
-                            threads: self.threads,
-                        },
-                    };
-                    measuring.measure(contender, Opening::default())
-                });
-                match measured {
-                    Ok(measurement) => {
-                        let row = measurement.row;
-                        let setup = &row.setup;
-                        let words = [name, setup.backend, setup.update, setup.intersector];
-                        progress.step(&words.join(" "));
-                        rows.push(row);
-                    }
-                    Err(error) => {
-                        let failure = FailedRun::new(name, rays, contender, &error);
-                        progress.step(&failure.to_string());
-                        failures.push(failure);
-                        errors.push(error);
-                    }
-                }
-            }
+            let measured = self.measure.measure(name, opened.as_ref(), &runs, &mut log);
+            rows.extend(measured.into_iter().map(|(_, row)| row));
         }
         if rows.is_empty() {
-            Err(error::all_failed(errors))
+            Err(error::all_failed(log.errors))
         } else {
+            let failures = log.failures;
             Ok(Results { rows, failures })
         }
     }
@@ -183,7 +159,7 @@ impl BenchSettings {
                     .extend(intersectors.map(tracer).map(Contender::Ours));
             }
         }
-        contenders.add_rivals(&self.measure);
+        contenders.add_rivals(&self.measure, &self.device(None));
         contenders
     }
 
@@ -194,13 +170,17 @@ impl BenchSettings {
         intersector: Intersector,
     ) -> TracerSettings {
         TracerSettings {
-            device: DeviceSettings {
-                adapter: self.adapter.clone(),
-                threads: self.threads,
-                builder_threads: self.builder_threads,
-                ..DeviceSettings::of(backend)
-            },
+            device: self.device(backend),
             ..TracerSettings::of(backend, intersector, update)
+        }
+    }
+
+    fn device(&self, backend: BackendChoice) -> DeviceSettings {
+        DeviceSettings {
+            adapter: self.adapter.clone(),
+            threads: self.threads,
+            builder_threads: self.builder_threads,
+            ..DeviceSettings::of(backend)
         }
     }
 }

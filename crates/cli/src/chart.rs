@@ -5,12 +5,9 @@
 //! any backend. The start of a shadow ray depends on the reported hit, so the oracle cannot answer it in advance.
 //! Shadow rays are compared with `exact` on the host over fresh trees.
 //!
-//! An update policy must not change any hit. To check this, each contender traces a few rays after its frames are
-//! timed. Contenders of one backend and intersector whose hits are equal, bit for bit, share one comparison
-//! ([`accuracy`]). A contender whose hits differ is compared separately.
-//!
-//! All contenders are timed before any comparison, so that the oracle's memory is not measured. Host memory is the
-//! resident memory of the process, including memory that earlier runs left allocated.
+//! Every contender opens its own device, and traces the same rays. All contenders are timed before any comparison, so
+//! that the oracle's memory is not measured. Host memory is the resident memory of the process, including memory that
+//! earlier runs left allocated.
 
 mod accuracy;
 mod hard;
@@ -18,34 +15,26 @@ mod plan;
 
 use crate::command::{Requirement, RunCommand};
 use crate::console::{self, ProgressLine};
-use crate::devices::{BackendChoice, DeviceRequest, Opening};
+use crate::devices::DeviceRequest;
 use crate::error::{self, CliError};
 use crate::machine::{self, VERSION};
-use crate::measure::rival::RivalDevice;
 use crate::measure::{
-    self, Contender, Contenders, LoadedScene, MeasureSettings, MeasuredRays, MeasuredRow,
-    MeasuredScene, Measuring,
+    self, Contenders, MeasureSettings, MeasuredRays, MeasuredRow, MeasuredScene, Run, RunLog,
 };
 use crate::parsers;
 use crate::scene_source::is_demo;
 use crate::table::table;
-use accuracy::{RaySampler, STAGES, Tally};
-use backend::{Backend, BackendName, DeviceKind, Hits, Intersector};
+use accuracy::AnsweredRays;
+use backend::{BackendName, Intersector};
 use clap::Args;
+use conformance::stability::StabilityTest;
 use output::plot::{self, Adapter, Chart, ChartPoint, ChartScene, Machine, TimeSpread};
 use output::{FrameStats, Summary};
 use plan::HitMethod;
-use scene::Scene;
 use std::path::PathBuf;
 
 const LEGEND: &str = "wrong: closest hits that differ from exact arithmetic; aimed: rays at edges and vertices; \
-    mixed range: scenes with far or large parts\n\
-    after an eighth or half of the rays, a method stops if the 95 % interval of its error rate \
-    overlaps that of no other intersector on its backend (Wilson interval; 0 to 3 / rays if no hit is wrong)\n";
-
-/// Minimum seconds of warm-up if the previous run was on the same device. The device has hardly cooled down while the
-/// scene was loaded and a first tree was built. As always, the warm-up continues until frame times are steady.
-const LATER_WARM_UP: f64 = 0.2;
+    mixed range: scenes with far or large parts\n";
 
 #[derive(Args, Debug)]
 #[command(mut_arg("scenes", |arg| arg.default_value("demo:collide")))]
@@ -59,9 +48,8 @@ pub(crate) struct ChartSettings {
     /// Directory for chart.svg, chart.html, points.csv and points.json
     #[arg(long, value_name = "DIR", default_value = "abvh-chart", value_parser = parsers::file())]
     out: PathBuf,
-    /// Maximum number of rays per scene that are compared with exact arithmetic: half from a camera, half random. A
-    /// quarter more rays are aimed at edges and vertices. Fewer are traced if the intersectors' error rates differ
-    /// clearly
+    /// Number of rays per scene that are compared with exact arithmetic: half from a camera, half random. A quarter more
+    /// rays are aimed at edges and vertices
     #[arg(long, value_name = "N", default_value = "2000000", value_parser = parsers::rays())]
     rays: usize,
 }
@@ -73,13 +61,14 @@ impl RunCommand for ChartSettings {
         if !self.measure.quiet {
             skipped.iter().for_each(|s| console::say(s));
         }
-        let methods = plan::methods(&all);
-        let ours = methods.iter().filter(|m| matches!(m, HitMethod::Ours(..)));
-        let compared = STAGES.len() * (1 + methods.len());
-        let steps = scenes.len() * (all.len() + compared) + ours.count();
-        let mut run = ChartRun {
+        let run = |contender| Run {
+            contender,
+            rays: MeasuredRays::Camera,
+        };
+        let runs: Vec<Run> = all.into_iter().map(run).collect();
+        let mut chart = ChartRun {
             settings: self,
-            progress: ProgressLine::new(steps as u64, self.measure.quiet),
+            log: RunLog::new(scenes.len() * runs.len(), self.measure.quiet),
             chart: Chart {
                 machine: Machine {
                     cpu: machine::cpu_model(),
@@ -89,31 +78,30 @@ impl RunCommand for ChartSettings {
                 },
                 ..Chart::default()
             },
-            errors: Vec::new(),
-            idle: None,
+            entries: Vec::new(),
         };
-        let mut entries = Vec::new();
         for name in &scenes {
-            entries.push(run.time_scene(name, &all)?);
+            chart.time_scene(name, &runs)?;
         }
-        run.count_hard_rays(&mut entries);
-        for (name, entries) in scenes.iter().zip(&mut entries) {
-            if let Err(error) = run.compare_scene(name, entries) {
-                run.fail_all(entries, &error, |_| true);
+        let methods = chart.methods();
+        let steps = methods.len() + scenes.len() + chart.entries.len();
+        chart.log.progress = ProgressLine::new(steps as u64, self.measure.quiet);
+        let tests = hard::families(self.rays);
+        for method in methods {
+            chart.count_hard_rays(&tests, method);
+        }
+        for name in &scenes {
+            if let Err(error) = chart.compare_scene(name) {
+                chart.fail(&error, |entry| entry.scene == name);
             }
         }
-        let points = entries.into_iter().flatten().map(|entry| entry.point);
-        run.chart.points = points.collect();
-        if run.chart.points.is_empty() {
-            return Err(error::all_failed(run.errors));
-        }
-        drop(run.progress);
-        self.write(&run.chart)?;
-        match run.chart.failures.len() {
+        let chart = chart.finish()?;
+        self.write(&chart)?;
+        match chart.failures.len() {
             0 => Ok(()),
             n => Err(CliError::failed(format!(
                 "{n} of {} points could not be measured; chart.html and points.csv give the reasons",
-                n + run.chart.points.len()
+                n + chart.points.len()
             ))),
         }
     }
@@ -145,89 +133,51 @@ impl ChartSettings {
     }
 }
 
-/// One contender with its point, and its hits for a few rays.
-struct ChartEntry {
-    contender: Contender,
+/// One run over one scene, with its point.
+struct ChartEntry<'a> {
+    /// Name of the scene on the command line.
+    scene: &'a str,
+    run: &'a Run,
     point: ChartPoint,
-    probe: Vec<Hits>,
-    /// Index of the tally that counts its wrong answers.
-    group: usize,
-}
-
-impl ChartEntry {
-    fn method(&self) -> HitMethod {
-        HitMethod::of(&self.contender)
-    }
-
-    /// Returns whether two contenders give the same answers.
-    fn is_like(&self, other: &Self) -> bool {
-        self.method() == other.method() && self.probe == other.probe
-    }
+    /// Reason why hits could not be counted.
+    error: Option<CliError>,
 }
 
 /// The measurement of a chart.
 struct ChartRun<'a> {
     settings: &'a ChartSettings,
-    progress: ProgressLine,
+    log: RunLog,
     chart: Chart,
-    /// Reasons of all failures.
-    errors: Vec<CliError>,
-    /// Backend of the latest run, which is ready for another scene.
-    idle: Option<IdleBackend>,
+    entries: Vec<ChartEntry<'a>>,
 }
 
-struct IdleBackend {
-    name: BackendChoice,
-    backend: Box<dyn Backend>,
-}
-
-impl ChartRun<'_> {
+impl<'a> ChartRun<'a> {
     /// Times every contender over one scene.
-    fn time_scene(
-        &mut self,
-        name: &str,
-        contenders: &[Contender],
-    ) -> Result<Vec<ChartEntry>, CliError> {
-        let scene = match self.settings.measure.open(name) {
-            Ok(scene) => scene,
-            Err(error) => {
-                for contender in contenders {
-                    self.fail(name, contender, error.clone());
-                }
-                self.progress.skip(contenders.len() as u64);
-                return Ok(Vec::new());
-            }
+    fn time_scene(&mut self, name: &'a str, runs: &'a [Run]) -> Result<(), CliError> {
+        let measure = &self.settings.measure;
+        let scene = measure.open(name);
+        let title = match &scene {
+            Ok(scene) => self.add_scene(scene)?,
+            Err(_) => name.to_owned(),
         };
-        if self.chart.scenes.is_empty() {
-            output::prepare_dir(&self.settings.out).map_err(CliError::invalid)?;
+        for (run, row) in measure.measure(&title, scene.as_ref(), runs, &mut self.log) {
+            self.add_adapter(&row);
+            self.entries.push(ChartEntry {
+                scene: name,
+                run,
+                point: timed_point(&title, &row),
+                error: None,
+            });
         }
-        let title = self.add_scene(&scene);
-        let mut entries = Vec::new();
-        for contender in contenders {
-            match self.time(&scene, contender) {
-                Ok((row, probe)) => {
-                    self.progress.step(&format!("{title} timed {contender}"));
-                    self.add_adapter(&row);
-                    entries.push(ChartEntry {
-                        contender: contender.clone(),
-                        point: timed_point(&title, &row),
-                        probe,
-                        group: 0,
-                    });
-                }
-                Err(error) => {
-                    self.progress
-                        .step(&format!("{title} {contender} failed: {error}"));
-                    self.fail(&title, contender, error);
-                }
-            }
-        }
-        Ok(entries)
+        Ok(())
     }
 
     /// Adds a scene to the chart. Returns its title: its own name or, for demos and repeated names, its name on the
-    /// command line.
-    fn add_scene(&mut self, measured: &MeasuredScene) -> String {
+    /// command line. The first scene creates the directory.
+    fn add_scene(&mut self, measured: &MeasuredScene) -> Result<String, CliError> {
+        if self.chart.scenes.is_empty() {
+            output::prepare_dir(&self.settings.out).map_err(CliError::invalid)?;
+        }
         let MeasuredScene {
             name,
             scene,
@@ -246,84 +196,7 @@ impl ChartRun<'_> {
             size: self.settings.measure.camera.size,
             frames: frames.len() as u64,
         });
-        title
-    }
-
-    /// Times one contender, then traces a few rays.
-    fn time(
-        &mut self,
-        scene: &MeasuredScene,
-        contender: &Contender,
-    ) -> Result<(MeasuredRow, Vec<Hits>), CliError> {
-        let (opening, is_warm) = self.opening(contender);
-        let later = is_warm.then_some(LATER_WARM_UP);
-        let measuring = Measuring {
-            scene,
-            rays: MeasuredRays::Camera,
-            warm_up: self.settings.measure.warm_up.or(later),
-            rival_device: RivalDevice::default(),
-        };
-        let measure::Measurement { row, mut loaded } = measuring.measure(contender, opening)?;
-        let probe = self.sampler(&scene.scene)?.probe(&mut loaded)?;
-        self.keep(contender, loaded);
-        Ok((row, probe))
-    }
-
-    fn sampler<'s>(&self, scene: &'s Scene) -> Result<RaySampler<'s>, CliError> {
-        Ok(RaySampler {
-            animation: &scene.animation,
-            view: self.settings.measure.camera.view(scene)?,
-            rays: self.settings.rays,
-        })
-    }
-
-    /// Keeps the device of a backend for the next run.
-    fn keep(&mut self, contender: &Contender, loaded: LoadedScene) {
-        self.idle = match (contender, loaded) {
-            (Contender::Ours(tracer), LoadedScene::Ours(driver)) => Some(IdleBackend {
-                name: tracer.device.backend,
-                backend: driver.into_backend(),
-            }),
-            _ => None,
-        };
-    }
-
-    /// Returns the backend of the latest run if the contender uses it, and whether it is a warm GPU.
-    fn opening(&mut self, contender: &Contender) -> (Opening, bool) {
-        let Contender::Ours(tracer) = contender else {
-            self.idle = None;
-            return (Opening::default(), false);
-        };
-        match self.take_idle(tracer.device.backend) {
-            Some(backend) => {
-                let is_warm = backend.device().kind == DeviceKind::Gpu;
-                (Opening::of(backend), is_warm)
-            }
-            None => (Opening::default(), false),
-        }
-    }
-
-    fn take_idle(&mut self, name: BackendChoice) -> Option<Box<dyn Backend>> {
-        let idle = self.idle.take().filter(|idle| idle.name == name);
-        idle.map(|idle| idle.backend)
-    }
-
-    fn fail(&mut self, scene: &str, contender: &Contender, error: CliError) {
-        let failure = plan::failure(scene, contender, &error);
-        self.chart.failures.push(failure);
-        self.errors.push(error);
-    }
-
-    /// Turns the selected entries into failures.
-    fn fail_all(
-        &mut self,
-        entries: &mut Vec<ChartEntry>,
-        error: &CliError,
-        is_failed: impl Fn(&ChartEntry) -> bool,
-    ) {
-        for failed in entries.extract_if(.., |entry| is_failed(entry)) {
-            self.fail(&failed.point.scene, &failed.contender, error.clone());
-        }
+        Ok(title)
     }
 
     fn add_adapter(&mut self, row: &MeasuredRow) {
@@ -339,116 +212,90 @@ impl ChartRun<'_> {
         }
     }
 
-    /// Traces scenes of mixed range, once for each backend and intersector, but not for rivals.
-    fn count_hard_rays(&mut self, entries: &mut [Vec<ChartEntry>]) {
-        let families = hard::families(self.settings.rays);
-        for method in plan::methods(entries.iter().flatten().map(|entry| &entry.contender)) {
-            let HitMethod::Ours(name, intersector) = method else {
-                continue;
-            };
-            let is_of = |entry: &ChartEntry| entry.method() == method;
-            let idle = self.take_idle(name);
-            let opened = idle.map_or_else(|| DeviceRequest::of(name).open(), Ok);
-            let counted = opened.and_then(|mut backend| {
-                let counts = hard::count(backend.as_mut(), intersector, &families)?;
-                self.idle = Some(IdleBackend { name, backend });
-                Ok(counts)
-            });
-            self.progress.step(&format!("hard rays {method}"));
-            match counted {
-                Ok(counts) => {
-                    for entry in entries.iter_mut().flatten().filter(|entry| is_of(entry)) {
-                        entry.point.mixed_range.clone_from(&counts);
-                    }
-                }
-                Err(error) => {
-                    for entries in entries.iter_mut() {
-                        self.fail_all(entries, &error, is_of);
-                    }
+    /// Returns each backend and intersector of the timed entries once, without rivals.
+    fn methods(&self) -> Vec<HitMethod> {
+        let mut methods = Vec::new();
+        for method in self
+            .entries
+            .iter()
+            .filter_map(|e| HitMethod::of(&e.run.contender))
+        {
+            if !methods.contains(&method) {
+                methods.push(method);
+            }
+        }
+        methods
+    }
+
+    /// Marks entries as failed. Keeps the reasons of entries that failed before.
+    fn fail(&mut self, error: &CliError, is_failed: impl Fn(&ChartEntry<'_>) -> bool) {
+        for entry in self.entries.iter_mut().filter(|entry| is_failed(entry)) {
+            entry.error.get_or_insert_with(|| error.clone());
+        }
+    }
+
+    /// Traces scenes of mixed range.
+    fn count_hard_rays(&mut self, tests: &[StabilityTest], method: HitMethod) {
+        let opened = DeviceRequest::of(method.backend).open();
+        let counted = opened.and_then(|mut b| hard::count(b.as_mut(), method.intersector, tests));
+        self.log.progress.step(&format!("hard rays {method}"));
+        let is_of = |entry: &ChartEntry<'_>| HitMethod::of(&entry.run.contender) == Some(method);
+        match counted {
+            Err(error) => self.fail(&error, is_of),
+            Ok(counts) => {
+                for entry in self.entries.iter_mut().filter(|entry| is_of(entry)) {
+                    entry.point.mixed_range.clone_from(&counts);
                 }
             }
         }
     }
 
-    /// Compares every method's answers over one scene with exact answers, until the methods' rates differ clearly.
-    fn compare_scene(&mut self, name: &str, entries: &mut Vec<ChartEntry>) -> Result<(), CliError> {
-        let Some(title) = entries.first().map(|entry| entry.point.scene.clone()) else {
+    /// Compares every contender's answers over one scene with exact answers.
+    fn compare_scene(&mut self, name: &str) -> Result<(), CliError> {
+        let is_compared =
+            |entry: &&mut ChartEntry<'_>| entry.scene == name && entry.error.is_none();
+        let mut entries = self.entries.iter_mut().filter(is_compared).peekable();
+        if entries.peek().is_none() {
             return Ok(());
-        };
-        let scene = self.settings.measure.open(name)?.scene;
-        let sampler = self.sampler(&scene)?;
-        let mut tallies = tallies(entries);
-        for (number, stage) in STAGES.iter().enumerate() {
-            if number > 0 {
-                accuracy::decide(&mut tallies);
-            }
-            if !tallies.iter().any(Tally::is_going) {
-                self.progress.skip(1 + tallies.len() as u64);
-                continue;
-            }
-            let answered = sampler.answer(stage, &tallies)?;
-            let part = format!("{title} {}/{}", number + 1, STAGES.len());
-            self.progress.step(&format!("{part} exact answers"));
-            for mut tally in std::mem::take(&mut tallies) {
-                if !tally.is_going() {
-                    self.progress.skip(1);
-                    tallies.push(tally);
-                    continue;
-                }
-                let contender = tally.contender.clone();
-                let (opening, _) = self.opening(&contender);
-                let loaded = LoadedScene::load(&contender, &scene.animation, opening);
-                let compared = loaded.and_then(|mut loaded| {
-                    sampler.compare(&mut loaded, &answered, &mut tally)?;
-                    Ok(loaded)
-                });
-                match compared {
-                    Ok(loaded) => {
-                        self.keep(&contender, loaded);
-                        self.progress.step(&format!("{part} compared {contender}"));
-                        tallies.push(tally);
-                    }
-                    Err(error) => {
-                        self.progress
-                            .step(&format!("{part} {contender} failed: {error}"));
-                        self.fail_all(entries, &error, |entry| entry.group == tally.group);
-                    }
-                }
-            }
         }
-        for tally in &tallies {
-            let members = entries
-                .iter_mut()
-                .filter(|entry| entry.group == tally.group);
-            members.for_each(|entry| tally.write(&mut entry.point));
+        let scene = self.settings.measure.open(name)?.scene;
+        let view = self.settings.measure.camera.view(&scene)?;
+        let answered = AnsweredRays::new(&scene.animation, view, self.settings.rays)?;
+        self.log.progress.step(&format!("{name} exact answers"));
+        for entry in entries {
+            let contender = &entry.run.contender;
+            match answered.compare(contender, &mut entry.point) {
+                Ok(()) => self
+                    .log
+                    .progress
+                    .step(&format!("{name} compared {contender}")),
+                Err(error) => entry.error = Some(error),
+            }
         }
         Ok(())
     }
-}
 
-/// Groups entries that give the same answers. The fastest contender of each group traces the rays.
-fn tallies(entries: &mut [ChartEntry]) -> Vec<Tally> {
-    let mut firsts: Vec<usize> = Vec::new();
-    for i in 0..entries.len() {
-        let group = firsts.iter().position(|&f| entries[f].is_like(&entries[i]));
-        entries[i].group = group.unwrap_or_else(|| {
-            firsts.push(i);
-            firsts.len() - 1
-        });
+    /// Returns the chart, or an error if there are no points.
+    fn finish(mut self) -> Result<Chart, CliError> {
+        for entry in self.entries {
+            match entry.error {
+                None => self.chart.points.push(entry.point),
+                Some(error) => self.log.fail(&entry.point.scene, entry.run, error),
+            }
+        }
+        if self.chart.points.is_empty() {
+            return Err(error::all_failed(self.log.errors));
+        }
+        self.chart.failures = self.log.failures;
+        Ok(self.chart)
     }
-    let ms = |e: &&ChartEntry| e.point.ms_per_frame.median.unwrap_or(f64::INFINITY);
-    let tally = |group| {
-        let members = entries.iter().filter(|entry| entry.group == group);
-        let fastest = members.min_by(|a, b| ms(a).total_cmp(&ms(b)))?;
-        Some(Tally::new(fastest.contender.clone(), group))
-    };
-    (0..firsts.len()).filter_map(tally).collect()
 }
 
 fn timed_point(scene: &str, row: &MeasuredRow) -> ChartPoint {
     let frames = row.later_frames();
-    let spread = || frames.iter().map(measure::frame_ms);
-    let summary = Summary::of(spread());
+    let ms = || frames.iter().map(measure::frame_ms);
+    let times = Summary::of(ms()).unwrap_or_default();
+    let negated = Summary::of(ms().map(|ms| -ms)).unwrap_or_default();
     let most = |bytes: fn(&FrameStats) -> Option<u64>| frames.iter().filter_map(bytes).max();
     let is_on_host = row.setup.backend.parse().is_ok_and(BackendName::is_on_host);
     let on_host = is_on_host.then(|| most(|f| f.host_bytes));
@@ -458,10 +305,10 @@ fn timed_point(scene: &str, row: &MeasuredRow) -> ChartPoint {
         update: row.setup.update.to_owned(),
         scene: scene.to_owned(),
         ms_per_frame: TimeSpread {
-            median: summary.map(|s| s.median),
+            median: times.median,
             // The 5th percentile, as the 95th of the negated times.
-            p5: Summary::of(spread().map(|ms| -ms)).map(|s| -s.p95),
-            p95: summary.map(|s| s.p95),
+            p5: -negated.p95,
+            p95: times.p95,
         },
         mrays_per_s: row.mrays_per_s,
         memory_bytes: most(|f| f.device_bytes).or(on_host.flatten()),

@@ -112,11 +112,6 @@ impl ProgressLine {
         }
     }
 
-    /// Counts steps that turned out to be unnecessary.
-    pub(crate) fn skip(&mut self, steps: u64) {
-        self.bar.inc(steps);
-    }
-
     /// Prints a remark between steps.
     pub(crate) fn say(&self, text: &str) {
         if !self.quiet {

@@ -7,7 +7,6 @@ use backend::{AdapterInfo, Backend, BackendName};
 use clap::Args;
 use serde::{Serialize, Serializer};
 use serde_json::json;
-use std::sync::mpsc::{Receiver, channel};
 use std::thread::JoinHandle;
 
 /// A backend; `None` leaves the choice to `auto`.
@@ -123,60 +122,32 @@ impl DeviceRequest {
     }
 }
 
-type SelectedBackend = Selected<Box<dyn Backend>>;
+pub(crate) type SelectedBackend = Selected<Box<dyn Backend>>;
 
 /// A backend that is being opened on another thread, because opening takes long. Dropping it joins the thread, because
 /// drivers may fail if the process ends while they work. With NVIDIA's driver, the join takes 9 ms. The default
-/// value has not begun to open a backend.
+/// value opens no backend.
 #[derive(Default)]
-pub(crate) struct Opening {
-    opened: Option<Receiver<Result<SelectedBackend, CliError>>>,
-    thread: Option<JoinHandle<()>>,
-}
+pub(crate) struct Opening(Option<JoinHandle<Result<SelectedBackend, CliError>>>);
 
 impl Opening {
     /// Starts to open a backend. If no thread can be started, returns the default value.
     pub(crate) fn begin(request: DeviceRequest) -> Self {
-        let (sender, opened) = channel();
-        let open = move || {
-            // Sending fails if the run has failed and dropped the receiver.
-            let _ = sender.send(request.open_and(Ok));
-        };
-        let thread = std::thread::Builder::new().spawn(open).ok();
-        let opened = thread.is_some().then_some(opened);
-        Self { opened, thread }
+        let open = move || request.open_and(Ok);
+        Self(std::thread::Builder::new().spawn(open).ok())
     }
 
-    /// Returns an `Opening` that contains a backend that is open already.
-    pub(crate) fn of(backend: Box<dyn Backend>) -> Self {
-        let (sender, opened) = channel();
-        // The receiver is alive.
-        let _ = sender.send(Ok(Selected {
-            value: backend,
-            why: None,
-        }));
-        let opened = Some(opened);
-        Self {
-            opened,
-            thread: None,
-        }
-    }
-
-    /// Waits for the result. Returns `None` if opening never began or the result was taken before.
-    pub(crate) fn wait(&mut self) -> Option<Result<SelectedBackend, CliError>> {
-        let opened = self.opened.take()?.recv();
-        // Receiving fails only if the thread panicked. The panic then continues here.
-        if opened.is_err() {
-            let ended = self.thread.take().map_or(Ok(()), JoinHandle::join);
-            ended.unwrap_or_else(|e| std::panic::resume_unwind(e));
-        }
-        opened.ok()
+    /// Waits for the result. Returns `None` if no backend is being opened.
+    pub(crate) fn wait(mut self) -> Option<Result<SelectedBackend, CliError>> {
+        let opened = self.0.take()?.join();
+        // A panic of the thread continues here.
+        Some(opened.unwrap_or_else(|e| std::panic::resume_unwind(e)))
     }
 }
 
 impl Drop for Opening {
     fn drop(&mut self) {
-        let _ = self.thread.take().map(JoinHandle::join);
+        let _ = self.0.take().map(JoinHandle::join);
     }
 }
 

@@ -3,7 +3,6 @@
 use crate::camera::CameraSettings;
 use crate::command::{Requirement, RunCommand};
 use crate::console;
-use crate::devices::Opening;
 use crate::error::CliError;
 use crate::frame_list;
 use crate::parsers;
@@ -83,11 +82,9 @@ fn choices_of_auto(name: &str, scene: &Scene) -> Result<Vec<AutoChoice>, CliErro
         frames: &frames,
         rays: CameraSettings::default().pixels(),
     };
-    Ok(
-        setup::start_driver(animation, &settings, workload, Opening::default())?
-            .setup
-            .auto,
-    )
+    Ok(setup::start_driver(animation, &settings, workload)?
+        .setup
+        .auto)
 }
 
 fn text(scene: &Scene, i: &Inspection) -> String {

@@ -6,22 +6,24 @@ mod timing;
 
 use crate::camera::{CameraSettings, LitCamera};
 use crate::command::Requirement;
-use crate::devices::{BackendChoice, Opening, backend_name};
+use crate::console::ProgressLine;
+use crate::devices::{BackendChoice, DeviceSettings, backend_name};
 use crate::error::CliError;
 use crate::frame_list::{self, FrameChoice, TimeRange};
 use crate::parsers;
 use crate::scene_source::{self, SceneSettings};
 use crate::setup::{self, Setup, Started};
 use crate::tracer_settings::{PolicyChoice, TracerSettings, Workload, policy_name};
-use backend::{DeviceBytes, Hits, Intersector, Query, QueryKind, Rays};
+use backend::{DeviceBytes, Hits, Intersector, Query};
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use geom::{Animation, Ray};
+use geom::Animation;
+use output::plot::Failure;
 use output::{FrameQuantity, FrameStats, Summary, TIMES, mrays};
 use pipeline::{Driver, Frame, Warmed};
 use rays::FrameRays;
 pub(crate) use rays::{MeasuredRays, random_rays};
-use rival::{OWN, RivalDevice, RivalPolicy, RunningRival};
+use rival::{OWN, RivalSettings, RunningRival};
 use rivals::{RivalName, TreeUpdate};
 use scene::Scene;
 use serde::Serialize;
@@ -102,11 +104,11 @@ impl MeasureSettings {
     }
 }
 
-/// A backend with its settings, or a rival with its update policy.
+/// A backend or a rival, with its settings.
 #[derive(Clone, Debug)]
 pub(crate) enum Contender {
     Ours(TracerSettings),
-    Rival(RivalPolicy),
+    Rival(RivalSettings),
 }
 
 /// The contenders of a measurement, and remarks on combinations that are skipped.
@@ -117,14 +119,17 @@ pub(crate) struct Contenders {
 }
 
 impl Contenders {
-    /// Adds every rival with each requested policy that it supports, and a remark for each other policy.
-    pub(crate) fn add_rivals(&mut self, settings: &MeasureSettings) {
+    /// Adds every rival on a device with each requested policy that it supports, and a remark for each other policy.
+    pub(crate) fn add_rivals(&mut self, settings: &MeasureSettings, device: &DeviceSettings) {
         for &rival in &settings.rival {
             for policy in settings.update.iter().copied().map(policy_name) {
                 if let Some(tree_update) = TreeUpdate::ALL.into_iter().find(|u| u.name() == policy)
                 {
-                    self.all
-                        .push(Contender::Rival(RivalPolicy { rival, tree_update }));
+                    self.all.push(Contender::Rival(RivalSettings {
+                        rival,
+                        tree_update,
+                        device: device.clone(),
+                    }));
                 } else {
                     let why = "is skipped: it keeps its own tree, which it rebuilds or refits in each frame";
                     self.skipped
@@ -150,9 +155,9 @@ impl Contender {
                 update: policy_name(tracer.update),
                 intersector: tracer.intersector.name(),
             },
-            Self::Rival(RivalPolicy { rival, tree_update }) => ContenderNames {
-                backend: rival.name(),
-                update: tree_update.name(),
+            Self::Rival(settings) => ContenderNames {
+                backend: settings.rival.name(),
+                update: settings.tree_update.name(),
                 intersector: OWN,
             },
         }
@@ -167,28 +172,48 @@ impl fmt::Display for Contender {
             intersector,
             update,
         } = self.names();
-        match self {
-            Self::Ours(_) => write!(f, "{backend} {intersector} {update}"),
-            Self::Rival(policy) => policy.fmt(f),
-        }
+        write!(f, "{backend} {intersector} {update}")
     }
 }
 
-/// The scene, the rays and the conditions of a measurement.
-#[derive(Clone, Copy)]
-pub(crate) struct Measuring<'a> {
-    pub(crate) scene: &'a MeasuredScene,
+/// A contender and the rays that it traces.
+pub(crate) struct Run {
+    pub(crate) contender: Contender,
     pub(crate) rays: MeasuredRays,
-    /// Seconds of warm-up, or `None` for the default of the kind of device.
-    pub(crate) warm_up: Option<f64>,
-    /// The device of rivals.
-    pub(crate) rival_device: RivalDevice<'a>,
 }
 
-/// The results of a run, and the backend or rival that traced it, with the scene still loaded.
-pub(crate) struct Measurement {
-    pub(crate) row: MeasuredRow,
-    pub(crate) loaded: LoadedScene,
+/// The progress of a command that measures, and its failures.
+pub(crate) struct RunLog {
+    pub(crate) progress: ProgressLine,
+    pub(crate) failures: Vec<Failure>,
+    /// The errors of all failures.
+    pub(crate) errors: Vec<CliError>,
+}
+
+impl RunLog {
+    pub(crate) fn new(steps: usize, quiet: bool) -> Self {
+        Self {
+            progress: ProgressLine::new(steps as u64, quiet),
+            failures: Vec::new(),
+            errors: Vec::new(),
+        }
+    }
+
+    /// Adds a failure, which is the next step.
+    pub(crate) fn fail(&mut self, scene: &str, run: &Run, error: CliError) {
+        let names = run.contender.names();
+        let failure = Failure {
+            scene: scene.to_owned(),
+            backend: names.backend.to_owned(),
+            intersector: names.intersector.to_owned(),
+            update: names.update.to_owned(),
+            rays: run.rays.unless_camera(),
+            error: error.to_string(),
+        };
+        self.progress.step(&failure.to_string());
+        self.failures.push(failure);
+        self.errors.push(error);
+    }
 }
 
 /// A backend or a rival with a scene loaded.
@@ -198,63 +223,68 @@ pub(crate) enum LoadedScene {
 }
 
 impl LoadedScene {
-    /// Loads a scene. Waits for `opening` if the contender is a backend; rivals ignore it.
     pub(crate) fn load(
         contender: &Contender,
         animation: &Arc<Animation>,
-        opening: Opening,
     ) -> Result<Self, CliError> {
         match contender {
             Contender::Ours(tracer) => {
-                let workload = Workload::default();
-                let started = setup::start_driver(animation, tracer, workload, opening)?;
+                let started = setup::start_driver(animation, tracer, Workload::default())?;
                 Ok(Self::Ours(Box::new(started.tracer)))
             }
-            Contender::Rival(policy) => {
-                let rival = RunningRival::start(*policy, RivalDevice::default(), animation)?;
+            Contender::Rival(settings) => {
+                let rival = RunningRival::start(settings, animation)?;
                 Ok(Self::Rival(rival))
             }
         }
     }
 
-    /// Traces lists of rays one after the other, each at its time.
-    pub(crate) fn trace_lists<'a>(
-        &mut self,
-        kind: QueryKind,
-        lists: impl IntoIterator<Item = (f64, &'a [Ray])>,
-    ) -> Result<Vec<Hits>, CliError> {
-        let trace = |(index, (time, rays))| {
-            let rays = Rays::List(rays);
-            let (frame, query) = (Frame { index, time }, Query { rays, kind });
-            match self {
-                Self::Ours(driver) => trace_frame(driver, frame, query),
-                Self::Rival(rival) => rival.hits(time, query),
-            }
-        };
-        (0..).zip(lists).map(trace).collect()
+    /// Traces one query at a time in key frames.
+    pub(crate) fn trace(&mut self, time: f64, query: Query<'_>) -> Result<Hits, CliError> {
+        match self {
+            Self::Ours(driver) => trace_frame(driver, Frame { index: 0, time }, query),
+            Self::Rival(rival) => rival.hits(time, query),
+        }
     }
 }
 
-impl Measuring<'_> {
-    /// Measures a contender. Waits for `opening` if the contender is a backend; rivals ignore it.
-    pub(crate) fn measure(
+impl MeasureSettings {
+    /// Measures every run over one scene, or over none if it cannot be opened. Returns the runs that succeed.
+    pub(crate) fn measure<'r>(
         &self,
-        contender: &Contender,
-        opening: Opening,
-    ) -> Result<Measurement, CliError> {
+        title: &str,
+        scene: Result<&MeasuredScene, &CliError>,
+        runs: &'r [Run],
+        log: &mut RunLog,
+    ) -> Vec<(&'r Run, MeasuredRow)> {
+        let mut rows = Vec::new();
+        for run in runs {
+            let measured = scene.map_err(CliError::clone);
+            match measured.and_then(|scene| self.measure_run(scene, run)) {
+                Ok(row) => {
+                    log.progress.step(&format!("{title} {}", run.contender));
+                    rows.push((run, row));
+                }
+                Err(error) => log.fail(title, run, error),
+            }
+        }
+        rows
+    }
+
+    fn measure_run(&self, measured: &MeasuredScene, run: &Run) -> Result<MeasuredRow, CliError> {
         let MeasuredScene {
             scene,
             frames,
             lit_camera,
             ..
-        } = self.scene;
-        let rays = FrameRays::of(self.rays, scene, lit_camera);
+        } = measured;
+        let rays = FrameRays::of(run.rays, scene, lit_camera);
         let plan = TimingPlan {
             frames,
             query: rays.query(),
             warm_up: self.warm_up,
         };
-        match contender {
+        match &run.contender {
             Contender::Ours(tracer) => {
                 let workload = Workload {
                     frames,
@@ -263,20 +293,16 @@ impl Measuring<'_> {
                 let Started {
                     tracer: mut driver,
                     setup,
-                } = setup::start_driver(&scene.animation, tracer, workload, opening)?;
+                } = setup::start_driver(&scene.animation, tracer, workload)?;
                 let timed = timing::time_frames(&mut driver, plan)?;
-                Ok(Measurement {
-                    row: MeasuredRow::of(self, setup, timed, None),
-                    loaded: LoadedScene::Ours(Box::new(driver)),
-                })
+                Ok(MeasuredRow::of(measured, run.rays, setup, timed))
             }
-            Contender::Rival(policy) => {
-                let mut rival = RunningRival::start(*policy, self.rival_device, &scene.animation)?;
+            Contender::Rival(settings) => {
+                let mut rival = RunningRival::start(settings, &scene.animation)?;
                 let timed = rival.time(plan)?;
-                let differing = rival.differing(frames, plan.query)?;
-                Ok(Measurement {
-                    row: MeasuredRow::of(self, rival.setup(), timed, Some(differing)),
-                    loaded: LoadedScene::Rival(rival),
+                Ok(MeasuredRow {
+                    differing: Some(rival.differing(frames, plan.query)?),
+                    ..MeasuredRow::of(measured, run.rays, rival.setup(), timed)
                 })
             }
         }
@@ -345,12 +371,7 @@ pub(crate) fn frame_ms(frame: &FrameStats) -> f64 {
 }
 
 impl MeasuredRow {
-    fn of(
-        measuring: &Measuring<'_>,
-        setup: Setup,
-        timed: TimedFrames,
-        differing: Option<f64>,
-    ) -> Self {
+    fn of(measured: &MeasuredScene, rays: MeasuredRays, setup: Setup, timed: TimedFrames) -> Self {
         let TimedFrames {
             warm_up,
             stats,
@@ -361,13 +382,13 @@ impl MeasuredRow {
             scene,
             lit_camera,
             ..
-        } = measuring.scene;
+        } = measured;
         let median =
             |time: FrameQuantity| Summary::of(stats.iter().filter_map(time)).map(|s| s.median);
         let named = TIMES.iter().chain(&MORE);
         let medians: BTreeMap<_, _> = named.map(|&(name, time)| (name, median(time))).collect();
         let triangles = scene.animation.triangle_count();
-        let is_camera = measuring.rays == MeasuredRays::Camera;
+        let is_camera = rays == MeasuredRays::Camera;
         let rates = stats.iter().filter_map(|f| {
             let times = &f.report.times;
             let ms = times.trace_primary_ms? + times.trace_shadow_ms.unwrap_or(0.0);
@@ -379,7 +400,7 @@ impl MeasuredRow {
             triangles,
             moving: scene.animation.moving_count(),
             setup,
-            rays: measuring.rays.unless_camera(),
+            rays: rays.unless_camera(),
             warm_up,
             frames: stats.len(),
             mrays_per_s: Summary::of(rates).map(|s| s.median),
@@ -388,7 +409,7 @@ impl MeasuredRow {
             first_ms: stats.first().and_then(|f| f.wall_ms),
             memory: held.map(|bytes| device_memory(bytes, triangles)),
             device_bytes: held.map(|bytes| bytes.total()),
-            differing,
+            differing: None,
             medians,
             per_frame: stats,
         }

@@ -3,7 +3,7 @@
 //! `render` and `trace` use the library's tracer. Other commands use the frame driver on which the tracer is built.
 
 use crate::auto::{self, Capabilities};
-use crate::devices::{DeviceRequest, Opening};
+use crate::devices::{DeviceRequest, Opening, SelectedBackend};
 use crate::error::CliError;
 use crate::tracer_settings::{ChosenPolicy, TracerSettings, Workload};
 use abvh::{Mesh, Tracer};
@@ -67,6 +67,7 @@ pub(crate) fn start_tracer(
     workload: Workload<'_>,
     opening: Opening,
 ) -> Result<Started<Tracer>, CliError> {
+    let opened = opening.wait().transpose()?;
     let load = |resolved: Resolved| {
         let mut scene_of_one = abvh::Scene::new();
         scene_of_one.add(Mesh::from(scene));
@@ -79,15 +80,14 @@ pub(crate) fn start_tracer(
             .builder_threads(resolved.setup.builder_threads);
         Ok(builder.build_on(resolved.backend, scene_of_one)?)
     };
-    start(&scene.animation, settings, workload, opening, load)
+    start(&scene.animation, settings, workload, opened, load)
 }
 
-/// Waits for the backend, makes the choices of `auto`, and loads the scene into a driver.
+/// Opens the backend, makes the choices of `auto`, and loads the scene into a driver.
 pub(crate) fn start_driver(
     animation: &Arc<Animation>,
     settings: &TracerSettings,
     workload: Workload<'_>,
-    opening: Opening,
 ) -> Result<Started<Driver>, CliError> {
     let load = |resolved: Resolved| {
         let threads = BuilderThreads::new(resolved.setup.builder_threads)?;
@@ -97,14 +97,14 @@ pub(crate) fn start_driver(
         } = resolved;
         Ok(Driver::new(backend, animation, options, threads)?)
     };
-    start(animation, settings, workload, opening, load)
+    start(animation, settings, workload, None, load)
 }
 
 fn start<T>(
     animation: &Arc<Animation>,
     settings: &TracerSettings,
     workload: Workload<'_>,
-    mut opening: Opening,
+    opened: Option<SelectedBackend>,
     load: impl Fn(Resolved) -> Result<T, CliError>,
 ) -> Result<Started<T>, CliError> {
     check_trees(animation.triangle_count(), workload.rays)?;
@@ -114,7 +114,6 @@ fn start<T>(
         let tracer = load(resolved)?;
         Ok(Started { tracer, setup })
     };
-    let opened = opening.wait().transpose()?;
     let first = opened.map(|opened| opened.and_then(ready));
     // If a backend that `auto` chose fails here, try the backends again with the scene.
     let is_auto = settings.device.backend.is_none();

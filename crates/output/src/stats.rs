@@ -82,7 +82,7 @@ impl fmt::Display for AutoChoice {
 }
 
 /// Summary of one quantity over all frames with a known value.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Summary {
     /// Median. For an even number of values, the mean of the middle two.
     #[serde(serialize_with = "rounded")]

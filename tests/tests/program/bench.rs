@@ -168,7 +168,7 @@ fn failed(sandbox: &Sandbox) {
     let run = sandbox.run(words);
     assert_contains(
         &run.stdout,
-        "cpu: |wgpu|bad.obj wgpu refit watertight failed: ",
+        "cpu: |wgpu|bad.obj wgpu watertight refit failed: ",
     );
     run.fails(1, &["3 of 4 runs failed"]);
     let json = sandbox.json("b.json");

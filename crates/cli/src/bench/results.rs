@@ -1,10 +1,10 @@
 //! Formats the results of a bench: as JSON, as CSV and as text.
 
-use super::{FailedRun, Results};
+use super::Results;
 use crate::error::CliError;
 use crate::measure::MeasuredRow;
 use crate::table::{Cells, grouped, ms, table};
-use output::plot::csv_table;
+use output::plot::{Failure, csv_table};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 
@@ -71,7 +71,7 @@ fn cells(r: &MeasuredRow) -> Cells<'static> {
     let time = |name| show(r.median(name), ms);
     let short = |value| show(value, |x| format!("{x:.2}"));
     let how = &r.setup;
-    let intersector = format!("{}{}", how.intersector, rays(r, ", "));
+    let intersector = how.intersector.to_owned() + &rays_text(r.rays, ", ");
     vec![
         ("scene", r.scene.clone()),
         ("backend", how.backend.to_owned()),
@@ -96,32 +96,25 @@ fn cells(r: &MeasuredRow) -> Cells<'static> {
 }
 
 /// Returns the row of a combination that failed: its names without numbers. The columns are those of `row`.
-fn failed_cells(failure: &FailedRun, row: &MeasuredRow) -> Cells<'static> {
-    let rays = failure
-        .rays
-        .map_or(String::new(), |r| format!(", {r} rays"));
-    let intersector = format!("{}{rays}", failure.intersector);
-    let names = [
-        &*failure.scene,
-        failure.backend,
-        failure.update,
-        &intersector,
-    ];
-    let mut names = names.map(str::to_owned).into_iter();
+fn failed_cells(failure: &Failure, row: &MeasuredRow) -> Cells<'static> {
+    let intersector = failure.intersector.clone() + &rays_text(failure.rays, ", ");
+    let [scene, backend, update] =
+        [&failure.scene, &failure.backend, &failure.update].map(String::clone);
+    let mut names = [scene, backend, update, intersector].into_iter();
     let columns = cells(row).into_iter().map(|(column, _)| column);
     columns
         .map(|column| (column, names.next().unwrap_or_else(|| "-".to_owned())))
         .collect()
 }
 
-fn rays(r: &MeasuredRow, after: &str) -> String {
-    let rays = r.rays.map(|rays| format!("{after}{rays} rays"));
-    rays.unwrap_or_default()
+/// Returns the kind of rays after a separator, or an empty string for a camera's.
+fn rays_text(rays: Option<&str>, after: &str) -> String {
+    rays.map_or(String::new(), |rays| format!("{after}{rays} rays"))
 }
 
 /// Returns the name of a run within its scene.
 fn name(r: &MeasuredRow) -> String {
     let how = &r.setup;
     let words = [how.backend, how.update, how.intersector].join(" ");
-    words + &rays(r, " ")
+    words + &rays_text(r.rays, " ")
 }

@@ -1,36 +1,31 @@
 //! The contenders that this machine can chart.
 
 use super::ChartSettings;
-use crate::devices::{BackendAvailability, BackendChoice, availability, backend_name};
+use crate::devices::{
+    BackendAvailability, BackendChoice, DeviceSettings, availability, backend_name,
+};
 use crate::error::CliError;
 use crate::measure::{Contender, Contenders};
 use crate::tracer_settings::TracerSettings;
 use backend::{AdapterInfo, DeviceKind, Intersector};
-use output::plot::Failure;
 use std::fmt;
 
-/// The part of a contender that decides its hits: a backend with an intersector, or a rival.
+/// The settings of a backend that decide its hits.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum HitMethod {
-    Ours(BackendChoice, Intersector),
-    Rival(&'static str),
+pub(super) struct HitMethod {
+    pub(super) backend: BackendChoice,
+    pub(super) intersector: Intersector,
 }
 
 impl HitMethod {
-    pub(super) fn of(contender: &Contender) -> Self {
+    /// Returns the method of a contender, or `None` for a rival.
+    pub(super) fn of(contender: &Contender) -> Option<Self> {
         match contender {
-            Contender::Ours(tracer) => Self::Ours(tracer.device.backend, tracer.intersector),
-            Contender::Rival(policy) => Self::Rival(policy.rival.name()),
-        }
-    }
-
-    /// Returns whether two methods are different intersectors of one backend.
-    pub(super) fn competes_with(self, other: Self) -> bool {
-        match (self, other) {
-            (Self::Ours(backend, by), Self::Ours(other, intersector)) => {
-                backend == other && by != intersector
-            }
-            _ => false,
+            Contender::Ours(tracer) => Some(Self {
+                backend: tracer.device.backend,
+                intersector: tracer.intersector,
+            }),
+            Contender::Rival(_) => None,
         }
     }
 }
@@ -48,7 +43,7 @@ pub(super) fn contenders(settings: &ChartSettings) -> Result<Contenders, CliErro
             contenders.all.extend(all);
         }
     }
-    contenders.add_rivals(measure);
+    contenders.add_rivals(measure, &DeviceSettings::of(None));
     if contenders.all.is_empty() {
         let why = contenders.skipped.join("; ");
         return Err(CliError::invalid(format!(
@@ -73,29 +68,6 @@ fn backends(requested: &[BackendChoice], skipped: &mut Vec<String>) -> Vec<Backe
         }
     }
     found
-}
-
-/// Returns each method of the contenders once.
-pub(super) fn methods<'a>(contenders: impl IntoIterator<Item = &'a Contender>) -> Vec<HitMethod> {
-    let mut methods = Vec::new();
-    for method in contenders.into_iter().map(HitMethod::of) {
-        if !methods.contains(&method) {
-            methods.push(method);
-        }
-    }
-    methods
-}
-
-/// Returns the row of a contender that could not be measured.
-pub(super) fn failure(scene: &str, contender: &Contender, error: &CliError) -> Failure {
-    let names = contender.names();
-    Failure {
-        scene: scene.to_owned(),
-        backend: names.backend.to_owned(),
-        intersector: names.intersector.to_owned(),
-        update: names.update.to_owned(),
-        error: error.to_string(),
-    }
 }
 
 /// Returns the reason why `auto` skips a backend, or `None` if it has an adapter that is not a software device.
@@ -123,12 +95,7 @@ pub(super) fn unique<T: Clone + ToString>(all: &[T]) -> Vec<T> {
 
 impl fmt::Display for HitMethod {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Ours(backend, intersector) => {
-                write!(f, "{} {intersector}", backend_name(*backend))
-            }
-            Self::Rival(rival) => f.write_str(rival),
-        }
+        write!(f, "{} {}", backend_name(self.backend), self.intersector)
     }
 }
 

@@ -1,7 +1,7 @@
 //! Opens rivals by name, measures their frames, and compares their hits with those of backend `cpu`.
 
 use super::timing::{TimedFrames, TimingPlan, trace_frame};
-use crate::devices::Opening;
+use crate::devices::DeviceSettings;
 use crate::error::CliError;
 use crate::setup::{self, Setup, Started};
 use crate::tracer_settings::{TracerSettings, Workload};
@@ -13,31 +13,19 @@ use geom::Animation;
 use output::FrameStats;
 use pipeline::{Frame, FrameTreeStats, WarmUp, Warmed, inactive_and_degenerate_at};
 use rivals::{Rival, RivalName, TreeUpdate};
-use std::fmt;
 use std::sync::Arc;
 use std::time::Instant;
 
 /// Name for a rival's intersector in tables and files. Rivals use their own intersectors.
 pub(crate) const OWN: &str = "own";
 
-/// The device of a rival, and the threads if it runs on the host. By default, all cores and the first adapter.
-#[derive(Clone, Copy, Default)]
-pub(crate) struct RivalDevice<'a> {
-    pub(crate) adapter: Option<&'a str>,
-    pub(crate) threads: Option<usize>,
-}
-
-/// A rival and the policy by which it updates its tree.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct RivalPolicy {
+/// A rival, its device, and the policy by which it updates its tree.
+#[derive(Clone, Debug)]
+pub(crate) struct RivalSettings {
     pub(crate) rival: RivalName,
     pub(crate) tree_update: TreeUpdate,
-}
-
-impl fmt::Display for RivalPolicy {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} {}", self.rival, self.tree_update)
-    }
+    /// Of these, only the adapter and the number of rendering threads apply to rivals.
+    pub(crate) device: DeviceSettings,
 }
 
 /// A rival with a scene.
@@ -48,15 +36,19 @@ pub(crate) struct RunningRival {
 }
 
 impl RunningRival {
-    /// Opens a rival on a device and loads a scene.
+    /// Opens a rival and loads a scene.
     pub(crate) fn start(
-        RivalPolicy { rival, tree_update }: RivalPolicy,
-        device: RivalDevice<'_>,
+        settings: &RivalSettings,
         animation: &Arc<Animation>,
     ) -> Result<Self, CliError> {
+        let RivalSettings {
+            rival,
+            tree_update,
+            device,
+        } = settings;
         let name = rival.name();
         let absent = |e: BackendError| CliError::invalid(format!("rival {name} cannot run: {e}"));
-        let index = match device.adapter {
+        let index = match &device.adapter {
             None => None,
             Some(part) => {
                 let list = rival.adapters().map_err(absent)?;
@@ -66,11 +58,11 @@ impl RunningRival {
         };
         let threads = device.threads.unwrap_or_else(host::cores);
         let mut rival = rival.open(index, threads).map_err(absent)?;
-        rival.load(Arc::clone(animation), tree_update)?;
+        rival.load(Arc::clone(animation), *tree_update)?;
         Ok(Self {
             rival,
             animation: Arc::clone(animation),
-            tree_update,
+            tree_update: *tree_update,
         })
     }
 
@@ -181,7 +173,7 @@ impl RunningRival {
         };
         let Started {
             tracer: mut driver, ..
-        } = setup::start_driver(&self.animation, &tracer, workload, Opening::default())?;
+        } = setup::start_driver(&self.animation, &tracer, workload)?;
         let places = [0, frames.len() / 2, frames.len().saturating_sub(1)];
         let mut compared: Vec<Frame> = places
             .iter()

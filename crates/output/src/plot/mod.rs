@@ -6,8 +6,8 @@
 //! The caller measures all numbers. Values that may be unknown are `Option`s.
 //!
 //! This module draws with `plotters`. It measures nothing and accesses no files. Equal data give equal bytes, and no
-//! data causes a panic. Points without a positive median time or without tested rays are not drawn. The picture states
-//! their number. Infinite values are drawn at the end of the axis.
+//! data causes a panic. Points without a positive median time are not drawn, and the picture states their number. Infinite
+//! values are drawn at the end of the axis.
 
 #![expect(missing_docs, reason = "names are those of points.json")]
 
@@ -45,13 +45,16 @@ pub struct Chart {
     pub failures: Vec<Failure>,
 }
 
-/// Method and scene whose measurement failed. Names are those of [`ChartPoint`].
+/// Method and scene whose measurement failed, also of `abvh bench`. Names are those of [`ChartPoint`].
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Failure {
     pub scene: String,
     pub backend: String,
     pub intersector: String,
     pub update: String,
+    /// Kind of rays, unless they are a camera's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rays: Option<&'static str>,
     /// Reason for the failure.
     pub error: String,
 }
@@ -60,7 +63,8 @@ impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let how = [&self.backend, &self.intersector, &self.update];
         let how = how.map(String::as_str).join(" ");
-        write!(f, "{} {how} failed: {}", self.scene, self.error)
+        let rays = self.rays.map_or(String::new(), |r| format!(" {r} rays"));
+        write!(f, "{} {how}{rays} failed: {}", self.scene, self.error)
     }
 }
 
@@ -130,10 +134,10 @@ pub struct ChartPoint {
 /// Distribution of a time over the frames: median, 5th and 95th percentile.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct TimeSpread {
-    /// Median. A point without a positive median is not drawn.
-    pub median: Option<f64>,
-    pub p5: Option<f64>,
-    pub p95: Option<f64>,
+    /// Median. A point whose median is not positive is not drawn.
+    pub median: f64,
+    pub p5: f64,
+    pub p95: f64,
 }
 
 /// Results of rays at edges and vertices, whose closest hit is hardest to determine, compared with exact arithmetic.
@@ -161,18 +165,17 @@ impl ChartPoint {
 
 /// Wrong answers per million rays, with a 95 % confidence interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Rate {
-    pub value: f64,
-    pub low: f64,
-    pub high: f64,
+pub(crate) struct Rate {
+    pub(crate) value: f64,
+    pub(crate) low: f64,
+    pub(crate) high: f64,
 }
 
 impl Rate {
     /// Returns the rate of `wrong` in `tested` answers, or `None` if `tested` is 0. The interval is Wilson's score
     /// interval (Wilson 1927). If `wrong` is 0, its upper bound is the rule of three, `3 / tested` (one-sided; Hanley,
     /// Lippman-Hand 1983).
-    #[must_use]
-    pub fn of(wrong: u64, tested: u64) -> Option<Self> {
+    pub(crate) fn of(wrong: u64, tested: u64) -> Option<Self> {
         if tested == 0 {
             return None;
         }
@@ -202,15 +205,15 @@ pub(crate) struct Dot<'a> {
 }
 
 impl<'a> Dot<'a> {
-    /// Returns `None` if the median time is missing or not positive, or if no ray was tested.
+    /// Returns `None` if the median time is not positive, or if no ray was tested.
     fn of(index: usize, point: &'a ChartPoint) -> Option<Self> {
         let TimeSpread { median, p5, p95 } = point.ms_per_frame;
-        let ms = median.filter(|&ms| ms > 0.0)?;
-        Some(Self {
+        let wrong = Rate::of(point.wrong, point.rays_tested)?;
+        (median > 0.0).then_some(Self {
             index,
             point,
-            ms: [ms, p5.unwrap_or(ms), p95.unwrap_or(ms)],
-            wrong: Rate::of(point.wrong, point.rays_tested)?,
+            ms: [median, p5, p95],
+            wrong,
         })
     }
 }

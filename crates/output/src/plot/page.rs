@@ -124,7 +124,7 @@ fn heading(chart: &Chart, scene: &ChartScene, drawn: usize) -> String {
     let all = chart.points.iter().filter(|p| p.scene == *name).count();
     match all - drawn {
         0 => about,
-        n => format!("{about} ({n} without a time or tested rays not drawn)"),
+        n => format!("{about} ({n} without a time not drawn)"),
     }
 }
 
@@ -204,8 +204,7 @@ pub fn html(chart: &Chart) -> Result<String> {
          <p>Point at a mark to see its numbers.</p>\n\
          <figure>\n{picture}</figure>\n\
          <h2>All points</h2>\n<p>★: no other point of its scene is both faster and more often right.</p>\n\
-         <p>Intervals are 95 % score intervals (Wilson 1927), or 3 / rays where no answer was wrong. After an eighth and after half of \
-         the rays, intersectors of a backend whose intervals do not overlap are tested no further.</p>\n\
+         <p>Intervals are 95 % score intervals (Wilson 1927), or 3 / rays where no answer was wrong.</p>\n\
          <div class=\"wide\"><table>\n<thead><tr><th></th>{head}</tr></thead>\n<tbody>\n"
     );
     for (i, point) in chart.points.iter().enumerate() {

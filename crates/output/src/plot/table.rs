@@ -77,9 +77,9 @@ fn cells(chart: &Chart, point: &ChartPoint, is_on_front: bool) -> Vec<(String, S
         ("intersector", point.intersector.clone()),
         ("update", point.update.clone()),
         ("samples", point.samples.to_string()),
-        ("ms_median", plain(ms.median)),
-        ("ms_p5", plain(ms.p5)),
-        ("ms_p95", plain(ms.p95)),
+        ("ms_median", ms.median.to_string()),
+        ("ms_p5", ms.p5.to_string()),
+        ("ms_p95", ms.p95.to_string()),
         ("mrays_per_s", plain(point.mrays_per_s)),
         ("rays_tested", point.rays_tested.to_string()),
         ("wrong", point.wrong.to_string()),
@@ -128,9 +128,9 @@ pub fn row(p: &ChartPoint) -> Vec<(&'static str, String)> {
         ("backend", p.backend.clone()),
         ("intersector", p.intersector.clone()),
         ("update", p.update.clone()),
-        ("ms a frame", maybe(ms.median)),
-        ("5 %", maybe(ms.p5)),
-        ("95 %", maybe(ms.p95)),
+        ("ms a frame", number(ms.median)),
+        ("5 %", number(ms.p5)),
+        ("95 %", number(ms.p95)),
         ("Mrays/s", maybe(p.mrays_per_s)),
         ("wrong", of(p.wrong, p.rays_tested)),
         ("wrong aimed", of(p.aimed.wrong, p.aimed.rays)),
@@ -142,8 +142,7 @@ pub fn row(p: &ChartPoint) -> Vec<(&'static str, String)> {
 
 /// Describes a point in one line.
 pub(crate) fn described(p: &ChartPoint) -> String {
-    let ms = p.ms_per_frame.median;
-    let ms = ms.map_or("unknown".to_owned(), number);
+    let ms = number(p.ms_per_frame.median);
     let (wrong, of) = (count(p.wrong), count(p.rays_tested));
     format!(
         "{}, {}: {ms} ms a frame, {wrong} wrong of {of} rays",
