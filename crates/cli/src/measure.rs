@@ -21,8 +21,7 @@ use geom::Animation;
 use output::plot::Failure;
 use output::{FrameQuantity, FrameStats, Summary, TIMES, mrays};
 use pipeline::{Driver, Frame, Warmed};
-use rays::FrameRays;
-pub(crate) use rays::{MeasuredRays, random_rays};
+pub(crate) use rays::{FrameRays, MeasuredRays};
 use rival::{OWN, RivalSettings, RunningRival};
 use rivals::{RivalName, TreeUpdate};
 use scene::Scene;
@@ -52,7 +51,7 @@ pub(crate) struct MeasureSettings {
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "rebuild,refit,async", value_parser = parsers::update(|_| true))]
     pub(crate) update: Vec<PolicyChoice>,
     /// Intersectors
-    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = parsers::intersector(|_| true))]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = parsers::intersector())]
     pub(crate) intersector: Vec<Intersector>,
     /// Frames of each run: N spread evenly over the time range, or those at key times A..B
     #[arg(long, value_name = "N|A..B")]

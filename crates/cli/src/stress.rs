@@ -1,27 +1,24 @@
 //! `abvh stress`: streams a scene's vertices through the library step by step, times the steps and checks their hits.
 
-use crate::camera::{CameraSettings, LitCamera};
+use crate::camera::CameraSettings;
 use crate::command::{Requirement, RunCommand};
 use crate::console::{self, ProgressLine};
-use crate::devices::{BackendChoice, backend_name};
+use crate::devices::{DeviceSettings, backend_name};
 use crate::error::CliError;
 use crate::file_checks::CommandFiles;
 use crate::machine::{self, VERSION};
-use crate::measure::{MeasuredRays, random_rays};
+use crate::measure::{FrameRays, MeasuredRays};
 use crate::parsers;
 use crate::scene_source::{self, SceneSettings};
 use crate::table::{Cells, TRIANGLES, counted, ms, table};
 use crate::tested_backends::TestSettings;
-use abvh::{
-    Device, Intersector, Mesh, MeshId, Query, QueryId, Ray, SceneHit, Source, StepId, Tracer,
-    TracerBuilder,
-};
-use backend::{BackendName, Policy};
+use crate::tracer_settings::TracerSettings;
+use abvh::{Mesh, MeshId, Query, QueryId, SceneHit, Source, StepId, Tracer};
+use backend::{BackendName, Intersector, Policy};
 use clap::Args;
 use clap::builder::RangedU64ValueParser;
 use geom::{Animation, Point};
 use output::Summary;
-use scene::Scene;
 use serde::Serialize;
 use serde_json::json;
 use std::time::{Duration, Instant};
@@ -65,14 +62,17 @@ impl RunCommand for StressSettings {
         let scenes = std::slice::from_ref(&self.scene);
         CommandFiles::written(&[("--json", &self.test.json)]).check(scenes)?;
         let scene = (self.source).open(&self.scene, self.camera.pixels())?;
-        let motion = StreamedMotion::new(&scene, self)?;
-        let runs = self.runs()?;
+        let lit_camera = self.camera.aim(&scene)?;
+        let rays = FrameRays::of(self.rays, &scene, &lit_camera);
+        let motion = StreamedMotion::new(&scene.animation, self.poses, rays)?;
+        let runs = self.runs();
         let expected = motion.expected_hits()?;
         let mut progress = ProgressLine::new(runs.len() as u64, self.test.quiet);
         let mut rows = Vec::new();
         for run in &runs {
             rows.push(run.measure(&motion, &expected, self.steps)?);
-            progress.step(&[run.backend, run.update.name(), run.source.name()].join(" "));
+            let backend = backend_name(run.device.backend);
+            progress.step(&[backend, run.update.name(), run.source.name()].join(" "));
         }
         drop(progress);
         if let Some(file) = &self.test.json {
@@ -82,14 +82,14 @@ impl RunCommand for StressSettings {
                 "command_line": machine::command_line(),
                 "scene": self.scene,
                 "triangles": scene.animation.triangle_count(),
-                "rays": motion.rays.count(),
+                "rays": self.camera.pixels(),
                 "poses": motion.poses.len(),
                 "rows": rows,
             });
             output::write_json(file, &report)?;
         }
         let triangles = counted(scene.animation.triangle_count(), TRIANGLES);
-        let rays = counted(motion.rays.count(), ["ray", "rays"]);
+        let rays = counted(self.camera.pixels(), ["ray", "rays"]);
         let head = format!("{}: {triangles}, {rays} a step, times in ms\n", self.scene);
         console::print(&(head + &table(rows.iter().map(StressRow::cells), 3)))?;
         match rows.iter().map(|row| row.wrong).sum::<u64>() {
@@ -106,21 +106,23 @@ impl RunCommand for StressSettings {
 }
 
 impl StressSettings {
-    fn runs(&self) -> Result<Vec<StressRun>, CliError> {
+    fn runs(&self) -> Vec<StressRun> {
         let mut runs = Vec::new();
-        for &name in &self.test.backend {
-            let device = device(name, self.test.adapter.as_deref())?;
+        for &backend in &self.test.backend {
+            let device = DeviceSettings {
+                adapter: self.test.adapter.clone(),
+                ..DeviceSettings::of(backend)
+            };
             for &update in &self.update {
                 let sources = [VertexSource::Copied, VertexSource::InPlace];
                 runs.extend(sources.map(|source| StressRun {
-                    backend: backend_name(name),
                     device: device.clone(),
                     update,
                     source,
                 }));
             }
         }
-        Ok(runs)
+        runs
     }
 }
 
@@ -129,7 +131,7 @@ struct StreamedMotion<'a> {
     animation: &'a Animation,
     /// Vertex positions, played forwards and backwards.
     poses: Vec<Vec<Point>>,
-    rays: StepRays,
+    rays: FrameRays<'a>,
 }
 
 /// A submitted step.
@@ -141,39 +143,16 @@ struct SubmittedStep {
     ms: f64,
 }
 
-/// The rays of each step.
-enum StepRays {
-    Camera(Box<LitCamera>),
-    List(Vec<Ray>),
-}
-
-impl StepRays {
-    fn count(&self) -> usize {
-        match self {
-            Self::Camera(lit_camera) => lit_camera.camera.pixels(),
-            Self::List(rays) => rays.len(),
-        }
-    }
-}
-
 impl<'a> StreamedMotion<'a> {
-    fn new(scene: &'a Scene, settings: &StressSettings) -> Result<Self, CliError> {
-        let animation = &*scene.animation;
-        let rays = match settings.rays {
-            MeasuredRays::Random => {
-                let count = settings.camera.pixels();
-                StepRays::List(random_rays(&animation.bounds(), count))
-            }
-            MeasuredRays::Camera => StepRays::Camera(Box::new(settings.camera.aim(scene)?)),
-        };
-        let last = (settings.poses - 1).max(1) as f64;
+    fn new(animation: &'a Animation, poses: usize, rays: FrameRays<'a>) -> Result<Self, CliError> {
+        let last = (poses - 1).max(1) as f64;
         let pose = |i: usize| -> Result<Vec<Point>, CliError> {
             let time = animation.end() * i as f64 / last;
             let moment = animation.at(time).map_err(CliError::failed)?;
             let vertices = 0..animation.vertex_count() as u32;
             Ok(vertices.map(|v| moment.vertex(v)).collect())
         };
-        let poses = (0..settings.poses).map(pose).collect::<Result<_, _>>()?;
+        let poses = (0..poses).map(pose).collect::<Result<_, _>>()?;
         Ok(Self {
             animation,
             poses,
@@ -195,26 +174,32 @@ impl<'a> StreamedMotion<'a> {
         (0..self.poses.len()).step_by(stride)
     }
 
-    /// Loads this scene as one streamed mesh.
-    fn start(
-        &self,
-        builder: TracerBuilder,
-        source: VertexSource,
-    ) -> Result<StreamedTracer<'_>, CliError> {
+    /// Opens the device of a run, and loads this scene as one streamed mesh.
+    fn start(&self, run: &StressRun) -> Result<StreamedTracer<'_>, CliError> {
+        let settings = TracerSettings {
+            device: run.device.clone(),
+            ..TracerSettings::of(None, Intersector::Watertight, Some(run.update))
+        };
+        let builder = Tracer::builder()
+            .update(run.update)
+            .intersector(settings.intersector);
         let mut scene = abvh::Scene::new();
         let mesh = scene.add(Mesh::streamed(&self.poses[0], self.animation.triangles())?);
         Ok(StreamedTracer {
             motion: self,
-            tracer: builder.build(scene)?,
+            tracer: builder.build_on(settings.device_request().open()?, scene)?,
             mesh,
-            source,
+            source: run.source,
         })
     }
 
     /// Returns the hits of the checked poses, traced on the host with a new tree for each pose.
     fn expected_hits(&self) -> Result<Vec<Vec<SceneHit>>, CliError> {
-        let host = Tracer::builder().device(Device::Cpu);
-        let mut tracer = self.start(host.update(Policy::Rebuild), VertexSource::Copied)?;
+        let mut tracer = self.start(&StressRun {
+            device: DeviceSettings::of(Some(BackendName::Cpu)),
+            update: Policy::Rebuild,
+            source: VertexSource::Copied,
+        })?;
         self.checked().map(|pose| tracer.hits(pose)).collect()
     }
 }
@@ -244,8 +229,8 @@ impl StreamedTracer<'_> {
             }
         }
         let query = match &self.motion.rays {
-            StepRays::Camera(lit_camera) => step.trace(&lit_camera.camera, Query::Closest)?,
-            StepRays::List(rays) => step.trace(rays, Query::Closest)?,
+            FrameRays::Camera(lit_camera) => step.trace(&lit_camera.camera, Query::Closest)?,
+            FrameRays::Random(rays) => step.trace(rays, Query::Closest)?,
         };
         let id = step.submit()?;
         let ms = (begun.elapsed() - writing).as_secs_f64() * 1e3;
@@ -279,32 +264,9 @@ impl VertexSource {
 
 /// One combination of backend, update policy and vertex source.
 struct StressRun {
-    backend: &'static str,
-    device: Device,
+    device: DeviceSettings,
     update: Policy,
     source: VertexSource,
-}
-
-/// Returns the library's device for a backend, or an error if this build or the library lacks the backend.
-#[cfg_attr(
-    not(any(feature = "vulkan", feature = "wgpu")),
-    allow(unused_variables, reason = "only GPUs have adapters to choose from")
-)]
-fn device(name: BackendChoice, adapter: Option<&str>) -> Result<Device, CliError> {
-    match name {
-        None => Ok(Device::Auto),
-        Some(BackendName::Cpu) => Ok(Device::Cpu),
-        Some(BackendName::CpuRef) => Ok(Device::CpuRef),
-        #[cfg(feature = "vulkan")]
-        Some(BackendName::Vulkan) => Ok(Device::Vulkan(adapter.map(str::to_owned))),
-        #[cfg(feature = "wgpu")]
-        Some(BackendName::Wgpu) => Ok(Device::Wgpu(adapter.map(str::to_owned))),
-        #[cfg(not(all(feature = "vulkan", feature = "wgpu")))]
-        other => Err(CliError::invalid(format!(
-            "{} is not in this build",
-            backend_name(other)
-        ))),
-    }
 }
 
 #[derive(Serialize)]
@@ -348,11 +310,7 @@ impl StressRun {
         expected: &[Vec<SceneHit>],
         steps: usize,
     ) -> Result<StressRow, CliError> {
-        let builder = Tracer::builder()
-            .device(self.device.clone())
-            .update(self.update)
-            .intersector(Intersector::Watertight);
-        let mut tracer = motion.start(builder, self.source)?;
+        let mut tracer = motion.start(self)?;
         let mut times = Vec::with_capacity(steps);
         for step in 0..WARM_UP_STEPS + steps {
             let submitted = tracer.step(motion.pose_of(step))?;
@@ -372,7 +330,7 @@ impl StressRun {
         let Summary { median, worst, .. } =
             summary.ok_or_else(|| CliError::failed("no step is timed"))?;
         Ok(StressRow {
-            backend: self.backend,
+            backend: backend_name(self.device.backend),
             device: tracer.tracer.device().to_owned(),
             update: self.update.name(),
             vertices: self.source.name(),

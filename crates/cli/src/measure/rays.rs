@@ -23,14 +23,14 @@ impl MeasuredRays {
 }
 
 /// The rays of all frames of a run.
-pub(super) enum FrameRays<'a> {
+pub(crate) enum FrameRays<'a> {
     Camera(&'a LitCamera),
     Random(Vec<Ray>),
 }
 
 impl<'a> FrameRays<'a> {
     /// Returns rays of a kind: one per pixel of the camera.
-    pub(super) fn of(kind: MeasuredRays, scene: &Scene, lit_camera: &'a LitCamera) -> Self {
+    pub(crate) fn of(kind: MeasuredRays, scene: &Scene, lit_camera: &'a LitCamera) -> Self {
         let bounds = scene.animation.bounds();
         match kind {
             MeasuredRays::Camera => Self::Camera(lit_camera),
@@ -50,7 +50,7 @@ impl<'a> FrameRays<'a> {
 }
 
 /// Returns rays from random points in a box in random directions, the same on every machine.
-pub(crate) fn random_rays(bounds: &Aabb, count: usize) -> Vec<Ray> {
+fn random_rays(bounds: &Aabb, count: usize) -> Vec<Ray> {
     let mut rng = Rng::with_seed(0);
     let mut ray = || {
         let mut at = |i: usize| bounds.min[i] + rng.f32() * (bounds.max[i] - bounds.min[i]);
