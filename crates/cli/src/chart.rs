@@ -83,7 +83,11 @@ impl RunCommand for ChartSettings {
         for name in &scenes {
             chart.time_scene(name, &runs)?;
         }
-        let methods = chart.methods();
+        let entries = chart.entries.iter();
+        let methods: Vec<_> = entries
+            .filter_map(|entry| HitMethod::of(&entry.run.contender))
+            .collect();
+        let methods = plan::unique(&methods);
         let steps = methods.len() + scenes.len() + chart.entries.len();
         chart.log.progress = ProgressLine::new(steps as u64, self.measure.quiet);
         let tests = hard::families(self.rays);
@@ -210,21 +214,6 @@ impl<'a> ChartRun<'a> {
         if !adapters.contains(&adapter) {
             adapters.push(adapter);
         }
-    }
-
-    /// Returns each backend and intersector of the timed entries once, without rivals.
-    fn methods(&self) -> Vec<HitMethod> {
-        let mut methods = Vec::new();
-        for method in self
-            .entries
-            .iter()
-            .filter_map(|e| HitMethod::of(&e.run.contender))
-        {
-            if !methods.contains(&method) {
-                methods.push(method);
-            }
-        }
-        methods
     }
 
     /// Marks entries as failed. Keeps the reasons of entries that failed before.

@@ -49,13 +49,10 @@ pub(crate) fn backend(help: &'static str) -> impl TypedValueParser<Value = Optio
     })
 }
 
-/// Parses the name of an intersector that `is_accepted` accepts.
-pub(crate) fn intersector(
-    is_accepted: fn(Intersector) -> bool,
-) -> impl TypedValueParser<Value = Intersector> {
-    let accepted = Intersector::ALL.into_iter().filter(|&i| is_accepted(i));
+/// Parses the name of an intersector.
+pub(crate) fn intersector() -> impl TypedValueParser<Value = Intersector> {
     let value = |i: Intersector| PossibleValue::new(i.name()).help(i.description());
-    PossibleValuesParser::new(accepted.map(value)).try_map(|name| name.parse())
+    PossibleValuesParser::new(Intersector::ALL.map(value)).try_map(|name| name.parse())
 }
 
 fn policy_names(is_accepted: fn(Policy) -> bool) -> impl Iterator<Item = PossibleValue> {

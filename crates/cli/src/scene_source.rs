@@ -38,20 +38,14 @@ impl SceneSettings {
             // Only the memory of the rays: `triangle_bytes` covers the trees.
             more_bytes: trees_bytes(0, rays),
             triangle_bytes: TREE_BYTES,
-            ..self.options()
-        };
-        Ok(scene::open(name, &options)?)
-    }
-
-    fn options(&self) -> SceneOptions {
-        SceneOptions {
             fps: self.fps,
             clip: self.clip.clone(),
             allow_outside: self.allow_outside,
             recentre: self.recentre,
             key_bytes: u64::from(self.key_memory) << 20,
             ..SceneOptions::default()
-        }
+        };
+        Ok(scene::open(name, &options)?)
     }
 }
 

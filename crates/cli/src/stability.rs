@@ -23,7 +23,7 @@ pub(crate) struct StabilitySettings {
     #[command(flatten)]
     test: TestSettings,
     /// Intersectors
-    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = parsers::intersector(|_| true))]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = parsers::intersector())]
     #[arg(default_values = Intersector::ALL.map(Intersector::name))]
     intersector: Vec<Intersector>,
     /// Seed of the generated scenes and rays

@@ -39,7 +39,7 @@ pub(crate) struct TraceSettings {
     #[command(flatten)]
     device: DeviceSettings,
     /// How a ray is tested against a triangle
-    #[arg(long, value_name = "NAME", default_value = "watertight", value_parser = parsers::intersector(|_| true))]
+    #[arg(long, value_name = "NAME", default_value = "watertight", value_parser = parsers::intersector())]
     intersector: Intersector,
     /// How the tree is made. auto and rebuild build it for --time. refit builds it for --tree-time and refits it to
     /// --time. The hits are the same; only the speed differs

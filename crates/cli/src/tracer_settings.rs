@@ -13,7 +13,7 @@ pub(crate) struct TracerSettings {
     #[command(flatten)]
     pub(crate) device: DeviceSettings,
     /// How a ray is tested against a triangle
-    #[arg(long, value_name = "NAME", default_value = "watertight", value_parser = parsers::intersector(|_| true))]
+    #[arg(long, value_name = "NAME", default_value = "watertight", value_parser = parsers::intersector())]
     pub(crate) intersector: Intersector,
     /// Update policy: how trees are kept up to date as triangles move
     #[arg(long, value_name = "POLICY", default_value = AUTO, value_parser = parsers::update(|_| true))]
