@@ -89,7 +89,7 @@ fn facts(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::DeviceRequest;
+    use crate::devices::DeviceSettings;
     use backend::{BackendName, Intersector};
     use pipeline::Frame;
     use scene::Scene;
@@ -130,8 +130,8 @@ mod tests {
     #[test]
     fn a_policy_left_open_is_chosen_with_a_reason() {
         let scene = demo("demo:collide:400");
-        let request = DeviceRequest::of(Some(BackendName::Cpu));
-        let capabilities = Capabilities::of(request.open().unwrap().as_ref());
+        let device = DeviceSettings::of(Some(BackendName::Cpu));
+        let capabilities = Capabilities::of(device.open().unwrap().as_ref());
         let chosen = |count| {
             let frame = |index| Frame {
                 index,

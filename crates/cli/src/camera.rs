@@ -9,11 +9,8 @@ use geom::{Camera, Point};
 use scene::{Scene, Viewpoint};
 use serde::Serialize;
 
-/// Default frame size, in pixels.
-const SIZE: [u32; 2] = [1280, 720];
-/// Default vertical field of view, in degrees.
-const FIELD_OF_VIEW: f32 = 40.0;
-
+/// Number of pixels of a frame of the default size.
+pub(crate) const DEFAULT_PIXELS: usize = 1280 * 720;
 /// The camera and the point light. By default, the view shows the whole motion. Serialized under the options' names.
 #[derive(Args, Clone, Debug, Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -31,25 +28,12 @@ pub(crate) struct CameraSettings {
     #[arg(long, value_name = "x,y,z", value_parser = parsers::point::<f32>, allow_hyphen_values = true)]
     up: Option<Point>,
     /// Vertical field of view, in degrees
-    #[arg(long, value_name = "DEG", default_value_t = FIELD_OF_VIEW,
+    #[arg(long, value_name = "DEG", default_value = "40",
         value_parser = parsers::number(|d: f32| d > 0.0 && d < 180.0, "a field of view lies between 0 and 180 degrees"))]
     fov: f32,
     /// Position of the point light
     #[arg(long, value_name = "x,y,z", value_parser = parsers::point::<f64>, allow_hyphen_values = true)]
     pub(crate) light: Option<[f64; 3]>,
-}
-
-impl Default for CameraSettings {
-    fn default() -> Self {
-        Self {
-            size: SIZE,
-            eye: None,
-            look_at: None,
-            up: None,
-            fov: FIELD_OF_VIEW,
-            light: None,
-        }
-    }
 }
 
 /// A camera for one scene, and the position of the point light.

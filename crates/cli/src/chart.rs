@@ -15,7 +15,7 @@ mod plan;
 
 use crate::command::{Requirement, RunCommand};
 use crate::console::{self, ProgressLine};
-use crate::devices::DeviceRequest;
+use crate::devices::DeviceSettings;
 use crate::error::{self, CliError};
 use crate::machine::{self, VERSION};
 use crate::measure::{
@@ -225,7 +225,7 @@ impl<'a> ChartRun<'a> {
 
     /// Traces scenes of mixed range.
     fn count_hard_rays(&mut self, tests: &[StabilityTest], method: HitMethod) {
-        let opened = DeviceRequest::of(method.backend).open();
+        let opened = DeviceSettings::of(method.backend).open();
         let counted = opened.and_then(|mut b| hard::count(b.as_mut(), method.intersector, tests));
         self.log.progress.step(&format!("hard rays {method}"));
         let is_of = |entry: &ChartEntry<'_>| HitMethod::of(&entry.run.contender) == Some(method);

@@ -50,16 +50,6 @@ impl DeviceSettings {
     }
 }
 
-/// A backend to open.
-#[derive(Clone, Debug)]
-pub(crate) struct DeviceRequest {
-    pub(crate) backend: BackendChoice,
-    /// Index of an adapter, or part of its name.
-    pub(crate) adapter: Option<String>,
-    /// Number of host threads for a backend that computes on the host.
-    pub(crate) threads: usize,
-}
-
 /// A value, and the reason why `auto` chose its backend.
 pub(crate) struct Selected<T> {
     pub(crate) value: T,
@@ -77,34 +67,25 @@ impl<T> Selected<T> {
     }
 }
 
-impl DeviceRequest {
-    /// Returns a request for the default device of a backend with all cores of the host.
-    pub(crate) fn of(backend: BackendChoice) -> Self {
-        Self {
-            backend,
-            adapter: None,
-            threads: host::cores(),
-        }
-    }
-
+impl DeviceSettings {
     /// Opens the backend and calls `ready` with it. A named backend is never replaced by another. `auto` skips backends
-    /// that cannot be opened or for which `ready` fails.
+    /// that cannot be opened or for which `ready` fails. A backend on the host gets the rendering threads, or one
+    /// thread per core.
     pub(crate) fn open_and<T>(
         &self,
         ready: impl Fn(Box<dyn Backend>) -> Result<T, CliError>,
     ) -> Result<Selected<T>, CliError> {
         let adapter = self.adapter.as_deref();
+        let threads = self.threads.unwrap_or_else(host::cores);
         if let Some(name) = self.backend {
             let absent =
                 || CliError::invalid(format!("this program was built without backend {name}"));
             let entry = find_backend(name).ok_or_else(absent)?;
-            let opened = entry
-                .open(adapter, self.threads)
-                .map_err(CliError::invalid)?;
+            let opened = entry.open(adapter, threads).map_err(CliError::invalid)?;
             let value = ready(opened)?;
             return Ok(Selected { value, why: None });
         }
-        match open_best(adapter, self.threads, ready) {
+        match open_best(adapter, threads, ready) {
             Ok((value, why)) => Ok(Selected {
                 value,
                 why: Some(why),
@@ -132,8 +113,8 @@ pub(crate) struct Opening(Option<JoinHandle<Result<SelectedBackend, CliError>>>)
 
 impl Opening {
     /// Starts to open a backend. If no thread can be started, returns the default value.
-    pub(crate) fn begin(request: DeviceRequest) -> Self {
-        let open = move || request.open_and(Ok);
+    pub(crate) fn begin(device: DeviceSettings) -> Self {
+        let open = move || device.open_and(Ok);
         Self(std::thread::Builder::new().spawn(open).ok())
     }
 

@@ -3,7 +3,7 @@
 use crate::auto;
 use crate::command::RunCommand;
 use crate::console;
-use crate::devices::{BackendAvailability, DeviceRequest, availability};
+use crate::devices::{BackendAvailability, DeviceSettings, availability};
 use crate::error::CliError;
 use crate::machine::{VERSION, cpu_model};
 use crate::table::counted;
@@ -70,11 +70,11 @@ impl RunCommand for DoctorSettings {
 /// Returns the backend that `auto` chooses. Opens backends to find it, because `auto` skips a GPU that fails its
 /// self-test.
 fn choice_of_auto() -> Result<Option<AutoChoice>, CliError> {
-    let request = DeviceRequest {
-        threads: 1,
-        ..DeviceRequest::of(None)
+    let device = DeviceSettings {
+        threads: Some(1),
+        ..DeviceSettings::of(None)
     };
-    let selected = request.open_and(|backend| Ok(backend.device().backend))?;
+    let selected = device.open_and(|backend| Ok(backend.device().backend))?;
     Ok(auto::choice("backend", selected.value, selected.why))
 }
 

@@ -1,6 +1,6 @@
 //! `abvh inspect`: describes a scene's size and motion, how refitted trees degrade, and the choices of `auto`.
 
-use crate::camera::CameraSettings;
+use crate::camera::DEFAULT_PIXELS;
 use crate::command::{Requirement, RunCommand};
 use crate::console;
 use crate::error::CliError;
@@ -80,7 +80,7 @@ fn choices_of_auto(name: &str, scene: &Scene) -> Result<Vec<AutoChoice>, CliErro
     let settings = TracerSettings::of(None, Intersector::Watertight, None);
     let workload = Workload {
         frames: &frames,
-        rays: CameraSettings::default().pixels(),
+        rays: DEFAULT_PIXELS,
     };
     Ok(setup::start_driver(animation, &settings, workload)?
         .setup

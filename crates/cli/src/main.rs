@@ -18,8 +18,7 @@
 //!
 //! Settings are converted to the types of the libraries before work begins. For example, `--lockstep 2` is a field of
 //! `TracerSettings`. `TracerSettings::policy` turns it into `Policy::Lockstep(2)`, and `setup` passes that policy to
-//! the driver. `--adapter` is a field of `DeviceSettings`, which becomes part of a `DeviceRequest`, which opens the
-//! backend.
+//! the driver. `--adapter` is a field of `DeviceSettings`, which opens the backend.
 
 mod auto;
 mod bench;

@@ -3,7 +3,7 @@
 //! `render` and `trace` use the library's tracer. Other commands use the frame driver on which the tracer is built.
 
 use crate::auto::{self, Capabilities};
-use crate::devices::{DeviceRequest, Opening, SelectedBackend};
+use crate::devices::{DeviceSettings, Opening, SelectedBackend};
 use crate::error::CliError;
 use crate::tracer_settings::{ChosenPolicy, TracerSettings, Workload};
 use abvh::{Mesh, Tracer};
@@ -56,7 +56,7 @@ pub(crate) fn begin(settings: &TracerSettings) -> Opening {
     if is_on_host {
         Opening::default()
     } else {
-        Opening::begin(settings.device_request())
+        Opening::begin(settings.opened_device())
     }
 }
 
@@ -118,7 +118,7 @@ fn start<T>(
     // If a backend that `auto` chose fails here, try the backends again with the scene.
     let is_auto = settings.device.backend.is_none();
     let first = first.filter(|first| first.is_ok() || !is_auto);
-    let selected = first.unwrap_or_else(|| settings.device_request().open_and(ready))?;
+    let selected = first.unwrap_or_else(|| settings.opened_device().open_and(ready))?;
     let Started { tracer, mut setup } = selected.value;
     let choice = auto::choice("backend", setup.backend, selected.why);
     setup.auto.splice(0..0, choice);
@@ -152,12 +152,12 @@ fn resolve(
     } else {
         let name = backend.device().backend.parse().ok();
         drop(backend);
-        let request = DeviceRequest {
+        let reopened = DeviceSettings {
             backend: name.or(settings.device.backend),
-            adapter: settings.device.adapter.clone(),
-            threads: threads.render,
+            threads: Some(threads.render),
+            ..settings.device.clone()
         };
-        request.open()?
+        reopened.open()?
     };
     let (kind, rays) = (capabilities.device, workload.rays);
     let options = DriverOptions {

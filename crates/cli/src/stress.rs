@@ -187,7 +187,7 @@ impl<'a> StreamedMotion<'a> {
         let mesh = scene.add(Mesh::streamed(&self.poses[0], self.animation.triangles())?);
         Ok(StreamedTracer {
             motion: self,
-            tracer: builder.build_on(settings.device_request().open()?, scene)?,
+            tracer: builder.build_on(settings.opened_device().open()?, scene)?,
             mesh,
             source: run.source,
         })

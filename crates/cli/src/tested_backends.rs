@@ -1,6 +1,6 @@
 //! The backends that `conform`, `stability` and `stress` test, and their description in reports.
 
-use crate::devices::{BackendChoice, DeviceRequest};
+use crate::devices::{BackendChoice, DeviceSettings};
 use crate::error::CliError;
 use crate::machine::{self, VERSION};
 use crate::parsers;
@@ -35,7 +35,7 @@ pub(crate) struct TestedBackends {
     command_line: Vec<String>,
     machine: Value,
     backends: Vec<Value>,
-    absent: Vec<Value>,
+    absent: Vec<AbsentBackend>,
     /// Names of the backends under test.
     #[serde(skip)]
     pub(crate) names: Vec<&'static str>,
@@ -45,7 +45,7 @@ pub(crate) struct TestedBackends {
 }
 
 impl TestedBackends {
-    fn new(opened: &[Box<dyn Backend>], absent: &[AbsentBackend]) -> Self {
+    fn new(opened: &[Box<dyn Backend>], absent: Vec<AbsentBackend>) -> Self {
         let mut tested = Self {
             schema: output::SCHEMA,
             version: VERSION,
@@ -75,17 +75,15 @@ impl TestedBackends {
                 "arithmetic": own,
             }));
         }
-        for AbsentBackend { backend, reason } in absent {
+        for AbsentBackend { backend, reason } in &absent {
             tested.text += &format!("{backend}: absent; {reason}\n");
-            tested
-                .absent
-                .push(json!({ "backend": backend, "reason": reason }));
         }
-        tested
+        Self { absent, ..tested }
     }
 }
 
 /// A backend that cannot run.
+#[derive(Serialize)]
 struct AbsentBackend {
     backend: &'static str,
     reason: String,
@@ -107,11 +105,11 @@ impl TestSettings {
             if !is_named && (!takes_all || one.is_reference()) {
                 continue;
             }
-            let request = DeviceRequest {
+            let device = DeviceSettings {
                 adapter: self.adapter.clone(),
-                ..DeviceRequest::of(Some(one))
+                ..DeviceSettings::of(Some(one))
             };
-            match request.open() {
+            match device.open() {
                 Ok(backend) => backends.push(backend),
                 Err(error) if is_named => return Err(error),
                 Err(error) => absent.push(AbsentBackend {
@@ -124,7 +122,7 @@ impl TestSettings {
             let reasons: Vec<_> = absent.into_iter().map(|absent| absent.reason).collect();
             return Err(CliError::invalid(reasons.join("; ")));
         }
-        let tested = TestedBackends::new(&backends, &absent);
+        let tested = TestedBackends::new(&backends, absent);
         Ok(OpenedBackends { backends, tested })
     }
 }

@@ -1,7 +1,7 @@
 //! Options that control tracing: device, intersector and update policy.
 
 use crate::command::Requirement;
-use crate::devices::{BackendChoice, DeviceRequest, DeviceSettings};
+use crate::devices::{BackendChoice, DeviceSettings};
 use crate::parsers::{self, AUTO};
 use backend::{DeviceKind, Intersector, Policy};
 use clap::{ArgAction, Args};
@@ -84,14 +84,12 @@ impl TracerSettings {
         Threads::share(host::cores(), device, policy, requested)
     }
 
-    /// Returns the request that opens the backend. A backend on the host gets the rendering threads, not those of the
-    /// builder.
-    pub(crate) fn device_request(&self) -> DeviceRequest {
+    /// Returns the device to open. A backend on the host gets the rendering threads, not those of the builder.
+    pub(crate) fn opened_device(&self) -> DeviceSettings {
         let host = self.share(DeviceKind::Cpu, self.policy().policy);
-        DeviceRequest {
-            backend: self.device.backend,
-            adapter: self.device.adapter.clone(),
-            threads: host.render,
+        DeviceSettings {
+            threads: Some(host.render),
+            ..self.device.clone()
         }
     }
 
