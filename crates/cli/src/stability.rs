@@ -277,16 +277,20 @@ fn percent(rate: f64) -> String {
 mod tests {
     use super::*;
     use backend::Arithmetic;
-    use conformance::stability::EventCount;
 
     fn report(wrong: u64, leaks: u64, by: Intersector) -> StabilityReport {
-        let of = |measure, count, of| EventCount { measure, count, of };
-        let counts = [
+        let of = |measure, count, of| MeasuredRate {
+            measure,
+            count,
+            of,
+            bound: None,
+        };
+        let counts = vec![
             of(Measure::Wrong, wrong, 2000),
             of(Measure::Leaks, leaks, 1000),
             of(Measure::DoubleHits, 0, 2000),
         ];
-        let cell = StabilityCell::new(Family::Edges, by, &counts, Arithmetic::IEEE);
+        let cell = StabilityCell::new(Family::Edges, by, counts, Arithmetic::IEEE);
         StabilityReport {
             seed: 9,
             rays: 2000,

@@ -19,15 +19,10 @@ impl CrossingWalk {
     fn expected(&self) -> Hit {
         let mut ahead = self.crossings.iter();
         let next = ahead.find(|crossing| crossing.rounded[0] > self.ray.t_min);
-        next.map_or(
-            Hit::MISS,
-            |&ExactHit {
-                 triangle, rounded, ..
-             }| {
-                let [t, u, v] = rounded;
-                Hit { t, u, v, triangle }
-            },
-        )
+        next.map_or(Hit::MISS, |crossing| {
+            let ([t, u, v], triangle) = (crossing.rounded, crossing.triangle);
+            Hit { t, u, v, triangle }
+        })
     }
 }
 

@@ -171,7 +171,6 @@ fn spread(all: &[MeasuredRate], mean: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stability::EventCount;
 
     const LOOSE: Arithmetic = Arithmetic {
         rounds_division: false,
@@ -184,13 +183,18 @@ mod tests {
         [wrong, leaks, doubles]: [u64; 3],
         device: Arithmetic,
     ) -> StabilityCell {
-        let of = |measure, count, of| EventCount { measure, count, of };
-        let counts = [
+        let of = |measure, count, of| MeasuredRate {
+            measure,
+            count,
+            of,
+            bound: None,
+        };
+        let counts = vec![
             of(Measure::Wrong, wrong, 8192),
             of(Measure::Leaks, leaks, 4096),
             of(Measure::DoubleHits, doubles, 8192),
         ];
-        StabilityCell::new(Family::Edges, by, &counts, device)
+        StabilityCell::new(Family::Edges, by, counts, device)
     }
 
     #[test]

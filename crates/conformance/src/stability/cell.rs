@@ -24,18 +24,7 @@ backend::named! {
     }
 }
 
-/// A count of one event.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct EventCount {
-    /// The counted event.
-    pub measure: Measure,
-    /// Number of events.
-    pub count: u64,
-    /// Number of rays.
-    pub of: u64,
-}
-
-/// A count with its bounds.
+/// A count of one event, with its bounds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeasuredRate {
     /// The counted event.
@@ -44,7 +33,7 @@ pub struct MeasuredRate {
     pub count: u64,
     /// Number of rays.
     pub of: u64,
-    /// Bounds of the rate, or `None` if it was never measured.
+    /// Bounds of the rate, or `None` if they are not known.
     pub bound: Option<[f64; 2]>,
 }
 
@@ -73,33 +62,26 @@ impl MeasuredRate {
 }
 
 impl StabilityCell {
-    /// Compares counts with the bounds for an intersector on a device with this arithmetic.
+    /// Sets the bounds of counts to those for an intersector on a device with this arithmetic.
     ///
     /// Wrong answers must be the first count.
     pub fn new(
         family: Family,
         intersector: Intersector,
-        counts: &[EventCount],
+        mut measured: Vec<MeasuredRate>,
         arithmetic: Arithmetic,
     ) -> Self {
-        let measured = counts.iter().map(|&counted| {
-            let EventCount { measure, count, of } = counted;
-            let bound = if is_never(intersector, measure) {
+        for m in &mut measured {
+            m.bound = if is_never(intersector, m.measure) {
                 Some([0.0; 2])
             } else {
-                known(family, intersector, measure, arithmetic).map(|k| interval(k, of))
+                known(family, intersector, m.measure, arithmetic).map(|k| interval(k, m.of))
             };
-            MeasuredRate {
-                measure,
-                count,
-                of,
-                bound,
-            }
-        });
+        }
         Self {
             family,
             intersector,
-            measured: measured.collect(),
+            measured,
         }
     }
 

@@ -13,7 +13,7 @@ mod cell;
 mod scenes;
 mod stability_test;
 
-pub use cell::{EventCount, Measure, MeasuredRate, StabilityCell};
+pub use cell::{Measure, MeasuredRate, StabilityCell};
 pub use stability_test::StabilityTest;
 
 /// Parameters of a stability test.

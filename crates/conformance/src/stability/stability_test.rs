@@ -1,9 +1,9 @@
 //! Scenes of one family with exact answers, and the comparison of backends with them.
 
 use crate::crossings::crossings;
-use crate::oracle::{ExactHit, Oracle};
+use crate::oracle::Oracle;
 use crate::stability::scenes::{StabilityScene, scenes};
-use crate::stability::{EventCount, Family, Measure, Plan, StabilityCell};
+use crate::stability::{Family, Measure, MeasuredRate, Plan, StabilityCell};
 use crate::stage::{open, record_refit, trace_and_wait, triangles};
 use backend::{Backend, Intersector, QueryKind, Rays, Result};
 use geom::Hit;
@@ -16,11 +16,11 @@ pub struct StabilityTest {
     scenes: Vec<AnsweredScene>,
 }
 
-/// A scene with the exact hits of its rays.
+/// A scene with the triangles that its rays hit exactly.
 #[derive(Clone, Debug)]
 struct AnsweredScene {
     scene: StabilityScene,
-    exact: Vec<Option<ExactHit>>,
+    exact: Vec<Option<u32>>,
 }
 
 impl StabilityTest {
@@ -40,7 +40,7 @@ impl StabilityTest {
         subject: &mut dyn Backend,
         intersector: Intersector,
     ) -> Result<StabilityCell> {
-        let mut sum: Vec<EventCount> = Vec::new();
+        let mut sum: Vec<MeasuredRate> = Vec::new();
         for scene in &self.scenes {
             let counts = scene.count(subject, intersector)?;
             if sum.is_empty() {
@@ -56,7 +56,7 @@ impl StabilityTest {
         Ok(StabilityCell::new(
             self.family,
             intersector,
-            &sum,
+            sum,
             arithmetic,
         ))
     }
@@ -66,13 +66,9 @@ impl AnsweredScene {
     /// Computes the exact hits, in parallel.
     fn new(scene: StabilityScene) -> Self {
         let oracle = Oracle::new(triangles(&scene.animation, scene.time));
-        let exact = scene.rays.par_iter().map(|r| oracle.closest(r)).collect();
+        let rays = scene.rays.par_iter();
+        let exact = rays.map(|r| oracle.closest_triangle(r)).collect();
         Self { scene, exact }
-    }
-
-    /// Returns the triangle that a ray hits exactly, or that of [`Hit::MISS`].
-    fn triangle(&self, ray: usize) -> u32 {
-        self.exact[ray].map_or(Hit::MISS.triangle, |e| e.triangle)
     }
 
     /// Returns the count of each event, with its number of rays.
@@ -80,18 +76,19 @@ impl AnsweredScene {
         &self,
         subject: &mut dyn Backend,
         intersector: Intersector,
-    ) -> Result<Vec<EventCount>> {
+    ) -> Result<Vec<MeasuredRate>> {
         let scene = &self.scene;
         open(subject, &scene.animation, scene.built, intersector)?;
         record_refit(subject, &scene.animation, scene.time)?;
         let traced = trace_and_wait(subject, Rays::List(&scene.rays), QueryKind::Closest)?;
         let found = traced.hits.closest;
-        let share = |measure, of: usize, is_so: &dyn Fn(usize) -> bool| EventCount {
+        let share = |measure, of: usize, is_so: &dyn Fn(usize) -> bool| MeasuredRate {
             measure,
             count: (0..found.len()).filter(|&i| is_so(i)).count() as u64,
             of: of as u64,
+            bound: None,
         };
-        let differs = |i: usize| found[i].triangle != self.triangle(i);
+        let differs = |i: usize| self.exact[i].unwrap_or(Hit::MISS.triangle) != found[i].triangle;
         let mut counts = vec![share(Measure::Wrong, found.len(), &differs)];
         let Some(inside) = &scene.inside else {
             return Ok(counts);
@@ -113,7 +110,6 @@ impl AnsweredScene {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stability::MeasuredRate;
     use backend::Arithmetic;
     use cpu_ref::CpuBackend;
 
@@ -132,13 +128,7 @@ mod tests {
         let mut cpu = CpuBackend::new(Some(2)).unwrap();
         let cell = |test: &StabilityTest| {
             let cell = test.run(&mut cpu, asked).unwrap();
-            let counted = |m: &MeasuredRate| EventCount {
-                measure: m.measure,
-                count: m.count,
-                of: m.of,
-            };
-            let counts: Vec<_> = cell.measured.iter().map(counted).collect();
-            StabilityCell::new(cell.family, named, &counts, Arithmetic::IEEE)
+            StabilityCell::new(cell.family, named, cell.measured, Arithmetic::IEEE)
         };
         tests.iter().map(cell).collect()
     }
