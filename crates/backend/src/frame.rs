@@ -94,10 +94,6 @@ pub struct StageTimes {
     /// From the start of the first stage to the end of the last, by the device's clock.
     #[serde(serialize_with = "rounded")]
     pub device_ms: f64,
-    /// Start of the first stage, by the device's clock. The clock's zero is arbitrary but the same for all submissions;
-    /// `None` without such a clock.
-    #[serde(skip)]
-    pub begun_ms: Option<f64>,
 }
 
 /// Times and counts of one submission. The command-line program writes them to its statistics file under these names.

@@ -43,8 +43,6 @@ pub struct CpuBackend {
     spares: HitsPool,
     submitted: u64,
     copies: Copies,
-    /// Start of the device's clock.
-    epoch: Instant,
 }
 
 /// The last stage whose results are current once all recorded commands have run. Later values include earlier ones.
@@ -105,7 +103,6 @@ impl CpuBackend {
             spares: HitsPool::default(),
             submitted: 0,
             copies: Copies::default(),
-            epoch: Instant::now(),
         })
     }
 
@@ -128,8 +125,7 @@ impl CpuBackend {
         let start = Instant::now();
         let (next, scene) = (&mut self.next, loaded(&mut self.scene));
         if next.ticket.is_none() {
-            let begun_ms = (start - self.epoch).as_secs_f64() * 1e3;
-            next.begin(Ticket(self.submitted), begun_ms);
+            next.begin(Ticket(self.submitted));
         }
         let (commands, copies) = (&mut self.commands, &mut self.copies);
         let done = run_in(&self.pool, || {

@@ -44,10 +44,9 @@ pub(crate) struct Submission {
 }
 
 impl Submission {
-    pub(crate) fn begin(&mut self, ticket: Ticket, begun_ms: f64) {
+    pub(crate) fn begin(&mut self, ticket: Ticket) {
         self.ticket = Some(ticket);
         self.report = FrameReport::default();
-        self.report.times.begun_ms = Some(begun_ms);
     }
 
     /// Executes one command in the current rayon pool. `rays` is the list of a trace without a camera.

@@ -33,14 +33,11 @@ impl Stage {
     }
 }
 
-/// Converts timestamps into milliseconds since the first submission. Only the low bits of a timestamp count.
-/// Submissions must be passed in order, and more often than the clock wraps.
+/// Converts differences of timestamps into milliseconds. Only the low bits of a timestamp count.
 #[derive(Clone, Copy, Debug)]
 pub struct Clock {
     mask: u64,
     tick_ns: f64,
-    /// First timestamp of the last submission, and its distance from the very first one.
-    last: Option<(u64, u64)>,
 }
 
 impl Clock {
@@ -50,14 +47,13 @@ impl Clock {
         Self {
             mask: mask.map_or(u64::MAX, |beyond| beyond - 1),
             tick_ns,
-            last: None,
         }
     }
 
-    /// Returns the times of the next submission. `marks` names the stage that starts at each timestamp. A stage that
+    /// Returns the times of a submission. `marks` names the stage that starts at each timestamp. A stage that
     /// ran twice counts twice; `idle` stages took no time.
     pub(crate) fn times(
-        &mut self,
+        &self,
         marks: &[Option<Stage>],
         ticks: &[u64],
         idle: &[Stage],
@@ -67,9 +63,6 @@ impl Clock {
         let (Some(&first), Some(&end)) = (ticks.first(), ticks.last()) else {
             return times;
         };
-        let since = self.since_the_first(first);
-        let is_timed = marks.iter().any(Option::is_some);
-        times.begun_ms = is_timed.then(|| self.ms(since));
         times.device_ms = self.ms(self.between(first, end));
         for (stage, pair) in marks.iter().zip(ticks.windows(2)) {
             if let Some(stage) = stage {
@@ -80,13 +73,6 @@ impl Clock {
             stage.of(&mut times);
         }
         times
-    }
-
-    fn since_the_first(&mut self, tick: u64) -> u64 {
-        let (last, since) = self.last.unwrap_or((tick, 0));
-        let since = since + self.between(last, tick);
-        self.last = Some((tick, since));
-        since
     }
 
     /// Returns the ticks from one timestamp to a later one, even if the clock wrapped in between. 64-bit clocks do not
@@ -112,38 +98,33 @@ mod tests {
     #[test]
     fn times_adjacent_and_separate_stages() {
         let interpolate = Some(Stage::Interpolate);
-        let mut clock = Clock::new(64, 0.5);
-        let mut check = |marks: &[Option<Stage>], ticks: &[u64]| {
+        let clock = Clock::new(64, 0.5);
+        let check = |marks: &[Option<Stage>], ticks: &[u64]| {
             let times = clock.times(marks, ticks, &[Stage::TracePrimary]);
             assert_eq!(times.interpolate_ms, Some(0.5));
             assert_eq!(times.refit_ms, Some(3.5));
             assert_eq!(times.preprocess_ms, None);
             assert_eq!(times.trace_primary_ms, Some(0.0));
-            (times.begun_ms, times.device_ms)
+            times.device_ms
         };
         // First with adjacent stages, one of them twice; then with untimed work between the stages.
         let joined = [interpolate, REFIT, REFIT, None];
         let ticks = [1_000_000, 2_000_000, 5_000_000, 9_000_000, 7, 7];
-        assert_eq!(check(&joined, &ticks), (Some(0.0), 4.0));
+        assert_eq!(check(&joined, &ticks), 4.0);
         let apart = [interpolate, None, REFIT, None];
         let ticks = [11_000_000, 12_000_000, 13_000_000, 20_000_000];
-        assert_eq!(check(&apart, &ticks), (Some(5.0), 4.5));
+        assert_eq!(check(&apart, &ticks), 4.5);
     }
 
     #[test]
     fn narrow_clock_handles_wraparound() {
-        let mut clock = Clock::new(20, 1e6);
+        let clock = Clock::new(20, 1e6);
         let wrap = 1_u64 << 20;
         let garbage = 7 << 40;
-        let mut begun = |from: u64| {
+        for from in [wrap - 3, wrap + 10] {
             let ticks = [garbage | (from % wrap), (from + 5) % wrap];
             let times = clock.times(&[REFIT, None], &ticks, &[]);
             assert_eq!((times.refit_ms, times.device_ms), (Some(5.0), 5.0));
-            times.begun_ms.unwrap()
-        };
-        let starts = [wrap - 3, wrap + 10, 2 * wrap - 1, 2 * wrap + 7, 3 * wrap];
-        for start in starts {
-            assert_eq!(begun(start), (start - (wrap - 3)) as f64);
         }
     }
 
@@ -151,17 +132,14 @@ mod tests {
     fn wide_clock_keeps_every_tick() {
         // Nanoseconds since 1970 do not fit into the mantissa of an f64.
         let start = 1_800_000_000_000_000_001_u64;
-        let mut clock = Clock::new(64, 1.0);
-        clock.times(&[REFIT, None], &[start, start + 1], &[]);
-        let times = clock.times(&[REFIT, None], &[start + 3_000_001, start + 3_000_002], &[]);
-        let close = |found: Option<f64>, ms: f64| (found.unwrap() - ms).abs() < 1e-9;
-        assert!(close(times.begun_ms, 3.000_001), "{times:?}");
-        assert!(close(times.refit_ms, 0.000_001), "{times:?}");
+        let clock = Clock::new(64, 1.0);
+        let times = clock.times(&[REFIT, None], &[start, start + 1], &[]);
+        assert_eq!(times.refit_ms, Some(1e-6));
     }
 
     #[test]
     fn missing_marks_yield_no_times() {
-        let mut clock = Clock::new(64, 1.0);
+        let clock = Clock::new(64, 1.0);
         assert_eq!(clock.times(&[REFIT], &[], &[]), StageTimes::default());
         assert_eq!(clock.times(&[None], &[5], &[]), StageTimes::default());
     }

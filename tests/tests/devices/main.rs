@@ -81,7 +81,7 @@ macro_rules! named {
 
 /// Tests of every device. Each loads its own scenes.
 const SHARED: &[Test] = named![
-    frames::stages_are_timed_by_one_clock,
+    frames::stages_are_timed_in_milliseconds,
     frames::steady_frames_create_no_buffers,
     frames::paged_key_frames_take_memory_for_few,
     frames::device_memory_is_counted_and_freed,

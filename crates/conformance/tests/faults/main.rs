@@ -10,7 +10,7 @@ use faulty::Faulty;
 /// Properties, each with faults that it must detect. It may detect others.
 const NOTICED: &str = "
 frames_equal_the_reference_after_any_commands: positions one ulp off, last box too large, boxes of the moment before, inactive miscounted, copies are of the newest frame, copies come twice
-reports_time_only_recorded_stages: times of stages left out, clock runs backwards
+reports_time_only_recorded_stages: times of stages left out
 paged_key_frames_have_the_positions_of_held_ones: paged key frames come late
 the_device_measures_streamed_vertices: streamed vertices are not measured
 streamed_key_frames_are_played_like_held_ones: streamed key frames come late, first leaf is never hit
