@@ -28,8 +28,9 @@ use accuracy::AnsweredRays;
 use backend::{BackendName, Intersector};
 use clap::Args;
 use conformance::stability::StabilityTest;
+use output::Summary;
 use output::plot::{self, Adapter, Chart, ChartPoint, ChartScene, Machine, TimeSpread};
-use output::{FrameStats, Summary};
+use pipeline::FrameRecord;
 use plan::HitMethod;
 use std::path::PathBuf;
 
@@ -285,7 +286,7 @@ fn timed_point(scene: &str, row: &MeasuredRow) -> ChartPoint {
     let ms = || frames.iter().map(measure::frame_ms);
     let times = Summary::of(ms()).unwrap_or_default();
     let negated = Summary::of(ms().map(|ms| -ms)).unwrap_or_default();
-    let most = |bytes: fn(&FrameStats) -> Option<u64>| frames.iter().filter_map(bytes).max();
+    let most = |bytes: fn(&FrameRecord) -> Option<u64>| frames.iter().filter_map(bytes).max();
     let is_on_host = row.setup.backend.parse().is_ok_and(BackendName::is_on_host);
     let on_host = is_on_host.then(|| most(|f| f.host_bytes));
     ChartPoint {

@@ -19,8 +19,8 @@ use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use geom::Animation;
 use output::plot::Failure;
-use output::{FrameQuantity, FrameStats, Summary, TIMES, mrays};
-use pipeline::{Driver, Frame, Warmed};
+use output::{FrameQuantity, Summary, TIMES, mrays};
+use pipeline::{Driver, Frame, FrameRecord, Warmed};
 pub(crate) use rays::{FrameRays, MeasuredRays};
 use rival::{OWN, RivalSettings, RunningRival};
 use rivals::{RivalName, TreeUpdate};
@@ -341,7 +341,7 @@ pub(crate) struct MeasuredRow {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) differing: Option<f64>,
     /// Every frame, as in the statistics of `render`.
-    pub(crate) per_frame: Vec<FrameStats>,
+    pub(crate) per_frame: Vec<FrameRecord>,
 }
 
 /// Quantities that are summarized in addition to [`TIMES`]. `geometry_ms` covers all stages before tracing.
@@ -358,15 +358,15 @@ impl MeasuredRow {
     }
 
     /// Returns all frames but the first, which waits for the first tree. Returns the first if it is the only one.
-    pub(crate) fn later_frames(&self) -> &[FrameStats] {
+    pub(crate) fn later_frames(&self) -> &[FrameRecord] {
         let later = self.per_frame.get(1..).filter(|rest| !rest.is_empty());
         later.unwrap_or(&self.per_frame)
     }
 }
 
 /// Returns the device time of a frame plus its wait for its tree, in milliseconds.
-pub(crate) fn frame_ms(frame: &FrameStats) -> f64 {
-    frame.report.times.device_ms + frame.build_wait_ms.unwrap_or(0.0)
+pub(crate) fn frame_ms(frame: &FrameRecord) -> f64 {
+    frame.report.times.device_ms + frame.build_wait_ms
 }
 
 impl MeasuredRow {
@@ -405,7 +405,7 @@ impl MeasuredRow {
             mrays_per_s: Summary::of(rates).map(|s| s.median),
             trees: stats.iter().filter(|f| f.tree.adopted).count(),
             rejected: stats.iter().filter(|f| f.tree.rejected).count(),
-            first_ms: stats.first().and_then(|f| f.wall_ms),
+            first_ms: stats.first().map(|f| f.wall_ms),
             memory: held.map(|bytes| device_memory(bytes, triangles)),
             device_bytes: held.map(|bytes| bytes.total()),
             differing: None,
@@ -427,7 +427,7 @@ fn device_memory(held: DeviceBytes, triangles: usize) -> Value {
 }
 
 /// Returns the milliseconds of a frame's stages before tracing, or `None` if it skipped every stage.
-fn geometry(frame: &FrameStats) -> Option<f64> {
+fn geometry(frame: &FrameRecord) -> Option<f64> {
     let times = &frame.report.times;
     let stages = [
         times.interpolate_ms,
@@ -444,7 +444,7 @@ mod tests {
 
     #[test]
     fn geometry_time_sums_measured_stages() {
-        let mut frame = FrameStats::default();
+        let mut frame = FrameRecord::default();
         assert_eq!(geometry(&frame), None);
         frame.report.times.refit_ms = Some(2.0);
         frame.report.times.preprocess_ms = Some(0.5);

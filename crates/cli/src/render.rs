@@ -19,11 +19,11 @@ use crate::signals;
 use crate::table;
 use crate::tracer_settings::{TracerSettings, Workload};
 use abvh::Tracer;
-use abvh::frames::{Frame, OutputSelection};
+use abvh::frames::{Frame, FrameRecord, OutputSelection};
 use clap::Args;
 use files::FrameFiles;
 use frame_writer::{FrameLog, FrameWriter, Rendered};
-use output::{FrameStats, SCHEMA, Video, VideoFiles};
+use output::{SCHEMA, Video, VideoFiles};
 use resume::{EarlierRun, Progressed, RunPlan};
 use scene::Scene;
 use serde_json::{Value, json};
@@ -178,7 +178,7 @@ impl RenderSettings {
         progress
     }
 
-    fn write_stats(&self, stats: Value, rows: &[FrameStats]) -> Result<(), CliError> {
+    fn write_stats(&self, stats: Value, rows: &[FrameRecord]) -> Result<(), CliError> {
         match &self.stats {
             Some(file) => statistics::write(file, &statistics::with_rows(stats, rows)),
             None => Ok(()),
@@ -260,7 +260,7 @@ fn run(settings: &RenderSettings) -> Result<(), CliError> {
 fn finish_complete(
     settings: &RenderSettings,
     earlier: &EarlierRun,
-    rows: &[FrameStats],
+    rows: &[FrameRecord],
 ) -> Result<(), CliError> {
     if let Some(stats) = earlier.statistics() {
         settings.write_stats(stats, rows)?;
@@ -294,7 +294,7 @@ fn render_frames(
     frames: &[Frame],
     rendered: Rendered<'_>,
     log: FrameLog<'_>,
-) -> Result<Vec<FrameStats>, CliError> {
+) -> Result<Vec<FrameRecord>, CliError> {
     let (view, wanted) = (rendered.lit_camera.view(), rendered.wanted);
     let writer = FrameWriter::new(rendered, log);
     let mut places = 0..;
@@ -308,7 +308,12 @@ fn render_frames(
     writer.finish()
 }
 
-fn results(settings: &RenderSettings, scene: &Scene, setup: &Setup, rows: &[FrameStats]) -> String {
+fn results(
+    settings: &RenderSettings,
+    scene: &Scene,
+    setup: &Setup,
+    rows: &[FrameRecord],
+) -> String {
     let [width, height] = settings.camera.size;
     let mut text = format!(
         "{}: {} ({} moving), {}; {} of {width}x{height}\n{}\n",

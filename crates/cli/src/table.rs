@@ -2,7 +2,8 @@
 
 use crate::console;
 use comfy_table::{Cell, CellAlignment, Table, presets};
-use output::{FrameStats, Summary, TIMES, overview, plot};
+use output::{Summary, TIMES, overview, plot};
+use pipeline::FrameRecord;
 
 /// A row of a table: cells with the names of their columns.
 pub(crate) type Cells<'a> = Vec<(&'a str, String)>;
@@ -40,7 +41,7 @@ fn wide(rows: &[Cells<'_>], words: usize) -> String {
 }
 
 /// Formats the median, the 95th percentile and the maximum of each stage's time as a table. Omits stages without times.
-pub(crate) fn stages(frames: &[FrameStats]) -> String {
+pub(crate) fn stages(frames: &[FrameRecord]) -> String {
     let summary = overview(frames);
     let row = |&(name, _): &(&str, _)| {
         let s: Summary = summary.get(name).copied().flatten()?;
@@ -100,9 +101,9 @@ mod tests {
 
     #[test]
     fn omits_unmeasured_stages() {
-        let mut frame = FrameStats {
+        let mut frame = FrameRecord {
             host_bytes: Some(3 << 20),
-            ..FrameStats::default()
+            ..FrameRecord::default()
         };
         frame.report.times.refit_ms = Some(2.0);
         let told = stages(&[frame]);

@@ -6,7 +6,8 @@
 //! A line is written after the files that it lists have their final names. If a frame has several lines, the last one
 //! counts. Each shard has its own journal, so several shards can fill one folder. A writer locks its journal.
 
-use crate::{FrameStats, OutputError, remove_special_file, write_json};
+use crate::{OutputError, remove_special_file, write_json};
+use pipeline::FrameRecord;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -135,7 +136,7 @@ enum JournalLine {
     Run { list: Vec<u64>, stats: Value },
     Frame {
         files: Vec<NamedDigest>,
-        row: Box<FrameStats>,
+        row: Box<FrameRecord>,
     },
 }
 
@@ -146,7 +147,7 @@ pub struct JournalContents {
     pub list: Vec<u64>,
     /// Statistics of the last run that recorded any, except those of frames.
     pub stats: Option<Value>,
-    frames: BTreeMap<u64, (Vec<NamedDigest>, FrameStats)>,
+    frames: BTreeMap<u64, (Vec<NamedDigest>, FrameRecord)>,
 }
 
 impl JournalContents {
@@ -162,7 +163,7 @@ impl JournalContents {
                         done.stats = Some(stats).filter(Value::is_object).or(done.stats);
                     }
                     Ok(JournalLine::Frame { files, row }) if are_ours(&files) => {
-                        done.frames.insert(row.frame as u64, (files, *row));
+                        done.frames.insert(row.frame.index, (files, *row));
                     }
                     Ok(JournalLine::Frame { .. }) | Err(_) => {}
                 }
@@ -175,7 +176,7 @@ impl JournalContents {
 
     /// Returns the statistics of a frame if its file `name` in `folder` is unchanged. Returns `None` otherwise.
     #[must_use]
-    pub fn unchanged(&self, frame: u64, folder: &Path, name: &str) -> Option<&FrameStats> {
+    pub fn unchanged(&self, frame: u64, folder: &Path, name: &str) -> Option<&FrameRecord> {
         let (files, row) = self.frames.get(&frame)?;
         let (_, digest) = files.iter().find(|(n, _)| n == name)?;
         let found = digest_of(&folder.join(name)).ok()?;
@@ -184,7 +185,7 @@ impl JournalContents {
 
     /// Returns the statistics of a frame if all of its files in `folder` are unchanged. Returns `None` otherwise.
     #[must_use]
-    pub fn all_unchanged(&self, frame: u64, folder: &Path) -> Option<&FrameStats> {
+    pub fn all_unchanged(&self, frame: u64, folder: &Path) -> Option<&FrameRecord> {
         let (files, row) = self.frames.get(&frame)?;
         let unchanged = |(name, _): &NamedDigest| self.unchanged(frame, folder, name).is_some();
         files.iter().all(unchanged).then_some(row)
@@ -293,7 +294,7 @@ impl Journal {
     }
 
     /// Records that `files` of a frame are complete, with the frame's statistics.
-    pub fn add(&mut self, files: Vec<NamedDigest>, row: &FrameStats) -> Result<(), OutputError> {
+    pub fn add(&mut self, files: Vec<NamedDigest>, row: &FrameRecord) -> Result<(), OutputError> {
         let row = Box::new(row.clone());
         self.write(&JournalLine::Frame { files, row })
     }

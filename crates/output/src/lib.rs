@@ -26,7 +26,6 @@ pub use journal::{
 pub use picture::{drop_alpha, write_png};
 pub use rays::{RayFile, write_rays};
 pub use stats::{
-    AutoChoice, FrameQuantity, FrameStats, SCHEMA, Summary, TIMES, memory, mrays, overview, trees,
-    write_json,
+    AutoChoice, FrameQuantity, SCHEMA, Summary, TIMES, memory, mrays, overview, trees, write_json,
 };
 pub use video::{Video, VideoFiles, VideoPlanes};

@@ -1,67 +1,15 @@
 //! Statistics file: one JSON object with schema version 1. Unknown values are `null`.
 
 use crate::{OutputError, write_whole};
-use backend::{DeviceBytes, FrameReport, rounded};
-use pipeline::{Frame, FrameRecord, FrameTreeStats};
-use serde::{Deserialize, Serialize};
+use backend::rounded;
+use pipeline::FrameRecord;
+use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::Path;
 
 /// Version of the file's schema.
 pub const SCHEMA: u32 = 1;
-
-/// Statistics of one frame. Times are in milliseconds, except that `time` is the frame's time in the animation.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct FrameStats {
-    /// Number of the frame.
-    pub frame: usize,
-    /// Time in key frames.
-    #[serde(serialize_with = "rounded")]
-    pub time: f64,
-    /// Report of the backend.
-    #[serde(flatten)]
-    pub report: FrameReport,
-    /// Facts about the tree.
-    #[serde(flatten)]
-    pub tree: FrameTreeStats,
-    /// See [`FrameRecord::wall_ms`].
-    #[serde(serialize_with = "rounded")]
-    pub wall_ms: Option<f64>,
-    /// See [`FrameRecord::build_wait_ms`].
-    #[serde(serialize_with = "rounded")]
-    pub build_wait_ms: Option<f64>,
-    /// Resident bytes of this process.
-    pub host_bytes: Option<u64>,
-    /// Bytes of device memory.
-    pub device_bytes: Option<u64>,
-}
-
-impl FrameStats {
-    /// Returns the statistics of a frame that has just finished. `host_bytes` is measured by this call.
-    #[must_use]
-    pub fn of(record: &FrameRecord) -> Self {
-        Self {
-            tree: record.tree,
-            build_wait_ms: Some(record.build_wait_ms),
-            device_bytes: record.device_bytes.map(DeviceBytes::total),
-            ..Self::of_report(record.frame, record.report.clone(), record.wall_ms)
-        }
-    }
-
-    /// Returns the statistics of a frame that has just finished and has a report but no [`FrameRecord`].
-    #[must_use]
-    pub fn of_report(frame: Frame, report: FrameReport, wall_ms: f64) -> Self {
-        Self {
-            frame: frame.index as usize,
-            time: frame.time,
-            report,
-            wall_ms: Some(wall_ms),
-            host_bytes: host::resident(),
-            ..Self::default()
-        }
-    }
-}
 
 /// Choice that an `auto` option made, with the reason.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -112,7 +60,7 @@ impl Summary {
 }
 
 /// Function that returns a time, or another quantity, of a frame.
-pub type FrameQuantity = fn(&FrameStats) -> Option<f64>;
+pub type FrameQuantity = fn(&FrameRecord) -> Option<f64>;
 
 /// Times that are summarized, in stage order.
 pub const TIMES: [(&str, FrameQuantity); 11] = [
@@ -123,8 +71,8 @@ pub const TIMES: [(&str, FrameQuantity); 11] = [
     ("trace_primary_ms", |f| f.report.times.trace_primary_ms),
     ("trace_shadow_ms", |f| f.report.times.trace_shadow_ms),
     ("device_ms", |f| Some(f.report.times.device_ms)),
-    ("wall_ms", |f| f.wall_ms),
-    ("build_wait_ms", |f| f.build_wait_ms),
+    ("wall_ms", |f| Some(f.wall_ms)),
+    ("build_wait_ms", |f| Some(f.build_wait_ms)),
     ("build_ms", |f| f.tree.build_ms),
     ("convert_ms", |f| f.tree.convert_ms),
 ];
@@ -137,7 +85,7 @@ const BYTES: [(&str, FrameQuantity); 2] = [
 
 /// Summarizes each quantity over all frames with a known value, by name.
 #[must_use]
-pub fn overview(frames: &[FrameStats]) -> BTreeMap<&'static str, Option<Summary>> {
+pub fn overview(frames: &[FrameRecord]) -> BTreeMap<&'static str, Option<Summary>> {
     let of = |time: FrameQuantity| Summary::of(frames.iter().filter_map(time));
     let all = TIMES.iter().chain(&BYTES);
     all.map(|&(name, time)| (name, of(time))).collect()
@@ -153,7 +101,7 @@ pub fn write_json(path: &Path, value: &impl Serialize) -> Result<(), OutputError
 
 /// Returns a line of text about adopted and rejected trees and their age.
 #[must_use]
-pub fn trees(frames: &[FrameStats]) -> String {
+pub fn trees(frames: &[FrameRecord]) -> String {
     let adopted = frames.iter().filter(|f| f.tree.adopted).count();
     let newest = frames
         .iter()
@@ -182,7 +130,7 @@ pub fn mrays(count: f64, ms: f64) -> Option<f64> {
 
 /// Returns the peak memory as one line of text per known quantity.
 #[must_use]
-pub fn memory(frames: &[FrameStats]) -> String {
+pub fn memory(frames: &[FrameRecord]) -> String {
     let most = |(name, of): &(&str, FrameQuantity)| {
         let most = frames.iter().filter_map(of).reduce(f64::max)?;
         let (whose, mib) = (name.trim_end_matches("_bytes"), most / f64::from(1 << 20));
@@ -197,13 +145,13 @@ mod tests {
 
     #[test]
     fn unknown_values_serialize_as_null() {
-        let mut frame = FrameStats::default();
+        let mut frame = FrameRecord::default();
         frame.report.times.refit_ms = Some(1.0 / 3.0);
         frame.tree.sah_ratio = Some(f64::NAN);
         let json = serde_json::to_value(&frame).unwrap();
         assert!(json["build_ms"].is_null() && json["sah_ratio"].is_null());
         assert_eq!(json["refit_ms"], 0.333_333);
-        let read: FrameStats = serde_json::from_value(json.clone()).unwrap();
+        let read: FrameRecord = serde_json::from_value(json.clone()).unwrap();
         assert_eq!(serde_json::to_value(&read).unwrap(), json);
         let summary = serde_json::to_value(overview(&[frame])).unwrap();
         assert_eq!(summary["refit_ms"]["median"], 0.333_333);

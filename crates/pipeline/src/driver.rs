@@ -11,7 +11,7 @@ mod warm_up;
 
 use crate::builder_thread::BuilderThreads;
 use crate::error::PipelineError;
-use crate::frame::{Frame, FrameRecord};
+use crate::frame::{Frame, FrameRecord, ms};
 use crate::host_builder::HostBuilder;
 use crate::latency::LatencyPredictor;
 use adoption::AdoptionRule;
@@ -61,6 +61,7 @@ struct FrameRecording {
     pose: Option<Pose>,
     /// Position of the light, where shadow rays end. Builders order the children of nodes for these rays.
     light: Option<Point>,
+    started: Instant,
     /// Statistics of the frame.
     record: FrameRecord,
     /// Whether the frame's positions and boxes are recorded, but the backend refused its queries.
@@ -109,7 +110,8 @@ impl Driver {
                 number: 0,
                 pose: None,
                 light: None,
-                record: FrameRecord::begin(Frame::default(), Instant::now()),
+                started: Instant::now(),
+                record: FrameRecord::default(),
                 is_refused: false,
             },
             pending: VecDeque::with_capacity(FRAMES_IN_FLIGHT),
@@ -196,7 +198,11 @@ impl Driver {
     ) -> Result<Ticket, PipelineError> {
         let started = Instant::now();
         self.submit_refused()?;
-        self.recording.record = FrameRecord::begin(frame, started);
+        self.recording.started = started;
+        self.recording.record = FrameRecord {
+            frame,
+            ..FrameRecord::default()
+        };
         self.recording.light = queries[0].kind.light();
         let pose = self.animation.pose(frame.time);
         self.predictor.frame(frame.time, started);
@@ -225,7 +231,6 @@ impl Driver {
             self.recording.number += 1;
         }
         recorded?;
-        self.recording.record.traced.submit_started = Instant::now();
         let ticket = self.backend.submit()?;
         self.trees.next.submitted(ticket);
         self.poll_builder()?;
@@ -241,7 +246,7 @@ impl Driver {
         let mut record = recording.record.clone();
         record.tree.generation = tree.generation;
         record.tree.age_frames = recording.number - tree.frame;
-        record.timestamps.submitted = Instant::now();
+        record.wall_ms = ms(recording.started.elapsed());
         self.pending.push_back(PendingFrame {
             ticket,
             cost_before: (Some(tree.pose) != recording.pose).then_some(tree.cost),
@@ -271,7 +276,7 @@ impl Driver {
         if is_requested {
             self.backend.request_positions()?;
         }
-        Ok(moved || self.recording.record.adopted.is_some())
+        Ok(moved || self.recording.record.tree.adopted)
     }
 
     /// Returns whether the device builds the trees.

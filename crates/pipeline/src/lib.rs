@@ -28,13 +28,10 @@ pub use driver::{
     Driver, DriverOptions, FrameOutputs, LOOK_AHEAD, OutputSelection, WarmUp, Warmed,
 };
 pub use error::PipelineError;
-pub use frame::{
-    Adopted, Frame, FrameRecord, FrameTimestamps, FrameTreeStats, TimedSubmission, TreeTimestamps,
-};
+pub use frame::{Frame, FrameRecord, FrameTreeStats};
 pub use motion::{
     CountRange, MotionStats, RefitCosts, RefitDegradation, inactive_and_degenerate,
     inactive_and_degenerate_at, motion, refit_costs,
 };
 pub use policy::RunFacts;
 pub use resources::{ExpectedMemory, TREE_BYTES, Threads, trees_bytes};
-pub use tree_builder::BuildTimestamps;

@@ -47,15 +47,15 @@ pub(crate) struct Built {
 
 /// Times of the stages of a build, on the host's clock, in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct BuildTimestamps {
+pub(crate) struct BuildTimestamps {
     /// The builder received the vertices, or key frames to blend.
-    pub started: Instant,
+    pub(crate) started: Instant,
     /// The binary tree was complete.
-    pub built: Instant,
+    pub(crate) built: Instant,
     /// The tree's cost was known, and the current tree's cost if both are compared.
-    pub costs_known: Instant,
+    pub(crate) costs_known: Instant,
     /// The topology was complete.
-    pub ended: Instant,
+    pub(crate) ended: Instant,
 }
 
 /// Builds trees and converts them. Keeps its memory between builds.

@@ -10,8 +10,7 @@ use backend::{
     Query,
 };
 use geom::Animation;
-use output::FrameStats;
-use pipeline::{Frame, FrameTreeStats, WarmUp, Warmed, inactive_and_degenerate_at};
+use pipeline::{Frame, FrameRecord, FrameTreeStats, WarmUp, Warmed, inactive_and_degenerate_at};
 use rivals::{Rival, RivalName, TreeUpdate};
 use std::sync::Arc;
 use std::time::Instant;
@@ -76,8 +75,15 @@ impl RunningRival {
             let wall_ms = begun.elapsed().as_secs_f64() * 1e3;
             let bytes = self.rival.device_bytes();
             held = held.into_iter().chain(bytes).max_by_key(|b| b.total());
-            let of_frame = FrameStats::of_report(frame, report, wall_ms);
-            stats.push(self.stats(number, of_frame));
+            stats.push(FrameRecord {
+                frame,
+                report,
+                tree: self.tree_stats(number),
+                wall_ms,
+                host_bytes: host::resident(),
+                device_bytes: bytes.map(DeviceBytes::total),
+                ..FrameRecord::default()
+            });
             if number == 0 && frames.len() > 1 {
                 let kind = self.rival.device().kind;
                 warmed = WarmUp::begin(plan.warm_up, kind)
@@ -86,7 +92,10 @@ impl RunningRival {
             }
         }
         for frame in &mut stats {
-            let moment = self.animation.at(frame.time).map_err(CliError::invalid)?;
+            let moment = self
+                .animation
+                .at(frame.frame.time)
+                .map_err(CliError::invalid)?;
             // Rivals do not count inactive and degenerate triangles.
             let report = &mut frame.report;
             [report.inactive, report.degenerate] =
@@ -114,19 +123,15 @@ impl RunningRival {
         Ok(warm_up.end())
     }
 
-    /// Adds the facts about the tree to the statistics of frame `number`.
-    fn stats(&self, number: usize, stats: FrameStats) -> FrameStats {
+    /// Returns the facts about the tree of frame `number`.
+    fn tree_stats(&self, number: usize) -> FrameTreeStats {
         let is_new = number == 0 || self.tree_update == TreeUpdate::Rebuild;
         let age = if is_new { 0 } else { number as u64 };
-        FrameStats {
-            tree: FrameTreeStats {
-                generation: Generation(number as u64 + 1 - age),
-                age_frames: age,
-                adopted: is_new,
-                ..FrameTreeStats::default()
-            },
-            device_bytes: self.rival.device_bytes().map(DeviceBytes::total),
-            ..stats
+        FrameTreeStats {
+            generation: Generation(number as u64 + 1 - age),
+            age_frames: age,
+            adopted: is_new,
+            ..FrameTreeStats::default()
         }
     }
 

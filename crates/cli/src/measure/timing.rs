@@ -2,7 +2,6 @@
 
 use crate::error::CliError;
 use backend::{DeviceBytes, Hits, Query};
-use output::FrameStats;
 use pipeline::{Driver, Frame, FrameOutputs, FrameRecord, OutputSelection, Warmed};
 
 /// Frames to time.
@@ -17,7 +16,7 @@ pub(super) struct TimingPlan<'a> {
 /// The times of a run's frames.
 pub(super) struct TimedFrames {
     pub(super) warm_up: Option<Warmed>,
-    pub(super) stats: Vec<FrameStats>,
+    pub(super) stats: Vec<FrameRecord>,
     /// Device memory of the frame that used the most.
     pub(super) held: Option<DeviceBytes>,
 }
@@ -29,8 +28,11 @@ pub(super) fn time_frames(
     let TimingPlan { frames, query, .. } = plan;
     let (mut stats, mut held) = (Vec::new(), None::<DeviceBytes>);
     let mut note = |frame: &FrameRecord| {
-        stats.push(FrameStats::of(frame));
-        let both = held.into_iter().chain(frame.device_bytes);
+        stats.push(FrameRecord {
+            host_bytes: host::resident(),
+            ..frame.clone()
+        });
+        let both = held.into_iter().chain(frame.device_memory);
         held = both.max_by_key(|bytes| bytes.total());
         Ok::<(), CliError>(())
     };

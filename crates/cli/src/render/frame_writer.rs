@@ -8,7 +8,7 @@ use crate::error::CliError;
 use crate::signals;
 use abvh::frames::{Frame, FrameOutputs, FrameRecord, OutputSelection};
 use geom::lock;
-use output::{FrameStats, HitArrays, Journal, Video, VideoPlanes};
+use output::{HitArrays, Journal, Video, VideoPlanes};
 use rayon::Scope;
 use scene::Scene;
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -48,7 +48,7 @@ pub(super) struct FrameLog<'a> {
     pub(super) journals: &'a mut [Journal],
     pub(super) progress: ProgressLine,
     pub(super) video: Option<Video<BorrowedBuffers>>,
-    pub(super) rows: Vec<FrameStats>,
+    pub(super) rows: Vec<FrameRecord>,
     /// The first failure.
     pub(super) failed: Option<CliError>,
 }
@@ -123,9 +123,12 @@ impl<'a> FrameWriter<'a> {
         self.check()?;
         let mut borrowed = self.borrow_buffers()?;
         std::mem::swap(outputs, &mut borrowed.buffers.outputs);
-        let frame = frame.clone();
+        let row = FrameRecord {
+            host_bytes: host::resident(),
+            ..frame.clone()
+        };
         let write = move || {
-            if let Err(error) = self.write_files(&frame, &mut borrowed.buffers) {
+            if let Err(error) = self.write_files(row, &mut borrowed.buffers) {
                 self.lock().failed.get_or_insert(error);
             } else if let Some(video) = &self.lock().video {
                 video.take(place, borrowed);
@@ -144,7 +147,7 @@ impl<'a> FrameWriter<'a> {
     }
 
     /// Returns the rows of all frames, in any order. Fails if files of a frame could not be written.
-    pub(super) fn finish(self) -> Result<Vec<FrameStats>, CliError> {
+    pub(super) fn finish(self) -> Result<Vec<FrameRecord>, CliError> {
         self.check()?;
         let video = self.lock().video.take();
         video.map_or(Ok(()), Video::finish)?;
@@ -170,8 +173,8 @@ impl<'a> FrameWriter<'a> {
         log.failed.take().map_or(Ok(()), Err)
     }
 
-    fn write_files(&self, frame: &FrameRecord, buffers: &mut FrameBuffers) -> Result<(), CliError> {
-        let (row, Frame { index, time }) = (FrameStats::of(frame), frame.frame);
+    fn write_files(&self, row: FrameRecord, buffers: &mut FrameBuffers) -> Result<(), CliError> {
+        let Frame { index, time } = row.frame;
         let Rendered {
             scene,
             lit_camera,
@@ -203,7 +206,7 @@ impl<'a> FrameWriter<'a> {
         for (journal, files) in log.journals.iter_mut().zip(digests) {
             journal.add(files, &row)?;
         }
-        let ms = frame.wall_ms;
+        let ms = row.wall_ms;
         log.progress.step(&format!("time {time:.3}, {ms:.1} ms"));
         log.rows.push(row);
         Ok(())

@@ -7,8 +7,8 @@ use crate::error::CliError;
 use crate::frame_list::{self, EvenFrames, FrameChoice};
 use crate::machine::VERSION;
 use crate::scene_source::is_demo;
-use output::{FrameStats, Journal, JournalContents, Manifest, SCHEMA, SceneId};
-use pipeline::Frame;
+use output::{Journal, JournalContents, Manifest, SCHEMA, SceneId};
+use pipeline::{Frame, FrameRecord};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -27,7 +27,7 @@ pub(super) struct RunPlan {
 
 /// Frames that are complete, and the others.
 pub(super) struct Progressed {
-    pub(super) done: Vec<FrameStats>,
+    pub(super) done: Vec<FrameRecord>,
     pub(super) todo: Vec<Frame>,
 }
 
@@ -76,7 +76,7 @@ impl EarlierRun {
         Progressed { done, todo }
     }
 
-    fn row(&self, frame: u64, files: &FrameFiles) -> Option<FrameStats> {
+    fn row(&self, frame: u64, files: &FrameFiles) -> Option<FrameRecord> {
         let mut row = None;
         for (folder, finished) in &self.folders {
             for file in files.in_folder(frame, folder) {
@@ -92,7 +92,7 @@ impl EarlierRun {
         &self,
         settings: &RenderSettings,
         files: &FrameFiles,
-    ) -> Result<Option<Vec<FrameStats>>, CliError> {
+    ) -> Result<Option<Vec<FrameRecord>>, CliError> {
         let rays = settings.rays_out.as_ref();
         let Some(found) = self.manifest.as_ref().filter(|_| settings.resume) else {
             return Ok(None);

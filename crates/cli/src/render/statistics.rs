@@ -2,14 +2,15 @@
 
 use crate::console;
 use crate::error::CliError;
-use output::{FrameStats, overview};
+use output::overview;
+use pipeline::FrameRecord;
 use serde_json::{Value, json};
 use std::path::Path;
 
 /// Returns statistics with these rows, in the order of frames.
-pub(crate) fn with_rows(mut stats: Value, rows: &[FrameStats]) -> Value {
+pub(crate) fn with_rows(mut stats: Value, rows: &[FrameRecord]) -> Value {
     let mut rows = rows.to_vec();
-    rows.sort_by_key(|row| row.frame);
+    rows.sort_by_key(|row| row.frame.index);
     stats["summary"] = json!(overview(&rows));
     stats["frames"] = json!(rows);
     stats["command_line"] = json!(crate::machine::command_line());

@@ -3,7 +3,6 @@
 use crate::tree_builder::Built;
 use backend::{Generation, Snapshot, Ticket};
 use geom::Pose;
-use std::time::Instant;
 
 /// Request of a tree.
 #[derive(Clone, Debug)]
@@ -19,7 +18,6 @@ pub(super) struct Request {
     pub(super) target_time: f64,
     /// Middles of the first and of the second half of the expected time of use, in key frames.
     pub(super) half_midpoints: [f64; 2],
-    pub(super) requested: Instant,
 }
 
 /// Positions that a build from two observed frames waits for.
@@ -31,21 +29,10 @@ pub(super) struct Observation {
     pub(super) second_time: Option<f64>,
 }
 
-/// Arrival of a build's vertices on the host.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct VerticesArrived {
-    pub(super) at: Instant,
-    /// Bytes that were read back for the build.
-    pub(super) bytes: u64,
-    /// Time of the second observed frame, or of the requesting frame if the build uses one, in key frames.
-    pub(super) last_time: f64,
-}
-
 /// A finished tree that is neither adopted nor rejected yet.
 #[derive(Debug)]
 pub(super) struct CandidateTree {
     pub(super) request: Request,
-    pub(super) vertices: VerticesArrived,
     pub(super) built: Built,
     /// Whether the upload is finished, so that the latency is known.
     pub(super) has_arrived: bool,
@@ -56,13 +43,9 @@ pub(super) struct CandidateTree {
 }
 
 impl CandidateTree {
-    pub(super) fn new(mut request: Request, vertices: VerticesArrived, built: Built) -> Self {
-        if built.gave_up_extrapolation {
-            request.target_time = vertices.last_time;
-        }
+    pub(super) fn new(request: Request, built: Built) -> Self {
         Self {
             request,
-            vertices,
             built,
             has_arrived: false,
             costlier_at: None,
@@ -106,7 +89,11 @@ pub(super) enum NextTreeState {
     /// The tree waits for its vertices.
     Requested(Request, Observation),
     /// The builder thread builds the tree.
-    Building(Request, VerticesArrived),
+    Building {
+        request: Request,
+        /// Time of the newest positions that the build uses, in key frames.
+        last_time: f64,
+    },
     /// The tree is finished. It is being uploaded, or waits until its target time is near enough.
     Waiting(CandidateTree),
     /// The next frame evaluates the tree.
@@ -125,7 +112,10 @@ pub(super) enum Event {
     /// A frame requests a tree.
     Requested(Request),
     /// The builder thread received the vertices.
-    BuildStarted(VerticesArrived),
+    BuildStarted {
+        /// Time of the newest positions, in key frames.
+        last_time: f64,
+    },
     BuildFinished(Built),
     BuildFailed,
     /// The tree is adopted without an evaluation.
@@ -156,14 +146,23 @@ impl NextTreeState {
             (Self::Idle, Event::Requested(request)) => {
                 Self::Requested(request, Observation::default())
             }
-            (Self::Requested(request, _), Event::BuildStarted(vertices)) => {
-                Self::Building(request, vertices)
+            (Self::Requested(request, _), Event::BuildStarted { last_time }) => {
+                Self::Building { request, last_time }
             }
-            (Self::Building(request, vertices), Event::BuildFinished(built)) => {
-                Self::Waiting(CandidateTree::new(request, vertices, built))
+            (
+                Self::Building {
+                    mut request,
+                    last_time,
+                },
+                Event::BuildFinished(built),
+            ) => {
+                if built.gave_up_extrapolation {
+                    request.target_time = last_time;
+                }
+                Self::Waiting(CandidateTree::new(request, built))
             }
             (Self::Requested(..), Event::FramesDropped)
-            | (Self::Building(..), Event::BuildFailed) => Self::Idle,
+            | (Self::Building { .. }, Event::BuildFailed) => Self::Idle,
             (Self::Waiting(tree), Event::BecameDue) => Self::Due(tree),
             (Self::Waiting(tree), Event::Superseded) => Self::Rejected(tree, None),
             (Self::Waiting(tree) | Self::Due(tree), Event::Admitted) => Self::Accepted(tree),
@@ -223,7 +222,7 @@ impl NextTreeState {
     pub(super) fn request(&self) -> Option<&Request> {
         match self {
             Self::Idle => None,
-            Self::Requested(request, _) | Self::Building(request, _) => Some(request),
+            Self::Requested(request, _) | Self::Building { request, .. } => Some(request),
             Self::Waiting(tree)
             | Self::Due(tree)
             | Self::Evaluating(tree, _)
@@ -267,15 +266,6 @@ mod tests {
             pose: Pose { key: 5, alpha: 0.0 },
             target_time: TARGET,
             half_midpoints: [4.0, 6.0],
-            requested: Instant::now(),
-        }
-    }
-
-    fn vertices() -> VerticesArrived {
-        VerticesArrived {
-            at: Instant::now(),
-            bytes: 0,
-            last_time: OBSERVED,
         }
     }
 
@@ -293,11 +283,14 @@ mod tests {
     }
 
     fn state(letter: char) -> NextTreeState {
-        let tree = || CandidateTree::new(request(), vertices(), built());
+        let tree = || CandidateTree::new(request(), built());
         match letter {
             'i' => NextTreeState::Idle,
             'r' => NextTreeState::Requested(request(), Observation::default()),
-            'b' => NextTreeState::Building(request(), vertices()),
+            'b' => NextTreeState::Building {
+                request: request(),
+                last_time: OBSERVED,
+            },
             'w' => NextTreeState::Waiting(tree()),
             'd' => NextTreeState::Due(tree()),
             // Its frame is being recorded.
@@ -313,7 +306,7 @@ mod tests {
         match state {
             NextTreeState::Idle => 'i',
             NextTreeState::Requested(..) => 'r',
-            NextTreeState::Building(..) => 'b',
+            NextTreeState::Building { .. } => 'b',
             NextTreeState::Waiting(_) => 'w',
             NextTreeState::Due(_) => 'd',
             NextTreeState::Evaluating(_, evaluation) if evaluation.ticket.is_none() => 'e',
@@ -329,7 +322,13 @@ mod tests {
     const STATES: &str = "irbwdesax";
     const TABLE: [Row; 13] = [
         ("requested", || Event::Requested(request()), "rrbwdesax"),
-        ("started", || Event::BuildStarted(vertices()), "ibbwdesax"),
+        (
+            "started",
+            || Event::BuildStarted {
+                last_time: OBSERVED,
+            },
+            "ibbwdesax",
+        ),
         ("finished", || Event::BuildFinished(built()), "irwwdesax"),
         ("failed", || Event::BuildFailed, "iriwdesax"),
         ("admitted", || Event::Admitted, "irbaaesax"),

@@ -4,7 +4,6 @@
 
 use super::Driver;
 use super::next_tree::NextTreeState;
-use super::trees::bytes;
 use crate::error::PipelineError;
 use crate::tree_builder::{BuildInput, Observed, Vertices, pose_between};
 use backend::{Query, Snapshot};
@@ -88,7 +87,7 @@ impl Driver {
             && observation.second_time.is_none()
             && let Some(positions) = observation.first.take()
         {
-            self.build_read_back(positions)?;
+            self.start_build(Vertices::ReadBack(positions))?;
         }
         Ok(())
     }
@@ -97,7 +96,7 @@ impl Driver {
     /// first until those of the second arrive.
     fn take_read_back(&mut self, positions: Snapshot) -> Result<(), PipelineError> {
         if !self.observes_two_frames() {
-            return self.build_read_back(positions);
+            return self.start_build(Vertices::ReadBack(positions));
         }
         let NextTreeState::Requested(request, observation) = &mut self.trees.next else {
             return Ok(());
@@ -117,12 +116,6 @@ impl Driver {
             }),
             ..BuildInput::of(Vertices::KeyFrames(at(request.target_time)))
         };
-        self.start_build_of(input, 2 * bytes(self.animation.vertex_count()))
-    }
-
-    /// Starts a build from the positions of the frame that requested the tree.
-    fn build_read_back(&mut self, positions: Snapshot) -> Result<(), PipelineError> {
-        let bytes = bytes(self.animation.vertex_count());
-        self.start_build(Vertices::ReadBack(positions), bytes)
+        self.start_build_of(input)
     }
 }

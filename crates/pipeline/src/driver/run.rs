@@ -2,8 +2,8 @@
 
 use super::Driver;
 use crate::error::PipelineError;
-use crate::frame::{Frame, FrameRecord};
-use backend::{FRAMES_IN_FLIGHT, Hits, Query, Ticket};
+use crate::frame::{Frame, FrameRecord, ms};
+use backend::{DeviceBytes, FRAMES_IN_FLIGHT, Hits, Query, Ticket};
 use std::time::Instant;
 
 /// Number of frames whose key frames are read ahead, if not all key frames are in memory.
@@ -91,18 +91,19 @@ impl Driver {
         };
         let wait_started = Instant::now();
         let report = self.backend.wait(pending.ticket)?;
-        let finish_seen = Instant::now();
+        let waited = wait_started.elapsed();
         self.process_costs(pending.ticket, &report);
         self.fetch(pending.ticket, selection, outputs)?;
-        let read = Instant::now();
         self.poll_builder()?;
         let mut record = pending.record;
-        record.device_bytes = self.backend.memory().held;
+        record.wall_ms += ms(waited);
+        record.device_memory = self.backend.memory().held;
+        record.device_bytes = record.device_memory.map(DeviceBytes::total);
         record.tree.sah_ratio = report.sah_cost.map(|now| {
             let before = pending.cost_before.filter(|&c| c > 0.0);
             before.map_or(1.0, |before| now / before)
         });
-        record.finish(report, [wait_started, finish_seen, read]);
+        record.complete(report);
         Ok(Some(record))
     }
 

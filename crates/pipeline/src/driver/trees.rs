@@ -1,17 +1,15 @@
 //! Requests trees, passes vertices to the builder thread, and evaluates and adopts the trees that it builds.
 
 use super::Driver;
-use super::next_tree::{
-    CandidateTree, Decided, Event, NextTreeState, Request, Verdict, VerticesArrived,
-};
+use super::next_tree::{CandidateTree, Decided, Event, NextTreeState, Request, Verdict};
 use super::pause::RequestPause;
 use crate::builder_thread::BuildResult;
 use crate::error::PipelineError;
-use crate::frame::{Adopted, TreeTimestamps, ms};
+use crate::frame::ms;
 use crate::schedule::{FramePlan, InFlight, plan};
 use crate::tree_builder::{BuildInput, Built, Vertices};
 use backend::{FrameReport, Generation, Ticket};
-use geom::{Point, Pose};
+use geom::Pose;
 use std::time::Instant;
 
 /// Generation of the first frame's tree.
@@ -23,7 +21,7 @@ pub(super) struct Trees {
     pub(super) current: Option<CurrentTree>,
     pub(super) next: NextTreeState,
     /// Generation of the last requested tree. Generations only increase.
-    newest: Generation,
+    pub(super) newest: Generation,
     /// Pause between requests after trees were rejected.
     pause: RequestPause,
     /// Pose for which the last build produced no better tree than the current one.
@@ -204,7 +202,7 @@ impl Driver {
         }
         self.trees.next.advance(Event::Requested(request));
         if self.predicts() {
-            self.start_build(Vertices::KeyFrames(pose), 0)?;
+            self.start_build(Vertices::KeyFrames(pose))?;
         }
         Ok(())
     }
@@ -229,26 +227,19 @@ impl Driver {
         self.adopt(tree)
     }
 
-    fn request(&mut self, generation: Generation, pose: Pose) -> Request {
-        let recording = &mut self.recording;
-        recording.record.requested = Some(generation);
+    fn request(&self, generation: Generation, pose: Pose) -> Request {
         Request {
             generation,
-            frame: recording.number,
-            time: recording.record.frame.time,
+            frame: self.recording.number,
+            time: self.recording.record.frame.time,
             pose,
             target_time: self.predictor.target_time(),
             half_midpoints: self.predictor.half_midpoints_of_use(),
-            requested: Instant::now(),
         }
     }
 
-    /// Starts the build of the requested tree. `read_back` bytes of vertices were read back for it.
-    pub(super) fn start_build(
-        &mut self,
-        vertices: Vertices,
-        read_back: u64,
-    ) -> Result<(), PipelineError> {
+    /// Starts the build of the requested tree.
+    pub(super) fn start_build(&mut self, vertices: Vertices) -> Result<(), PipelineError> {
         let request = self.trees.next.request();
         let half_midpoints = request.map(|request| request.half_midpoints);
         let half_midpoints = half_midpoints.filter(|_| self.predicts());
@@ -256,27 +247,18 @@ impl Driver {
             half_midpoints: half_midpoints.map(|times| self.poses(times)),
             ..BuildInput::of(vertices)
         };
-        self.start_build_of(input, read_back)
+        self.start_build_of(input)
     }
 
     /// Starts the build of the requested tree from this input.
-    pub(super) fn start_build_of(
-        &mut self,
-        mut input: BuildInput,
-        read_back: u64,
-    ) -> Result<(), PipelineError> {
+    pub(super) fn start_build_of(&mut self, mut input: BuildInput) -> Result<(), PipelineError> {
         let NextTreeState::Requested(request, observation) = &self.trees.next else {
             return Ok(());
         };
         input.is_compared = self.adoption_rule().by_cost;
-        let vertices = VerticesArrived {
-            // Do not read the vertices here: the first read of a snapshot may be slow, so the builder thread does it.
-            at: Instant::now(),
-            bytes: read_back,
-            last_time: observation.second_time.unwrap_or(request.time),
-        };
+        let last_time = observation.second_time.unwrap_or(request.time);
         let writer = self.backend.tree_writer(request.generation)?;
-        self.trees.next.advance(Event::BuildStarted(vertices));
+        self.trees.next.advance(Event::BuildStarted { last_time });
         let started = self.builder.start(input, self.recording.light, writer);
         if started.is_err() {
             self.trees.next.advance(Event::BuildFailed);
@@ -304,9 +286,7 @@ impl Driver {
                 self.trees.pause.adopted(number, frames, cost_ratio);
             }
             Some(Decided::Reject(tree, costlier_at)) => {
-                let record = &mut self.recording.record;
-                record.rejected = Some(tree.request.generation);
-                record.tree.rejected = true;
+                self.recording.record.tree.rejected = true;
                 // A tree that was dropped early, or evaluated at another pose, gives no information about its pose.
                 self.trees.no_better_at = costlier_at.filter(|&pose| pose == tree.request.pose);
                 self.builder.discard(tree.built.topology);
@@ -322,7 +302,7 @@ impl Driver {
             self.poll_builder()?;
             match self.trees.next {
                 NextTreeState::Requested(..) => std::thread::yield_now(),
-                NextTreeState::Building(..) => {
+                NextTreeState::Building { .. } => {
                     let result = self.builder.thread.take();
                     self.take_result(result);
                 }
@@ -340,30 +320,19 @@ impl Driver {
     ) -> Result<BuildResult<CandidateTree>, PipelineError> {
         let positions = self.read_now(request.pose)?;
         self.recording.pose = Some(request.pose);
-        let vertices = VerticesArrived {
-            at: Instant::now(),
-            bytes: bytes(positions.len()),
-            last_time: request.time,
-        };
+        let start = Instant::now();
         let input = BuildInput {
             half_midpoints,
             ..BuildInput::of(Vertices::ReadBack(positions))
         };
         let built = self.builder.build_now(input, self.recording.light);
-        self.recording.record.build_wait_ms += ms(vertices.at.elapsed());
-        Ok(built.map(|built| CandidateTree::new(request, vertices, built)))
+        self.recording.record.build_wait_ms += ms(start.elapsed());
+        Ok(built.map(|built| CandidateTree::new(request, built)))
     }
 
     fn adopt(&mut self, tree: CandidateTree) -> Result<(), PipelineError> {
-        let CandidateTree {
-            request,
-            vertices,
-            built,
-            ..
-        } = tree;
-        let taken = Instant::now();
+        let CandidateTree { request, built, .. } = tree;
         self.backend.adopt(&built.topology, request.generation)?;
-        let (adopted, timestamps) = (Instant::now(), built.timestamps);
         self.trees.current = Some(CurrentTree {
             generation: request.generation,
             frame: request.frame,
@@ -371,30 +340,13 @@ impl Driver {
             target_time: request.target_time,
             cost: built.cost,
         });
-        let record = &mut self.recording.record;
-        record.tree.adopted = true;
-        record.tree.build_ms = Some(ms(timestamps.built - timestamps.started));
-        record.tree.convert_ms = Some(ms(timestamps.ended - timestamps.costs_known));
-        record.tree.upload_bytes = built.topology.upload_bytes() as u64;
-        record.adopted = Some(Adopted {
-            snapshot_bytes: vertices.bytes,
-            triangles: built.topology.leaf_count(),
-            built_for: request.pose,
-            timestamps: TreeTimestamps {
-                requested: request.requested,
-                arrived: vertices.at,
-                build: timestamps,
-                taken,
-                adopted,
-            },
-        });
+        let (stats, timestamps) = (&mut self.recording.record.tree, built.timestamps);
+        stats.adopted = true;
+        stats.build_ms = Some(ms(timestamps.built - timestamps.started));
+        stats.convert_ms = Some(ms(timestamps.ended - timestamps.costs_known));
+        stats.upload_bytes = built.topology.upload_bytes() as u64;
         self.builder.recycle(built.topology);
         self.trees.no_better_at = None;
         Ok(())
     }
-}
-
-/// Returns the size of `vertices` positions in bytes.
-pub(super) fn bytes(vertices: usize) -> u64 {
-    (vertices * size_of::<Point>()) as u64
 }

@@ -57,7 +57,7 @@ fn takings(by: Config) -> (Vec<u64>, usize) {
     });
     let run =
         driver.run::<PipelineError>(frames, query, OutputSelection::default(), |record, _| {
-            trees += usize::from(record.adopted.is_some());
+            trees += usize::from(record.tree.adopted);
             std::thread::sleep(Duration::from_micros(250));
             let now = TAKEN.get();
             all.push(now - last);
