@@ -1,5 +1,4 @@
-//! The frame loop: follows the schedule's plan for each frame. Waits for a build only for the first tree, with the
-//! policy `rebuild`, and in lockstep.
+//! The frame loop. Waits for a build only for the first tree, with the policy `rebuild`, and in lockstep.
 
 mod adoption;
 mod next_tree;

@@ -1,9 +1,8 @@
 //! Builds trees on the host while the device refits and traces.
 //!
 //! Implements the asynchronous scheme of Ize, Wald, Parker (*Asynchronous BVH Construction for Ray Tracing Dynamic
-//! Scenes*, 2007), divided between a device and its host as by Kim, Kim, Lee, Han (2014). The schedule is a pure
-//! function that decides when to request and adopt trees. The builder runs on its own thread. [`Driver`] owns the
-//! backend and follows the schedule.
+//! Scenes*, 2007), divided between a device and its host as by Kim, Kim, Lee, Han (2014). The builder
+//! runs on its own thread. [`Driver`] owns the backend, and decides when to request and adopt trees.
 //!
 //! With [`Policy::Refit`](backend::Policy::Refit) and [`Policy::Async`](backend::Policy::Async), the driver waits for a
 //! build only in the first frame. With [`Policy::Rebuild`](backend::Policy::Rebuild), each frame with motion waits for
@@ -20,7 +19,6 @@ mod latency;
 mod motion;
 mod policy;
 mod resources;
-mod schedule;
 mod tree_builder;
 
 pub use builder_thread::BuilderThreads;

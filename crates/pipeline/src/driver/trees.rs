@@ -6,7 +6,6 @@ use super::pause::RequestPause;
 use crate::builder_thread::BuildResult;
 use crate::error::PipelineError;
 use crate::frame::ms;
-use crate::schedule::{FramePlan, InFlight, plan};
 use crate::tree_builder::{BuildInput, Built, Vertices};
 use backend::{FrameReport, Generation, Ticket};
 use geom::Pose;
@@ -79,20 +78,36 @@ impl Driver {
         }
     }
 
-    /// Requests, adopts or rejects trees as the schedule plans, before the frame at `pose` is recorded.
+    /// Adopts or drops the next tree and requests another one, before the frame at `pose` is recorded. At most one
+    /// build is in flight.
     pub(super) fn update_trees(&mut self, pose: Pose) -> Result<(), PipelineError> {
         let Some(current) = &self.trees.current else {
             return self.build_first(pose);
         };
         let request = self.trees.next.request();
         let newest = request.map_or(current.pose, |request| request.pose);
-        let in_flight = self.in_flight()?;
+        self.review_next()?;
         let target = self.target_pose(pose);
         let is_best = newest == target || self.trees.no_better_at == Some(target);
-        let outdated = !is_best && self.may_request();
-        let number = self.recording.number;
-        let plan = plan(self.options.update, number, in_flight, outdated);
-        self.follow(plan, target)
+        let should_request = self.options.update.requests_trees() && !is_best && self.may_request();
+        if self.is_swap_due() {
+            self.swap()?;
+        }
+        if should_request && self.trees.next.is_idle() {
+            self.request_tree(target)?;
+        }
+        Ok(())
+    }
+
+    /// Returns whether this frame adopts or drops the next tree. In lockstep, the tree may be unfinished.
+    fn is_swap_due(&self) -> bool {
+        let (next, number) = (&self.trees.next, self.recording.number);
+        match self.options.update.lockstep() {
+            Some(k) => next
+                .request()
+                .is_some_and(|request| number >= request.frame + u64::from(k)),
+            None => next.is_decided(),
+        }
     }
 
     /// Returns the pose that a tree should be built for if the frame at `pose` requests it.
@@ -108,25 +123,16 @@ impl Driver {
         times.map(|time| self.animation.pose(time))
     }
 
-    /// Returns the state of the next tree, for the schedule.
-    pub(super) fn in_flight(&mut self) -> Result<Option<InFlight>, PipelineError> {
-        if self.upload_next()? {
-            self.review_next();
-        }
-        let next = &self.trees.next;
-        Ok(next.request().map(|request| InFlight {
-            requested_at: request.frame,
-            is_decided: next.is_decided(),
-        }))
-    }
-
     /// Applies the adoption rule to a tree that has arrived on the device.
-    fn review_next(&mut self) {
+    pub(super) fn review_next(&mut self) -> Result<(), PipelineError> {
+        if !self.upload_next()? {
+            return Ok(());
+        }
         let rule = self.adoption_rule();
         let current = self.trees.current.as_ref();
         let current = current.map_or(f64::NAN, |tree| tree.target_time);
         let NextTreeState::Waiting(tree) = &mut self.trees.next else {
-            return;
+            return Ok(());
         };
         if !std::mem::replace(&mut tree.has_arrived, true) {
             let latency = self.recording.number - tree.request.frame;
@@ -136,6 +142,7 @@ impl Driver {
         if let Some(event) = rule.review(tree, current, &self.predictor) {
             self.trees.next.advance(event);
         }
+        Ok(())
     }
 
     /// Records the evaluation of a tree that is due, at the positions recorded for this frame.
@@ -186,14 +193,8 @@ impl Driver {
         self.knows_key_frames && self.adoption_rule().builds_ahead
     }
 
-    /// Carries out the plan before the frame is traced. A requested tree is built for `pose`.
-    fn follow(&mut self, plan: FramePlan, pose: Pose) -> Result<(), PipelineError> {
-        if plan.swap {
-            self.swap(plan.wait)?;
-        }
-        if !plan.request {
-            return Ok(());
-        }
+    /// Requests a tree for `pose`. With `rebuild` and lockstep 0, also builds and adopts it.
+    fn request_tree(&mut self, pose: Pose) -> Result<(), PipelineError> {
         self.trees.newest.0 += 1;
         let request = self.request(self.trees.newest, pose);
         if self.options.update.waits_for_tree() {
@@ -266,9 +267,9 @@ impl Driver {
         Ok(())
     }
 
-    /// Adopts or drops the next tree. Blocks until it is built only if `wait` is set.
-    fn swap(&mut self, wait: bool) -> Result<(), PipelineError> {
-        if wait {
+    /// Adopts or drops the next tree. Blocks until it is built.
+    fn swap(&mut self) -> Result<(), PipelineError> {
+        if !self.trees.next.is_decided() {
             let start = Instant::now();
             self.wait_for_builder()?;
             self.recording.record.build_wait_ms += ms(start.elapsed());

@@ -220,7 +220,7 @@ fn unsubmitted_evaluation_is_recorded_again() {
         let is_due = |driver: &Driver| matches!(driver.trees.next, NextTreeState::Due(_));
         let time = index as f64;
         let frame = Frame { index, time };
-        if driver.in_flight().is_ok() && is_due(&driver) && fails == 0 {
+        if driver.review_next().is_ok() && is_due(&driver) && fails == 0 {
             fails += 1;
             driver.record_evaluation().unwrap();
             driver.trees.next.advance(Event::FrameFailed);
