@@ -6,8 +6,8 @@
 //! - [`accuracy`]: guarantees of each intersector, and the cases in which rays miss.
 //! - [`migration`]: functions of Embree, `bvh` and `obvhs`, and their equivalents here.
 //!
-//! The examples of the package are complete programs: `hello_rays`, `stream_cloth`, `rigid_robot`, `lidar`,
-//! `many_cameras`, `picking`, `picture`, `wgpu_own_device`.
+//! The examples of the package are complete programs: `stream_cloth`, `rigid_robot`, `lidar`, `picking`,
+//! `wgpu_own_device`.
 
 pub mod accuracy;
 pub mod concepts;
