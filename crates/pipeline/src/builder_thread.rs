@@ -1,8 +1,7 @@
-//! The builder: a pool of threads, and a thread that runs one job at a time in the pool while frames are rendered.
+//! A pool of threads that build trees, and a thread that runs one job at a time in the pool while frames are rendered.
 
 use crate::error::PipelineError;
 use crate::tree_builder::{Built, Job, TreeBuilder};
-use backend::TreeFormat;
 use bvh_build::{BuildError, Cancel};
 use geom::{lock, own_pool, run_in};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -123,31 +122,15 @@ impl BuilderThreads {
     pub fn install<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
         run_in(&self.0, work)
     }
-}
 
-/// Builds trees in a pool of threads, one at a time: first trees, trees of `rebuild`, and jobs of the builder thread.
-pub(crate) struct BuilderPool {
-    threads: BuilderThreads,
-    builder: Mutex<TreeBuilder>,
-}
-
-impl BuilderPool {
-    /// Creates a builder that runs on these threads and produces trees of this format.
-    pub(crate) fn new(threads: BuilderThreads, format: TreeFormat) -> Self {
-        Self {
-            threads,
-            builder: Mutex::new(TreeBuilder::with_format(format)),
-        }
-    }
-
-    /// Runs `build` in the pool's threads and waits for it.
-    pub(crate) fn with<T: Send>(
+    /// Runs `build` on these threads and waits for it.
+    pub(crate) fn build<T: Send>(
         &self,
+        builder: &Mutex<TreeBuilder>,
         build: impl FnOnce(&mut TreeBuilder) -> Result<T, BuildError> + Send,
     ) -> BuildResult<T> {
         // The next build overwrites the state that a panic left.
-        let builder = || lock(&self.builder);
-        let built = self.threads.install(|| build(&mut builder()));
+        let built = self.install(|| build(&mut lock(builder)));
         built.map_err(|e| e.to_string())
     }
 }
@@ -156,14 +139,14 @@ impl BuilderPool {
 mod tests {
     use super::*;
     use crate::tree_builder::{BuildInput, Vertices};
-    use bvh_layout::Spare;
 
-    fn job(discarded_last: bool) -> Job {
+    fn job(is_compared: bool) -> Job {
         Job {
-            input: BuildInput::of(Vertices::ReadBack(Box::new(vec![[0.0; 3]]))),
+            input: BuildInput {
+                is_compared,
+                ..BuildInput::of(Vertices::ReadBack(Box::new(vec![[0.0; 3]])))
+            },
             toward: None,
-            spare: Spare::default(),
-            discarded_last,
             writer: None,
         }
     }
@@ -171,12 +154,12 @@ mod tests {
     #[test]
     fn build_panic_fails_only_one_job() {
         let mut thread = BuilderThread::new(|job: Job, _: &Cancel| {
-            assert!(job.discarded_last, "planted");
+            assert!(job.input.is_compared, "planted");
             Err("planted".into())
         });
         assert!(!thread.is_open() && thread.try_take().is_none());
-        for (discarded_last, why) in [(false, "the builder panicked"), (true, "planted")] {
-            thread.start(job(discarded_last)).unwrap();
+        for (is_compared, why) in [(false, "the builder panicked"), (true, "planted")] {
+            thread.start(job(is_compared)).unwrap();
             assert_eq!(thread.take().unwrap_err(), why);
         }
     }
@@ -185,15 +168,10 @@ mod tests {
     fn builders_share_one_thread_pool() {
         let threads = BuilderThreads::new(2).unwrap();
         let who = || rayon::broadcast(|_| std::thread::current().id());
-        let builder = || BuilderPool::new(threads.clone(), TreeFormat::Binary);
-        let (one, other) = (builder(), builder());
-        let own = threads.install(who);
-        assert_eq!(
-            [&one, &other].map(|b| b.with(|_| Ok(who()))),
-            [(); 2].map(|()| Ok(own.clone()))
-        );
+        let [one, other] = [(); 2].map(|()| Mutex::default());
         // A build can wait for another build on the same threads.
-        assert_eq!(one.with(|_| Ok(other.with(|_| Ok(who())))), Ok(Ok(own)));
+        let both = threads.build(&one, |_| Ok(threads.build(&other, |_| Ok(who()))));
+        assert_eq!(both, Ok(Ok(threads.install(who))));
     }
 
     #[test]

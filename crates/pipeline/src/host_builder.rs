@@ -1,23 +1,21 @@
 //! A driver's builder on the host: the memory that builds share, and the thread that runs them while frames are
 //! rendered.
 
-use crate::builder_thread::{BuildResult, BuilderPool, BuilderThread, BuilderThreads};
-use crate::tree_builder::{BuildInput, Built, Job, TreeBuilder};
-use backend::{TreeFormat, TreeWriter};
+use crate::builder_thread::{BuildResult, BuilderThread, BuilderThreads};
+use crate::tree_builder::{BuildInput, Built, TreeBuilder};
+use backend::TreeFormat;
 use bvh_build::Cancel;
-use bvh_layout::{Spare, Topology};
-use geom::{Animation, Point, Pose};
-use std::sync::Arc;
+use bvh_layout::Topology;
+use geom::{Animation, Point, Pose, lock};
+use std::sync::{Arc, Mutex};
 
 /// Builds the trees of one driver.
 pub(crate) struct HostBuilder {
     animation: Arc<Animation>,
-    pool: Arc<BuilderPool>,
+    threads: BuilderThreads,
+    /// Locked by another thread only while a build is in flight.
+    builder: Arc<Mutex<TreeBuilder>>,
     pub(crate) thread: BuilderThread,
-    /// Memory of a topology that is not used any more, for the next build.
-    spare: Spare,
-    /// Whether the thread's last tree was dropped unused. The next job reports this to the thread.
-    discarded_last: bool,
 }
 
 impl HostBuilder {
@@ -27,62 +25,41 @@ impl HostBuilder {
         threads: BuilderThreads,
         format: TreeFormat,
     ) -> Self {
-        let pool = Arc::new(BuilderPool::new(threads, format));
+        let builder = Arc::new(Mutex::new(TreeBuilder::with_format(format)));
         let thread = {
-            let (pool, animation) = (Arc::clone(&pool), Arc::clone(animation));
+            let (animation, builder) = (Arc::clone(animation), Arc::clone(&builder));
+            let threads = threads.clone();
             BuilderThread::new(move |job, cancel| {
-                pool.with(|builder| builder.execute(&animation, job, cancel))
+                threads.build(&builder, |builder| builder.execute(&animation, job, cancel))
             })
         };
         Self {
             animation: Arc::clone(animation),
-            pool,
+            threads,
+            builder,
             thread,
-            spare: Spare::default(),
-            discarded_last: false,
         }
     }
 
-    /// Starts a build on the thread. Children of nodes are ordered for rays that end at `toward`, such as shadow rays.
-    /// Fails if the thread cannot be started or has ended.
-    pub(crate) fn start(
-        &mut self,
-        input: BuildInput,
-        toward: Option<Point>,
-        writer: Option<TreeWriter>,
-    ) -> BuildResult<()> {
-        self.thread.start(Job {
-            input,
-            toward,
-            spare: std::mem::take(&mut self.spare),
-            discarded_last: std::mem::take(&mut self.discarded_last),
-            writer,
-        })
-    }
-
     /// Builds a tree from scratch while the caller waits.
-    pub(crate) fn build_now(
-        &mut self,
-        input: BuildInput,
-        toward: Option<Point>,
-    ) -> BuildResult<Built> {
-        let (animation, spare) = (&self.animation, std::mem::take(&mut self.spare));
-        self.pool.with(|builder| {
+    pub(crate) fn build_now(&self, input: BuildInput, toward: Option<Point>) -> BuildResult<Built> {
+        let animation = &self.animation;
+        self.threads.build(&self.builder, |builder| {
             builder.order_toward(toward);
-            builder.reuse(spare);
             builder.build(animation, input, &Cancel::new())
         })
     }
 
-    /// Takes the memory of an adopted topology, which the backend has copied.
-    pub(crate) fn recycle(&mut self, adopted: Topology) {
-        self.spare = adopted.into_spare();
+    /// Takes the memory of an adopted topology, which the backend has copied. No build may be in flight.
+    pub(crate) fn recycle(&self, adopted: Topology) {
+        lock(&self.builder).reuse(adopted.into_spare());
     }
 
-    /// Takes the memory of the thread's last topology, which was never used.
-    pub(crate) fn discard(&mut self, rejected: Topology) {
-        self.spare = rejected.into_spare();
-        self.discarded_last = true;
+    /// Takes the memory of the last topology, which was never used. No build may be in flight.
+    pub(crate) fn discard(&self, rejected: Topology) {
+        let mut builder = lock(&self.builder);
+        builder.reuse(rejected.into_spare());
+        builder.revert();
     }
 
     /// Allocates the memory of later builds by building trees that are dropped. See `TreeBuilder::warm_up`. No job may
@@ -91,6 +68,6 @@ impl HostBuilder {
         let animation = &self.animation;
         let warmed = |builder: &mut TreeBuilder| builder.warm_up(animation, pose, &Cancel::new());
         // The trees are dropped, so an error does not matter. The next build reports it again.
-        let _ = self.pool.with(warmed);
+        let _ = self.threads.build(&self.builder, warmed);
     }
 }

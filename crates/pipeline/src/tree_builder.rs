@@ -95,9 +95,7 @@ impl TreeBuilder {
 
     /// Takes the memory of an old topology for the next one.
     pub(crate) fn reuse(&mut self, spare: Spare) {
-        if !spare.is_empty() {
-            self.spare = spare;
-        }
+        self.spare = spare;
     }
 
     /// Sets the common end point of the rays that later trees are ordered for. See [`SahBuilder::toward`].
@@ -134,10 +132,6 @@ impl TreeBuilder {
         cancel: &Cancel,
     ) -> Result<Built, BuildError> {
         self.order_toward(job.toward);
-        self.reuse(job.spare);
-        if job.discarded_last {
-            self.revert();
-        }
         let built = self.rebuild(animation, job.input, cancel)?;
         if let Some(write) = job.writer {
             write(&built.topology);

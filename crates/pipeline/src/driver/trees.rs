@@ -6,7 +6,7 @@ use super::pause::RequestPause;
 use crate::builder_thread::BuildResult;
 use crate::error::PipelineError;
 use crate::frame::ms;
-use crate::tree_builder::{BuildInput, Built, Vertices};
+use crate::tree_builder::{BuildInput, Built, Job, Vertices};
 use backend::{FrameReport, Generation, Ticket};
 use geom::Pose;
 use std::time::Instant;
@@ -260,7 +260,11 @@ impl Driver {
         let last_time = observation.second_time.unwrap_or(request.time);
         let writer = self.backend.tree_writer(request.generation)?;
         self.trees.next.advance(Event::BuildStarted { last_time });
-        let started = self.builder.start(input, self.recording.light, writer);
+        let started = self.builder.thread.start(Job {
+            input,
+            toward: self.recording.light,
+            writer,
+        });
         if started.is_err() {
             self.trees.next.advance(Event::BuildFailed);
         }

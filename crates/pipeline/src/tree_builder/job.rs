@@ -2,7 +2,6 @@
 
 use super::Vertices;
 use backend::{Snapshot, TreeWriter};
-use bvh_layout::Spare;
 use geom::{Point, Pose};
 
 /// Vertices of a build. See [`TreeBuilder::rebuild`](super::TreeBuilder::rebuild).
@@ -40,10 +39,6 @@ pub(crate) struct Job {
     pub(crate) input: BuildInput,
     /// Common end point of the any-hit rays, if they have one.
     pub(crate) toward: Option<Point>,
-    /// Memory of an old topology, or empty.
-    pub(crate) spare: Spare,
-    /// Whether the previous job's tree was never used.
-    pub(crate) discarded_last: bool,
     /// Writes the tree in the device's format, if the backend provides a writer.
     pub(crate) writer: Option<TreeWriter>,
 }
