@@ -35,15 +35,9 @@ pub struct BackendEntry<'a> {
     rank_reason: &'static str,
     /// Kinds of devices that it may have. Empty if `auto` never selects it.
     pub kinds: &'static [DeviceKind],
-    /// Name of a backend that finds every GPU that this backend finds.
-    covered_by: Option<BackendName>,
     list: &'a dyn Fn() -> backend::Result<Vec<AdapterInfo>>,
     open: &'a Open<'a>,
 }
-
-/// Whether Vulkan is the only API that wgpu uses on this platform.
-#[cfg(feature = "wgpu")]
-const WGPU_IS_VULKAN: bool = cfg!(not(any(windows, target_vendor = "apple")));
 
 /// All backends of this build. [`open_best`] tries backends with the same kind of device in this order.
 pub const BACKENDS: &[BackendEntry<'static>] = &[
@@ -54,18 +48,12 @@ pub const BACKENDS: &[BackendEntry<'static>] = &[
         kinds: GPUS,
         list: &gpu_vulkan::adapters,
         open: &|adapter, _| Ok(Box::new(gpu_vulkan::open(&gpu_options(adapter))?)),
-        ..CPU
     },
     #[cfg(feature = "wgpu")]
     BackendEntry {
         name: BackendName::Wgpu,
         rank_reason: "wgpu is next after vulkan",
         kinds: GPUS,
-        covered_by: if WGPU_IS_VULKAN {
-            Some(BackendName::Vulkan)
-        } else {
-            None
-        },
         list: &gpu_wgpu::adapters,
         open: &|adapter, _| Ok(Box::new(gpu_wgpu::open(&gpu_options(adapter))?)),
     },
@@ -86,7 +74,6 @@ const CPU: BackendEntry<'static> = BackendEntry {
     name: BackendName::Cpu,
     rank_reason: "the host is always available",
     kinds: &[DeviceKind::Cpu],
-    covered_by: None,
     list: &list_cpu,
     open: &|_, threads| Ok(Box::new(cpu_simd::open(Some(threads))?)),
 };

@@ -6,7 +6,6 @@
 use super::adapters::match_adapter;
 use super::{BACKENDS, BackendEntry};
 use backend::{AdapterInfo, Backend, BackendError, DeviceKind};
-use std::cell::OnceCell;
 use std::fmt::Display;
 
 /// Kinds of devices, best first.
@@ -34,105 +33,84 @@ pub fn open_best<T, E: From<BackendError> + Display>(
     threads: usize,
     prepare: impl Fn(Box<dyn Backend>) -> Result<T, E>,
 ) -> Result<(T, String), NoBackend<E>> {
-    let selection = Selection::new(BACKENDS.iter().collect(), adapter);
-    selection.open_first(threads, prepare)
+    open_first(BACKENDS, adapter, threads, prepare)
+}
+
+/// Opens the first of `backends`, in order of preference, for which `prepare` succeeds.
+fn open_first<T, E: From<BackendError> + Display>(
+    backends: &[BackendEntry<'_>],
+    adapter: Option<&str>,
+    threads: usize,
+    prepare: impl Fn(Box<dyn Backend>) -> Result<T, E>,
+) -> Result<(T, String), NoBackend<E>> {
+    let mut selection = Selection {
+        requested: adapter,
+        present: Vec::new(),
+        rejections: Vec::new(),
+    };
+    let mut lists: Vec<_> = backends.iter().map(|_| None).collect();
+    let mut last_error = None;
+    for kind in PREFERENCE {
+        let with_kind = backends.iter().zip(&mut lists);
+        for (entry, list) in with_kind.filter(|(entry, _)| entry.kinds.contains(&kind)) {
+            if list.is_none() {
+                *list = Some(selection.adapters(entry).map_err(|reason| NoBackend {
+                    reason,
+                    last_error: None,
+                })?);
+            }
+            for adapter in list.iter().flatten().filter(|a| a.kind == kind) {
+                let opened = (entry.open)(Some(adapter.index), threads);
+                let e = match opened.map_err(E::from).and_then(&prepare) {
+                    Ok(value) => return Ok((value, selection.reason_for(entry, adapter))),
+                    Err(e) => e,
+                };
+                let (name, adapter) = (entry.name, &adapter.name);
+                selection
+                    .rejections
+                    .push(format!("{name} on {adapter}: {e}"));
+                last_error = Some(e);
+            }
+        }
+    }
+    Err(selection.failure(last_error))
 }
 
 /// A selection in progress.
 struct Selection<'s> {
-    backends: Vec<&'s BackendEntry<'s>>,
     /// Index of the requested adapter, or part of its name.
     requested: Option<&'s str>,
-    /// Adapters of each backend, once they are listed.
-    lists: Vec<OnceCell<backend::Result<Vec<AdapterInfo>>>>,
+    /// Backends that were listed, with their adapters.
+    present: Vec<String>,
     /// Reasons why other backends and adapters were not selected.
     rejections: Vec<String>,
 }
 
-impl<'s> Selection<'s> {
-    fn new(backends: Vec<&'s BackendEntry<'s>>, requested: Option<&'s str>) -> Self {
-        Self {
-            lists: backends.iter().map(|_| OnceCell::new()).collect(),
-            backends,
-            requested,
-            rejections: Vec::new(),
-        }
-    }
-
-    /// Opens the first backend, in order of preference, for which `prepare` succeeds.
-    fn open_first<T, E: From<BackendError> + Display>(
-        mut self,
-        threads: usize,
-        prepare: impl Fn(Box<dyn Backend>) -> Result<T, E>,
-    ) -> Result<(T, String), NoBackend<E>> {
-        let mut last_error = None;
-        let count = self.backends.len();
-        let order = PREFERENCE.map(|kind| (0..count).map(move |i| (kind, i)));
-        for (kind, i) in order.into_iter().flatten() {
-            let entry = self.backends[i];
-            let adapters = self.adapters(i, kind).map_err(|reason| NoBackend {
-                reason,
-                last_error: None,
-            })?;
-            for adapter in adapters {
-                let opened = (entry.open)(Some(adapter.index), threads);
-                let e = match opened.map_err(E::from).and_then(&prepare) {
-                    Ok(value) => return Ok((value, self.reason_for(entry, &adapter))),
-                    Err(e) => e,
-                };
-                self.reject(format!("{} on {}: {e}", entry.name, adapter.name));
-                last_error = Some(e);
-            }
-        }
-        Err(self.failure(last_error))
-    }
-
-    /// Returns the adapters of backend `i` that have this kind and match the request.
-    fn adapters(&mut self, i: usize, kind: DeviceKind) -> Result<Vec<AdapterInfo>, String> {
-        let entry = self.backends[i];
-        let is_gpu = kind == DeviceKind::Gpu;
-        if !entry.kinds.contains(&kind) || (is_gpu && self.is_covered(entry)) {
-            return Ok(Vec::new());
-        }
-        let list = match self.lists[i].get_or_init(|| entry.adapters()) {
+impl Selection<'_> {
+    /// Lists the adapters of a backend that match the request.
+    fn adapters(&mut self, entry: &BackendEntry<'_>) -> Result<Vec<AdapterInfo>, String> {
+        let name = entry.name;
+        let list = match entry.adapters() {
             Ok(list) => list,
             Err(e) => {
-                let reason = format!("{} cannot run: {e}", entry.name);
-                self.reject(reason);
+                self.rejections.push(format!("{name} cannot run: {e}"));
                 return Ok(Vec::new());
             }
         };
-        let mut matches = match self.requested {
-            None => list.clone(),
-            Some(requested) => {
-                let found = match_adapter(entry.name.name(), list, requested)?;
-                found.cloned().into_iter().collect()
-            }
-        };
-        if is_gpu && self.requested.is_none() && matches.iter().all(|a| a.kind != kind) {
-            let names: Vec<_> = matches.iter().map(|a| a.name.as_str()).collect();
+        let numbered = AdapterInfo::numbered(&list);
+        self.present.push(format!("{name} {numbered}"));
+        if let Some(requested) = self.requested {
+            let found = match_adapter(name.name(), &list, requested)?;
+            return Ok(found.cloned().into_iter().collect());
+        }
+        let is_gpu = |kind: &DeviceKind| *kind == DeviceKind::Gpu;
+        if entry.kinds.iter().any(is_gpu) && !list.iter().any(|a| is_gpu(&a.kind)) {
+            let names: Vec<_> = list.iter().map(|a| a.name.as_str()).collect();
             let only = format!("only {} on the host's cores", names.join(" and "));
-            self.reject(format!("{} finds no GPU but {only}", entry.name));
+            self.rejections
+                .push(format!("{name} finds no GPU but {only}"));
         }
-        matches.retain(|a| a.kind == kind);
-        Ok(matches)
-    }
-
-    /// Returns whether this backend can have no GPU, because the backend that covers it was listed and found none.
-    fn is_covered(&self, entry: &BackendEntry<'_>) -> bool {
-        let position = |name| self.backends.iter().position(|r| r.name == name);
-        let other = entry.covered_by.and_then(position);
-        match other.and_then(|i| self.lists[i].get()) {
-            Some(Ok(list)) => list.iter().all(|a| a.kind != DeviceKind::Gpu),
-            Some(Err(_)) => true,
-            None => false,
-        }
-    }
-
-    fn reject(&mut self, reason: String) {
-        if !self.rejections.contains(&reason) {
-            self.rejections.push(reason);
-        }
+        Ok(list)
     }
 
     /// Returns the reason for selecting an adapter.
@@ -158,20 +136,15 @@ impl<'s> Selection<'s> {
             };
             return NoBackend { reason, last_error };
         }
-        let present: Vec<_> = (self.backends.iter().zip(&self.lists))
-            .filter_map(|(entry, list)| {
-                let list = list.get()?.as_ref().ok()?;
-                Some(format!("{} {}", entry.name, AdapterInfo::numbered(list)))
-            })
-            .collect();
-        if let Some(requested) = self.requested.filter(|_| !present.is_empty()) {
+        if let Some(requested) = self.requested.filter(|_| !self.present.is_empty()) {
             let other = if self.rejections.is_empty() {
                 ""
             } else {
                 "other "
             };
             let none = format!("no {other}backend has an adapter '{requested}'");
-            self.reject(format!("{none}; there is {}", present.join(", ")));
+            let present = self.present.join(", ");
+            self.rejections.push(format!("{none}; there is {present}"));
         }
         NoBackend {
             reason: self.rejections.join("; "),

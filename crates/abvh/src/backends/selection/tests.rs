@@ -12,7 +12,6 @@ struct Fake {
     name: BackendName,
     offers: Result<Vec<(&'static str, DeviceKind)>, &'static str>,
     breaks: Option<fn() -> BackendError>,
-    covered_by: Option<BackendName>,
 }
 
 fn fake(name: BackendName, offers: &[(&'static str, DeviceKind)]) -> Fake {
@@ -20,7 +19,6 @@ fn fake(name: BackendName, offers: &[(&'static str, DeviceKind)]) -> Fake {
         name,
         offers: Ok(offers.to_vec()),
         breaks: None,
-        covered_by: None,
     }
 }
 
@@ -101,13 +99,11 @@ fn choose(
             BackendName::CpuRef => &[],
             _ => &[Gpu, Software],
         },
-        covered_by: fake.covered_by,
         list,
         open,
     });
     let entries: Vec<BackendEntry<'_>> = entries.collect();
-    let selection = Selection::new(entries.iter().collect(), asked);
-    let selected = selection.open_first(1, |_| Ok(()));
+    let selected = open_first(&entries, asked, 1, |_| Ok(()));
     (selected.map(|((), reason)| reason), log.take())
 }
 
@@ -187,23 +183,6 @@ fn the_reference_is_never_selected() {
     assert!(found.is_err() && log.is_empty(), "{log:?}");
     let entry = crate::backends::find_backend(BackendName::CpuRef).unwrap();
     assert!(entry.kinds.is_empty());
-}
-
-#[test]
-fn skips_backends_covered_by_another() {
-    let covered = Fake {
-        covered_by: Some(BackendName::Vulkan),
-        ..fake(BackendName::Wgpu, &[CARD])
-    };
-    let log = |first| choose(&[first, covered.clone(), host()], None).1;
-    for first in [
-        fake(BackendName::Vulkan, &[SOFT]),
-        absent(BackendName::Vulkan),
-    ] {
-        assert!(!log(first).contains(&"list wgpu".to_owned()));
-    }
-    // It is listed if the other backend has a GPU but cannot use it.
-    assert!(log(broken(BackendName::Vulkan, too_small)).contains(&"open wgpu card".to_owned()));
 }
 
 #[test]
