@@ -61,14 +61,6 @@ pub(crate) struct ResidentScene {
     pub(crate) host_colours: Option<Option<Arc<[Colour]>>>,
 }
 
-/// Queries of a step that are begun together.
-#[derive(Clone, Copy)]
-pub(crate) struct Batch<'a> {
-    /// One for each query.
-    pub(crate) ids: &'a [QueryId],
-    pub(crate) queries: &'a [Query<'a>],
-}
-
 /// The location of a query's result.
 pub(crate) struct QueryResult {
     pub(crate) query: QueryId,
@@ -201,12 +193,17 @@ impl ResidentScene {
         self.joined.newest()
     }
 
-    /// Submits queries, in one submission if the device can, and records where their results will be.
-    pub(crate) fn begin(&mut self, time: f64, batch: Batch<'_>) -> Result<()> {
-        let Batch { ids, queries } = batch;
+    /// Submits queries, in one submission if the device can, and records where their results will be. `ids` has one
+    /// entry per query.
+    pub(crate) fn begin(
+        &mut self,
+        time: f64,
+        ids: &[QueryId],
+        queries: &[Query<'_>],
+    ) -> Result<()> {
         if queries.len() > 1 && !self.driver.can_batch(queries) {
             let mut each = ids.chunks(1).zip(queries.chunks(1));
-            return each.try_for_each(|(ids, queries)| self.begin(time, Batch { ids, queries }));
+            return each.try_for_each(|(ids, queries)| self.begin(time, ids, queries));
         }
         while self.in_flight.len() >= self.driver.max_in_flight(queries) {
             self.finish()?;

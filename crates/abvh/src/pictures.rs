@@ -2,7 +2,7 @@
 
 use crate::frames::LitView;
 use crate::joined::JoinedScene;
-use crate::loaded::{Batch, ResidentScene};
+use crate::loaded::ResidentScene;
 use crate::mesh::Colour;
 use crate::query::{QueryId, StepId};
 use crate::shading::{Surfaces, palette};
@@ -48,11 +48,7 @@ impl Step<'_> {
     fn render_as(&mut self, id: QueryId, view: LitView<'_>) -> Result<()> {
         let current = &mut self.tracer.current;
         let colours = current.host_colours()?;
-        let batch = Batch {
-            ids: &[id],
-            queries: &[view.query()],
-        };
-        current.begin(self.time, batch)?;
+        current.begin(self.time, &[id], &[view.query()])?;
         let (Some(colours), Some(index)) = (colours, current.results.len().checked_sub(1)) else {
             return Ok(());
         };
@@ -98,7 +94,9 @@ impl ResidentScene {
         let palette = palette(&colours);
         // Without triangles, the device traces nothing and the picture is only sky, so the host shades.
         let is_on_device = self.joined.animation.live_count() > 0
-            && self.driver.shade(&palette).map_err(Error::of_driver)?;
+            && (self.driver.backend())
+                .load_palette(&palette)
+                .map_err(Error::of_backend)?;
         let known = (!is_on_device).then_some(colours);
         Ok(self.host_colours.insert(known).clone())
     }

@@ -1,6 +1,5 @@
 //! Steps: the positions of meshes at one time, and the queries traced there.
 
-use crate::loaded::Batch;
 use crate::motion::{MeshMotion, transform};
 use crate::query::{DeferredQuery, DeferredRays, QueryId, StepId};
 use crate::state::TracerState;
@@ -155,11 +154,7 @@ impl Step<'_> {
             return Ok(self.defer(DeferredRays::Camera(*camera), query));
         }
         let id = self.next_id();
-        let batch = Batch {
-            ids: &[id],
-            queries: &[query.of(rays)],
-        };
-        let begun = self.tracer.current.begin(self.time, batch);
+        let begun = (self.tracer.current).begin(self.time, &[id], &[query.of(rays)]);
         self.finish_query(id, begun)
     }
 
@@ -214,11 +209,7 @@ impl Step<'_> {
         }
         let ids: Vec<_> = self.deferred.iter().map(|query| query.id).collect();
         let queries: Vec<_> = self.deferred.iter().map(DeferredQuery::query).collect();
-        let batch = Batch {
-            ids: &ids,
-            queries: &queries,
-        };
-        current.begin(self.time, batch)
+        current.begin(self.time, &ids, &queries)
     }
 }
 
