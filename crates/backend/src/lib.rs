@@ -42,30 +42,6 @@
 //! Large trees take time to reach a device. The builder thread therefore writes the tree through a [`TreeWriter`], and
 //! the driver adopts it once [`Backend::upload_tree`] returns `true`. No frame waits for the copy.
 //!
-//! # Candidates
-//!
-//! A candidate is a tree that is not current. [`Backend::evaluate`] refits it to the positions of the recorded frame,
-//! in buffers of its own. The submission's report contains the costs of both trees. A candidate that is adopted later
-//! keeps its buffers, so adopting it requires no further work.
-//!
-//! # Trees built on the device
-//!
-//! If [`Capabilities::device_rebuild`] is `Ok`, [`Backend::rebuild`] can replace `adopt`. Like a stage, it records
-//! work: the build of a tree from the current positions. The generation must increase as it does for `adopt`. Until
-//! the positions change, `preprocess` and `refit` do nothing, because the build includes both. After the positions
-//! change, `preprocess` panics: the owner must first rebuild or adopt another tree.
-//!
-//! # Pictures
-//!
-//! Once [`Backend::load_palette`] has returned `true`, `trace` also shades the hits of a picture, and
-//! [`Backend::pixels`] returns the pixels. They equal, byte for byte, those of the host's shading in crate `abvh`.
-//!
-//! # Positions
-//!
-//! [`Backend::request_positions`] records a copy of the interpolated vertices to the host. [`Backend::take_positions`]
-//! polls for it and never blocks. A submission contains at most one request. Requests of several submissions may be
-//! outstanding; they complete in submission order.
-//!
 //! # Hits
 //!
 //! A hit depends on the ray, the triangles and the intersector only. It does not depend on the tree, its age, its
@@ -192,8 +168,8 @@ pub trait Backend: Send + Any {
 
     /// Records the refit of a tree that is not current, in addition to the current one. Call it after `interpolate` and
     /// before `preprocess`, with a tree whose [upload](Backend::upload_tree) has finished. The submission's report then
-    /// contains the tree's cost ([`FrameReport::candidate_cost`]). Returns `false`, and records nothing, if the backend
-    /// measures no costs or lacks memory for a second tree.
+    /// contains the tree's cost ([`FrameReport::candidate_cost`]). If the tree is adopted later, no further work is
+    /// needed. Returns `false`, and records nothing, if the backend measures no costs or lacks memory for a second tree.
     ///
     /// # Errors
     /// The tree does not contain exactly the animation's live triangles.
@@ -201,9 +177,10 @@ pub trait Backend: Send + Any {
         Ok(false)
     }
 
-    /// Records the build of a tree on the device from the current positions, and makes the tree current. `preprocess`
-    /// and `refit` may follow as after [`Backend::adopt`]. The first build allocates scratch memory, which is kept
-    /// until another scene is loaded.
+    /// Records the build of a tree on the device from the current positions, and makes the tree current. The generation
+    /// must increase as it does for [`Backend::adopt`]. The build includes `preprocess` and `refit`, which do nothing
+    /// until the positions change. After that, `preprocess` panics until another tree is built or adopted. The first
+    /// build allocates scratch memory, which is kept until another scene is loaded.
     ///
     /// # Errors
     /// Also the error of [`Capabilities::device_rebuild`].
@@ -251,7 +228,8 @@ pub trait Backend: Send + Any {
     fn take_hits(&mut self, ticket: Ticket, index: usize, hits: &mut Hits) -> Result<()>;
 
     /// Blocks until `ticket` has finished and copies its pixels into `out`: four bytes each (red, green, blue, 255),
-    /// row by row. Returns `false` if the submission shaded no pixels; the host then shades its hits.
+    /// row by row. They equal, byte for byte, those of the host's shading in crate `abvh`. Returns `false` if the
+    /// submission shaded no pixels; the host then shades its hits.
     fn pixels(&mut self, _ticket: Ticket, _out: &mut Vec<u8>) -> Result<bool> {
         Ok(false)
     }
