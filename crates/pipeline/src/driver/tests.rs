@@ -125,6 +125,11 @@ fn render(
     let log = Arc::clone(&fake.log);
     let mut driver = driver(fake, animation, by).unwrap();
     let records = play(&mut driver, times, rest);
+    end(driver, log, records)
+}
+
+/// Drops the driver with its fake.
+fn end(driver: Driver, log: Arc<Mutex<Log>>, records: Vec<PlayedFrame>) -> Run {
     let built = driver.builder.thread.is_open();
     drop(driver);
     Run {

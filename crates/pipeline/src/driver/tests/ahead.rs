@@ -66,14 +66,7 @@ fn early(from: u64, latency: u64) -> Run {
         finish(&mut driver, begun)
     };
     let records = (0..5).map(frame).collect();
-    let built = driver.builder.thread.is_open();
-    drop(driver);
-    let log = read(log);
-    Run {
-        records,
-        log,
-        built,
-    }
+    end(driver, log, records)
 }
 
 #[test]
@@ -151,14 +144,7 @@ fn play_measured(by: Config, frames: u64, knows_key_frames: bool) -> Run {
         driver.forget_key_frames();
     }
     let records = play(&mut driver, (0..frames).map(|index| index as f64), |_| 1);
-    let built = driver.builder.thread.is_open();
-    drop(driver);
-    let log = read(log);
-    Run {
-        records,
-        log,
-        built,
-    }
+    end(driver, log, records)
 }
 
 #[test]
@@ -270,24 +256,19 @@ fn resting_scene_stops_requesting_trees() {
 }
 
 /// Renders frames of a scene whose positions only the backend has. It moves in the first `moving` frames.
-fn unknown(frames: u64, moving: u64) -> (Vec<PlayedFrame>, Log) {
-    unknown_by(FREE, frames, moving)
-}
-
-fn unknown_by(by: Config, frames: u64, moving: u64) -> (Vec<PlayedFrame>, Log) {
+fn unknown(by: Config, frames: u64, moving: u64) -> Run {
     let fake = Fake::new(Some(1));
     let log = Arc::clone(&fake.log);
     let mut driver = driver(fake, &shuffled(65, 64), by).unwrap();
     driver.forget_key_frames();
     let times = (0..frames).map(|index| index.min(moving) as f64 * 0.25);
     let records = play(&mut driver, times, |_| 1);
-    drop(driver);
-    (records, read(log))
+    end(driver, log, records)
 }
 
 #[test]
 fn device_only_vertices_need_two_readbacks() {
-    let (records, log) = unknown(60, 60);
+    let Run { records, log, .. } = unknown(FREE, 60, 60);
     assert!(log.adopted.len() > 3);
     // The first tree uses only its own frame's vertices.
     let asked = records.iter().filter(|r| r.requested.is_some()).count();
@@ -297,7 +278,7 @@ fn device_only_vertices_need_two_readbacks() {
 #[test]
 fn lockstep_needs_one_readback_per_tree() {
     for (k, moving) in [(1, 60), (3, 60), (3, 5)] {
-        let (records, log) = unknown_by((lockstep(k), true), 20, moving);
+        let Run { records, log, .. } = unknown((lockstep(k), true), 20, moving);
         let asked = records.iter().filter(|r| r.requested.is_some()).count();
         assert!(log.adopted.len() > 1 && log.requested == 1 + asked, "{k}");
     }
@@ -305,7 +286,7 @@ fn lockstep_needs_one_readback_per_tree() {
 
 #[test]
 fn resting_device_scene_gets_final_tree() {
-    let (records, _) = unknown(120, 5);
+    let records = unknown(FREE, 120, 5).records;
     assert_eq!(moment(&records[119]), 1.25);
     assert!(records[80..].iter().all(|r| r.requested.is_none()));
 }
