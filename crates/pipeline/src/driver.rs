@@ -15,8 +15,7 @@ use crate::host_builder::HostBuilder;
 use crate::latency::LatencyPredictor;
 use adoption::AdoptionRule;
 use backend::{
-    Backend, BackendError, FRAMES_IN_FLIGHT, Generation, Intersector, Palette, Policy, Query,
-    Ticket,
+    Backend, BackendError, FRAMES_IN_FLIGHT, Generation, Intersector, Policy, Query, Ticket,
 };
 use geom::{Animation, Point, Pose};
 use next_tree::Event;
@@ -131,14 +130,6 @@ impl Driver {
     /// Starts to compile, on other threads, the kernels that frames with this query need.
     pub fn prepare(&mut self, query: Query<'_>) {
         self.backend.prepare(query, self.has_device_trees());
-    }
-
-    /// Enables shading of all further frames. Returns `false` if the backend does not shade.
-    ///
-    /// # Errors
-    /// Those of [`Backend::load_palette`].
-    pub fn shade(&mut self, palette: &Palette) -> Result<bool, PipelineError> {
-        Ok(self.backend.load_palette(palette)?)
     }
 
     /// Declares that from now on only the backend receives positions. Trees are then built from positions that are read

@@ -2,11 +2,11 @@
 //! rendered.
 
 use crate::builder_thread::{BuildResult, BuilderThread, BuilderThreads};
-use crate::tree_builder::{BuildInput, Built, TreeBuilder};
+use crate::tree_builder::{Built, Job, TreeBuilder};
 use backend::TreeFormat;
 use bvh_build::Cancel;
 use bvh_layout::Topology;
-use geom::{Animation, Point, Pose, lock};
+use geom::{Animation, Pose, lock};
 use std::sync::{Arc, Mutex};
 
 /// Builds the trees of one driver.
@@ -41,12 +41,11 @@ impl HostBuilder {
         }
     }
 
-    /// Builds a tree from scratch while the caller waits.
-    pub(crate) fn build_now(&self, input: BuildInput, toward: Option<Point>) -> BuildResult<Built> {
+    /// Builds a tree while the caller waits.
+    pub(crate) fn build_now(&self, job: Job) -> BuildResult<Built> {
         let animation = &self.animation;
         self.threads.build(&self.builder, |builder| {
-            builder.order_toward(toward);
-            builder.build(animation, input, &Cancel::new())
+            builder.execute(animation, job, &Cancel::new())
         })
     }
 

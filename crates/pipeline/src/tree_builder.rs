@@ -108,23 +108,7 @@ impl TreeBuilder {
         std::mem::swap(&mut self.tree, &mut self.last);
     }
 
-    /// Builds a tree from scratch and converts it. If `input` has half midpoints, the tree is built over boxes that
-    /// contain each triangle at both poses. Its cost is always measured at the vertices of `input`.
-    pub(crate) fn build(
-        &mut self,
-        animation: &Animation,
-        input: BuildInput,
-        cancel: &Cancel,
-    ) -> Result<Built, BuildError> {
-        let started = Instant::now();
-        let strategy = BuildStrategy::Scratch;
-        self.build_tree(&PoseSource::of(animation), &input, strategy, cancel)?;
-        let built = Instant::now();
-        let cost = sah_cost(&self.tree, &self.boxes[..]);
-        Ok(self.finish(animation, [started, built], cost, strategy))
-    }
-
-    /// Builds a tree for a job. See [`TreeBuilder::rebuild`].
+    /// Builds a tree for a job. See [`TreeBuilder::build`].
     pub(crate) fn execute(
         &mut self,
         animation: &Animation,
@@ -132,7 +116,7 @@ impl TreeBuilder {
         cancel: &Cancel,
     ) -> Result<Built, BuildError> {
         self.order_toward(job.toward);
-        let built = self.rebuild(animation, job.input, cancel)?;
+        let built = self.build(animation, job.input, cancel)?;
         if let Some(write) = job.writer {
             write(&built.topology);
         }
@@ -150,11 +134,13 @@ impl TreeBuilder {
 
     /// Builds a tree from `input` and converts it.
     ///
+    /// With [`BuildInput::half_midpoints`], the tree is built over boxes that contain each triangle at both poses, so it
+    /// separates triangles that move apart. Its cost is always measured at the vertices of `input`.
+    ///
     /// A tree that is compared with the last tree is built from subtrees of the last tree, which is faster. It is built
-    /// from scratch if trees degrade so slowly that build time does not matter. If trees degrade fast, the tree is
-    /// built over boxes that contain each triangle at both poses of [`BuildInput::half_midpoints`]. The tree then
-    /// separates triangles that move apart.
-    pub(crate) fn rebuild(
+    /// from scratch if trees degrade so slowly that build time does not matter. It is built over two poses only if trees
+    /// degrade fast.
+    pub(crate) fn build(
         &mut self,
         animation: &Animation,
         mut input: BuildInput,
@@ -174,7 +160,7 @@ impl TreeBuilder {
         } else {
             BuildStrategy::Scratch
         };
-        if !self.degradation.is_fast {
+        if is_compared && !self.degradation.is_fast {
             input.half_midpoints = None;
         }
         let costs = self.build_tree(source, &input, strategy, cancel)?;
@@ -186,10 +172,21 @@ impl TreeBuilder {
         } else {
             sah_cost(&self.tree, &self.boxes[..])
         };
-        let built = self.finish(animation, [started, built], cost, strategy);
+        let costs_known = Instant::now();
+        let topology = self.convert(animation);
+        std::mem::swap(&mut self.tree, &mut self.last);
         Ok(Built {
+            topology,
+            cost,
+            strategy,
+            next: self.degradation.strategy(),
             gave_up_extrapolation,
-            ..built
+            timestamps: BuildTimestamps {
+                started,
+                built,
+                costs_known,
+                ended: Instant::now(),
+            },
         })
     }
 
@@ -308,33 +305,6 @@ impl TreeBuilder {
         };
         let costs = (self.subtree_rebuilder).build(&mut self.builder, previous, cancel, tree)?;
         Ok(Some(costs))
-    }
-
-    /// Converts the new tree, which then becomes the last one.
-    fn finish(
-        &mut self,
-        animation: &Animation,
-        [started, built]: [Instant; 2],
-        cost: f64,
-        strategy: BuildStrategy,
-    ) -> Built {
-        let costs_known = Instant::now();
-        let topology = self.convert(animation);
-        std::mem::swap(&mut self.tree, &mut self.last);
-        let ended = Instant::now();
-        Built {
-            topology,
-            cost,
-            strategy,
-            next: self.degradation.strategy(),
-            gave_up_extrapolation: false,
-            timestamps: BuildTimestamps {
-                started,
-                built,
-                costs_known,
-                ended,
-            },
-        }
     }
 
     /// Returns the new tree as a topology, in the requested format.

@@ -243,7 +243,8 @@ impl Driver {
     pub(super) fn start_build(&mut self, vertices: Vertices) -> Result<(), PipelineError> {
         let request = self.trees.next.request();
         let half_midpoints = request.map(|request| request.half_midpoints);
-        let half_midpoints = half_midpoints.filter(|_| self.predicts());
+        let half_midpoints =
+            half_midpoints.filter(|_| self.predicts() && self.adoption_rule().by_cost);
         let input = BuildInput {
             half_midpoints: half_midpoints.map(|times| self.poses(times)),
             ..BuildInput::of(vertices)
@@ -330,7 +331,11 @@ impl Driver {
             half_midpoints,
             ..BuildInput::of(Vertices::ReadBack(positions))
         };
-        let built = self.builder.build_now(input, self.recording.light);
+        let built = self.builder.build_now(Job {
+            input,
+            toward: self.recording.light,
+            writer: None,
+        });
         self.recording.record.build_wait_ms += ms(start.elapsed());
         Ok(built.map(|built| CandidateTree::new(request, built)))
     }

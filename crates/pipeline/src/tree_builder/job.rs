@@ -4,7 +4,7 @@ use super::Vertices;
 use backend::{Snapshot, TreeWriter};
 use geom::{Point, Pose};
 
-/// Vertices of a build. See [`TreeBuilder::rebuild`](super::TreeBuilder::rebuild).
+/// Vertices of a build. See [`TreeBuilder::build`](super::TreeBuilder::build).
 pub(crate) struct BuildInput {
     /// Source of the vertices.
     pub(crate) vertices: Vertices,

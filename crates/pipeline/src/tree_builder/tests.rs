@@ -71,22 +71,12 @@ impl Course {
             animation,
             builder: TreeBuilder::with_format(format),
         };
-        course.build(0, None);
+        course.build(0.0, None, false);
         course
     }
 
-    /// Builds a tree for a key frame or over two times, without comparison.
-    fn build(&mut self, key: usize, half_midpoints: Option<[f64; 2]>) -> Built {
-        let (a, pose) = (&self.animation, |time| self.animation.pose(time));
-        let input = BuildInput {
-            half_midpoints: half_midpoints.map(|h| h.map(pose)),
-            ..BuildInput::of(Vertices::KeyFrames(pose(key as f64)))
-        };
-        self.builder.build(a, input, &Cancel::new()).unwrap()
-    }
-
     /// Builds a tree for one time or over two times.
-    fn rebuild(&mut self, time: f64, half_midpoints: Option<[f64; 2]>, is_compared: bool) -> Built {
+    fn build(&mut self, time: f64, half_midpoints: Option<[f64; 2]>, is_compared: bool) -> Built {
         let pose = |time| self.animation.pose(time);
         let input = BuildInput {
             half_midpoints: half_midpoints.map(|h| h.map(pose)),
@@ -94,14 +84,13 @@ impl Course {
             ..BuildInput::of(Vertices::KeyFrames(pose(time)))
         };
         let (builder, cancel) = (&mut self.builder, Cancel::new());
-        let built = builder.rebuild(&self.animation, input, &cancel);
-        built.unwrap()
+        builder.build(&self.animation, input, &cancel).unwrap()
     }
 
     /// Returns the last tree and a new one for `time`, whose use begins 0.375 key frames earlier.
     fn next(&mut self, time: f64) -> [BinaryTree; 2] {
         let last = self.builder.last.clone();
-        self.rebuild(time, Some([time - 0.375, time]), true);
+        self.build(time, Some([time - 0.375, time]), true);
         [last, self.builder.last.clone()]
     }
 
@@ -143,9 +132,9 @@ fn warm_up_does_not_change_trees() {
             !builder.spare.is_empty()
         };
         assert!(!warm_up(&mut course, 0.0), "there is no tree to begin with");
-        course.build(0, None);
+        course.build(0.0, None, false);
         assert!(!warms_up || warm_up(&mut course, 2.0));
-        course.rebuild(1.0, None, true)
+        course.build(1.0, None, true)
     };
     let [plain, warmed] = [false, true].map(next);
     assert_eq!(plain.strategy, BuildStrategy::Subtrees);
@@ -171,26 +160,16 @@ fn optional_forms_do_not_change_trees() {
 fn cost_is_measured_at_the_pose() {
     let mut course = Course::over(clumps(), TreeFormat::Binary);
     let half_midpoints = [0.25, 0.75];
-    let built = course.build(0, Some(half_midpoints));
+    let built = course.build(0.0, Some(half_midpoints), false);
     let last = &course.builder.last;
     let boxes = swept(&course.animation, half_midpoints);
     assert_eq!(*last, BinaryTree::over(&boxes[..]));
     assert_eq!(built.cost, sah_cost(last, &course.boxes(0.0)[..]));
     for time in [1.0, 2.0] {
         let half_midpoints = Some([time - 0.375, time]);
-        let cost = course.rebuild(time, half_midpoints, true).cost;
+        let cost = course.build(time, half_midpoints, true).cost;
         let found = sah_cost(&course.builder.last, &course.boxes(time)[..]);
         assert!((cost / found - 1.0).abs() < 1e-9, "{cost} {found}");
-    }
-}
-
-#[test]
-fn unevaluated_tree_is_not_degraded() {
-    let mut course = Course::over(shuffled(), TreeFormat::Binary);
-    for _ in 0..3 {
-        let found = course.rebuild(1.0, Some([0.625, 1.0]), false);
-        let own = Course::over(shuffled(), TreeFormat::Binary).build(1, None);
-        assert_eq!(found.topology.words(), own.topology.words());
     }
 }
 
@@ -206,9 +185,10 @@ fn key_frames_match_read_back_vertices() {
     assert_eq!(x, y);
 }
 
-/// Builds a tree for the time `middle` from positions that are observed at `times`.
-fn observed(course: &mut Course, times: [f64; 2], middle: f64) -> Built {
-    let seen = times.map(|time| Box::new(positions(&course.animation, time)) as Snapshot);
+/// Builds a tree for the time `middle` from positions that are observed at `times`. They are those of the animation at
+/// the times `places`.
+fn observed(course: &mut Course, places: [f64; 2], times: [f64; 2], middle: f64) -> Built {
+    let seen = places.map(|time| Box::new(positions(&course.animation, time)) as Snapshot);
     let pose = pose_between(times, middle);
     let input = BuildInput {
         vertices: Vertices::KeyFrames(pose),
@@ -220,14 +200,14 @@ fn observed(course: &mut Course, times: [f64; 2], middle: f64) -> Built {
         is_compared: true,
     };
     let Course { builder, animation } = course;
-    let built = builder.rebuild(animation, input, &Cancel::new());
+    let built = builder.build(animation, input, &Cancel::new());
     built.unwrap()
 }
 
 /// Returns the last of several trees, each built for a known time.
 fn known(times: &[f64]) -> Topology {
     let mut course = Course::over(shuffled(), TreeFormat::Binary);
-    let made = times.iter().map(|&t| course.rebuild(t, Some([t; 2]), true));
+    let made = times.iter().map(|&t| course.build(t, Some([t; 2]), true));
     made.last().unwrap().topology
 }
 
@@ -235,7 +215,7 @@ fn known(times: &[f64]) -> Topology {
 fn extrapolates_observed_motion() {
     let observed = |times, middle| {
         let mut course = Course::over(shuffled(), TreeFormat::Binary);
-        observed(&mut course, times, middle).topology
+        observed(&mut course, times, times, middle).topology
     };
     // All these positions are exact in floating point.
     let ahead = observed([0.125, 0.25], 0.5);
@@ -248,24 +228,9 @@ fn extrapolates_observed_motion() {
 fn reversed_motion_uses_last_positions() {
     let mut course = Course::over(shuffled(), TreeFormat::Binary);
     // The motion reverses at time 1, so positions at 1.75 and 2 equal those at 0.25 and 0.
-    let first = observed(&mut course, [0.25, 0.5], 0.75);
+    let first = observed(&mut course, [0.25, 0.5], [0.25, 0.5], 0.75);
     assert!(!first.gave_up_extrapolation);
-    let times = [1.75, 2.0];
-    let seen = [0.25, 0.0].map(|time| Box::new(positions(&course.animation, time)) as Snapshot);
-    let pose = pose_between(times, 2.5);
-    let input = BuildInput {
-        vertices: Vertices::KeyFrames(pose),
-        half_midpoints: Some([pose; 2]),
-        observed: Some(Observed {
-            frames: seen,
-            times,
-        }),
-        is_compared: true,
-    };
-    let built = course
-        .builder
-        .rebuild(&course.animation, input, &Cancel::new())
-        .unwrap();
+    let built = observed(&mut course, [0.25, 0.0], [1.75, 2.0], 2.5);
     assert!(built.gave_up_extrapolation);
     assert_eq!(built.topology, known(&[0.75, 0.0]));
 }
@@ -275,12 +240,12 @@ fn revert_restores_the_used_tree() {
     let courses = [(); 2].map(|()| Course::over(shuffled(), TreeFormat::Binary));
     let [mut course, mut other] = courses;
     let used = course.builder.last.clone();
-    course.rebuild(1.0, None, true);
+    course.build(1.0, None, true);
     assert_ne!(course.builder.last, used);
     course.builder.revert();
     assert_eq!(course.builder.last, used);
     // The next tree is compared with the current one.
-    let [one, other] = [&mut course, &mut other].map(|c| c.rebuild(0.7, None, true));
+    let [one, other] = [&mut course, &mut other].map(|c| c.build(0.7, None, true));
     assert_eq!(one.topology, other.topology);
 }
 
@@ -292,10 +257,10 @@ fn reuses_memory_of_old_trees() {
             let treelets = tree.treelets().map(|t| t.words().as_ptr());
             (tree.words().as_ptr(), treelets)
         };
-        let first = course.build(0, None).topology;
+        let first = course.build(0.0, None, false).topology;
         let before = memory(&first);
         course.builder.reuse(first.into_spare());
-        assert_eq!(memory(&course.build(1, None).topology), before);
+        assert_eq!(memory(&course.build(1.0, None, false).topology), before);
         assert_eq!(before.1.is_some(), format == TreeFormat::Treelets);
     }
 }
