@@ -132,13 +132,6 @@ pub(super) enum Event {
     FramesDropped,
 }
 
-/// A tree that leaves the state machine at a frame boundary.
-pub(super) enum Decided {
-    Adopt(CandidateTree),
-    /// See [`NextTreeState::Rejected`].
-    Reject(CandidateTree, Option<Pose>),
-}
-
 impl NextTreeState {
     /// Returns the state that follows. An event that does not concern the state leaves it unchanged.
     fn after(self, event: Event) -> Self {
@@ -195,18 +188,6 @@ impl NextTreeState {
     /// Moves to the state that follows.
     pub(super) fn advance(&mut self, event: Event) {
         *self = std::mem::take(self).after(event);
-    }
-
-    /// Removes the tree if it is accepted or rejected.
-    pub(super) fn take_decided(&mut self) -> Option<Decided> {
-        match std::mem::take(self) {
-            Self::Accepted(tree) => Some(Decided::Adopt(tree)),
-            Self::Rejected(tree, pose) => Some(Decided::Reject(tree, pose)),
-            state => {
-                *self = state;
-                None
-            }
-        }
     }
 
     pub(super) fn is_idle(&self) -> bool {
@@ -365,24 +346,6 @@ mod tests {
                 .map(|from| letter(&state(from).after(event())))
                 .collect();
             assert_eq!(found, expected, "{name}");
-        }
-    }
-
-    #[test]
-    fn only_a_decided_tree_leaves_and_none_is_left() {
-        for from in STATES.chars() {
-            let mut next = state(from);
-            let is_decided = next.is_decided();
-            let decided = next.take_decided();
-            let adopts = decided.map(|decided| matches!(decided, Decided::Adopt(_)));
-            let expected = match from {
-                'a' => Some(true),
-                'x' => Some(false),
-                _ => None,
-            };
-            assert_eq!((adopts, is_decided), (expected, expected.is_some()));
-            let left = if is_decided { 'i' } else { from };
-            assert_eq!(letter(&next), left);
         }
     }
 

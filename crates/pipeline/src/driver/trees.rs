@@ -1,7 +1,7 @@
 //! Requests trees, passes vertices to the builder thread, and evaluates and adopts the trees that it builds.
 
 use super::Driver;
-use super::next_tree::{CandidateTree, Decided, Event, NextTreeState, Request, Verdict};
+use super::next_tree::{CandidateTree, Event, NextTreeState, Request, Verdict};
 use super::pause::RequestPause;
 use crate::builder_thread::BuildResult;
 use crate::error::PipelineError;
@@ -281,8 +281,8 @@ impl Driver {
             self.trees.next.advance(Event::Admitted);
         }
         let number = self.recording.number;
-        match self.trees.next.take_decided() {
-            Some(Decided::Adopt(tree)) => {
+        match std::mem::take(&mut self.trees.next) {
+            NextTreeState::Accepted(tree) => {
                 let frames = number - tree.request.frame;
                 // With prediction, the tree is built for the time in which it is used. So even a small gain ends the
                 // pauses.
@@ -291,13 +291,14 @@ impl Driver {
                 let cost_ratio = cost_ratio.unwrap_or(0.0);
                 self.trees.pause.adopted(number, frames, cost_ratio);
             }
-            Some(Decided::Reject(tree, costlier_at)) => {
+            NextTreeState::Rejected(tree, costlier_at) => {
                 self.recording.record.tree.rejected = true;
                 // A tree that was dropped early, or evaluated at another pose, gives no information about its pose.
                 self.trees.no_better_at = costlier_at.filter(|&pose| pose == tree.request.pose);
                 self.builder.discard(tree.built.topology);
             }
-            None => (),
+            // The build failed.
+            _ => (),
         }
         Ok(())
     }
