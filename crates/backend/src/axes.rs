@@ -121,12 +121,6 @@ impl Policy {
         self == Self::DeviceRebuild
     }
 
-    /// Returns whether each frame with motion builds its own tree.
-    #[must_use]
-    pub fn rebuilds_every_frame(self) -> bool {
-        matches!(self, Self::Rebuild | Self::DeviceRebuild)
-    }
-
     /// Returns whether the host builds trees after the first one.
     #[must_use]
     pub fn requests_trees(self) -> bool {
@@ -248,8 +242,6 @@ mod tests {
     #[test]
     fn policy_predicates_are_consistent() {
         for policy in Policy::ALL.into_iter().chain([Policy::Lockstep(0)]) {
-            let within = policy.rebuilds_every_frame();
-            assert!(!(within && policy.builds_concurrently()), "{policy:?}");
             assert!(!(policy.builds_on_device() && policy.requests_trees()));
         }
         assert_eq!(Policy::Lockstep(3).name(), Policy::Async.name());
