@@ -411,9 +411,10 @@ pub(crate) fn no_wgpu() -> Error {
 /// Returns an error if the scene needs more memory than the system has, because a build cannot report a failed
 /// allocation.
 fn check_memory(meshes: &[Mesh]) -> Result<()> {
-    let keys = meshes.iter().map(Mesh::joined_points).sum::<usize>();
+    let points = |mesh: &Mesh| mesh.motion.key_count() * mesh.vertex_count();
+    let points = meshes.iter().map(points).sum::<usize>();
     let triangles = meshes.iter().map(Mesh::triangle_count).sum::<usize>();
-    let bytes = keys * size_of::<Point>() + triangles * size_of::<[u32; 3]>();
+    let bytes = points * size_of::<Point>() + triangles * size_of::<[u32; 3]>();
     let bytes = pipeline::trees_bytes(triangles, 0).saturating_add(bytes as u64);
     host::check_memory(bytes).map_err(|e| Error::OutOfMemory(e.to_string()))
 }

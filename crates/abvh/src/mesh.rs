@@ -222,11 +222,6 @@ impl Mesh {
         self.motion.first().len()
     }
 
-    /// Returns the number of positions that are copied when meshes are joined, over all key frames.
-    pub(crate) fn joined_points(&self) -> usize {
-        self.motion.key_count() * self.vertex_count()
-    }
-
     /// Returns the number of triangles.
     #[must_use]
     pub fn triangle_count(&self) -> usize {
