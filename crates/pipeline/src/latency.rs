@@ -1,9 +1,4 @@
-//! Predicts when a tree that is requested now will be used.
-//!
-//! Key frames are known before they are reached, so a tree can be built for the time at which it will be used. The
-//! prediction assumes that time advances by its last step. It also assumes that a build takes as many frames as earlier
-//! builds by the same strategy. Before the first such build, it uses the duration of the first tree's build and the
-//! rate of the first frames.
+//! Predicts when a tree that is requested now will be used: see `docs/design/trees.md`.
 
 use crate::tree_builder::BuildStrategy;
 use std::time::{Duration, Instant};

@@ -3,12 +3,7 @@
 //! Implements the asynchronous scheme of Ize, Wald, Parker (*Asynchronous BVH Construction for Ray Tracing Dynamic
 //! Scenes*, 2007), divided between a device and its host as by Kim, Kim, Lee, Han (2014). The builder
 //! runs on its own thread. [`Driver`] owns the backend, and decides when to request and adopt trees.
-//!
-//! With [`Policy::Refit`](backend::Policy::Refit) and [`Policy::Async`](backend::Policy::Async), the driver waits for a
-//! build only in the first frame. With [`Policy::Rebuild`](backend::Policy::Rebuild), each frame with motion waits for
-//! its own tree. With [`Policy::Lockstep`](backend::Policy::Lockstep), the adopting frame waits if the tree is not
-//! finished. With [`Policy::DeviceRebuild`](backend::Policy::DeviceRebuild), the host builds no tree. Each
-//! [`FrameRecord`] contains the times of the driver's steps.
+//! `docs/design/driver.md` states for which trees a frame waits.
 
 mod builder_thread;
 mod driver;

@@ -1,12 +1,5 @@
-//! The rule by which finished trees are adopted or rejected. It is the same for all sources of vertices.
-//!
-//! 1. With a fixed latency every tree is adopted.
-//! 2. Otherwise, if trees are built for a future time, a tree waits until its target time is at least as near as the
-//!    current tree's, or until time does not approach it. It is rejected if a newer tree would arrive before that.
-//! 3. A frame then evaluates it: it refits both trees to the same positions. The tree is adopted if it costs less than
-//!    the current one, or if a cost is unknown.
-//! 4. A tree that costs as much or more is rejected. But if time still approaches its target, it is evaluated again
-//!    each time the distance has halved.
+//! The rule by which finished trees are adopted or rejected. It is the same for all sources of vertices. The section
+//! *Adoption* of `docs/design/trees.md` states it.
 
 use super::next_tree::{CandidateTree, Evaluation, Event, Verdict};
 use crate::latency::LatencyPredictor;

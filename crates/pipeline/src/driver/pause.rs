@@ -1,9 +1,4 @@
-//! Pauses requests after trees were rejected.
-//!
-//! Builds take cores and memory bandwidth from frames. If motion is periodic, the current tree may be as good as any
-//! other, so that builds gain nothing. Each further rejection therefore doubles the pause before the next request. The
-//! unit is the time from request to rejection. An adopted tree that saves little counts as a rejection. The pauses end
-//! when a tree saves more, or when the current tree's cost exceeds its previous maximum by [`COST_RISE`].
+//! Pauses requests after trees were rejected: see `docs/design/trees.md`.
 
 /// Number of consecutive rejections after which pauses stop growing. Builds then take 1/32 of the time.
 const MAX_REJECTIONS: u32 = 6;

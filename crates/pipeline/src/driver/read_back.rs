@@ -1,6 +1,4 @@
-//! Reads positions back from the backend, for trees that are not built from key frames. The frame that requests a tree
-//! reads its positions back. If trees are built for predicted positions and adopted by cost, the next frame that moves
-//! does so, too. The motion is then extrapolated from both.
+//! Reads positions back from the backend, for trees that are not built from key frames.
 
 use super::Driver;
 use super::next_tree::NextTreeState;

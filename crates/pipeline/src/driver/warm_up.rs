@@ -1,8 +1,5 @@
-//! Warms the device up with uncounted frames, because an idle device runs at a low clock and takes long to raise it.
-//!
-//! Opening a device, compiling kernels and building the first tree leave the device idle for milliseconds to seconds.
-//! The first frame of a run waits for these steps. It is then traced again, uncounted, for a fixed time and until frame
-//! times are steady. Meanwhile the scene does not move, and no tree ages ([`Driver::warm_up`]).
+//! Warms the device up with uncounted frames, because an idle device runs at a low clock and takes long to raise it:
+//! see `docs/design/trees.md`.
 
 use super::{Driver, OutputSelection};
 use crate::error::PipelineError;

@@ -1,9 +1,5 @@
-//! Decides whether motion may be extrapolated beyond the last observed positions.
-//!
-//! If vertices arrive while frames are traced, a tree for a future time is built from positions that are extrapolated
-//! from the last two observed frames. This helps only if the motion continues unchanged. The positions of the next
-//! build show whether it did. Extrapolation stops if the extrapolated positions were farther from the new positions
-//! than the last observed positions were. It resumes when the extrapolated positions are closer again.
+//! Decides whether motion may be extrapolated beyond the last observed positions: only while the previous extrapolation
+//! was closer to the positions of the next build than the last observed positions were.
 
 use crate::motion::distance;
 use geom::Point;
