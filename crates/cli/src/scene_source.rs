@@ -43,7 +43,6 @@ impl SceneSettings {
             allow_outside: self.allow_outside,
             recentre: self.recentre,
             key_bytes: u64::from(self.key_memory) << 20,
-            ..SceneOptions::default()
         };
         Ok(scene::open(name, &options)?)
     }
