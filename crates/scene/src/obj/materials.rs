@@ -1,7 +1,8 @@
-//! Diffuse colours from material libraries (MTL).
+//! Diffuse colours from material libraries (MTL), parsed by `tobj`.
 //!
-//! If a library is missing or its encoding is not supported, the scene opens with a remark and without these colours.
-//! Malformed lines are ignored.
+//! If a library is missing or malformed, the scene opens with a remark and without these colours. `tobj` receives only
+//! `newmtl` and well-formed `Kd` lines. It would panic on a short `Kd`, and other lines could make it refuse the
+//! library.
 
 use crate::Rgb;
 use crate::folder::Folder;
@@ -61,40 +62,44 @@ fn read_library(
     notes: &mut Vec<String>,
 ) {
     for name in library_names(folder, library) {
+        let file = folder.path(&name);
         let read = folder.read(&name).map_err(|e| e.to_string());
-        let checked = read.and_then(|bytes| check_encoding(&bytes).map(|()| bytes));
-        match checked {
-            Ok(bytes) => add_materials(&bytes, into),
-            Err(e) => {
-                let file = folder.path(&name);
-                let file = file.display();
-                notes.push(format!("{file}: skipped the material library: {e}"));
+        let found = read.and_then(|bytes| {
+            check_encoding(&bytes)?;
+            let text = colour_statements(&bytes);
+            tobj::load_mtl_buf(&mut text.as_bytes()).map_err(|e| e.to_string())
+        });
+        match found {
+            Ok((materials, _)) => {
+                let coloured = |m: tobj::Material| Some((m.name, from_display(m.diffuse?)));
+                into.extend(materials.into_iter().filter_map(coloured));
             }
+            Err(e) => notes.push(format!(
+                "{}: skipped the material library: {e}",
+                file.display()
+            )),
         }
     }
 }
 
-/// Adds the materials that have a name and a `Kd` line of one or three numbers.
-fn add_materials(text: &[u8], into: &mut BTreeMap<String, Rgb>) {
-    let mut material = String::new();
+/// Returns the `newmtl` lines with a name, and the `Kd` lines with one or three numbers.
+fn colour_statements(text: &[u8]) -> String {
+    let mut plain = String::new();
     for line in lines(text).map(String::from_utf8_lossy) {
         let line = line.trim();
         let (word, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
         let numbers: Option<Vec<f32>> = rest.split_whitespace().map(|n| n.parse().ok()).collect();
-        let colour = match (word, numbers.as_deref()) {
+        match (word, numbers.as_deref()) {
             ("newmtl", _) if !rest.trim().is_empty() => {
-                material = rest.trim().to_owned();
-                continue;
+                plain += &format!("newmtl {}\n", rest.trim())
             }
-            ("Kd", Some(&[r, g, b])) => [r, g, b],
+            ("Kd", Some([r, g, b])) => plain += &format!("Kd {r} {g} {b}\n"),
             // A single number applies to all three components.
-            ("Kd", Some(&[grey])) => [grey; 3],
-            _ => continue,
-        };
-        if !material.is_empty() {
-            into.insert(material.clone(), from_display(colour));
+            ("Kd", Some([grey])) => plain += &format!("Kd {grey} {grey} {grey}\n"),
+            _ => {}
         }
     }
+    plain
 }
 
 #[cfg(test)]
