@@ -279,16 +279,10 @@ mod tests {
     use backend::Arithmetic;
 
     fn report(wrong: u64, leaks: u64, by: Intersector) -> StabilityReport {
-        let of = |measure, count, of| MeasuredRate {
-            measure,
-            count,
-            of,
-            bound: None,
-        };
         let counts = vec![
-            of(Measure::Wrong, wrong, 2000),
-            of(Measure::Leaks, leaks, 1000),
-            of(Measure::DoubleHits, 0, 2000),
+            MeasuredRate::new(Measure::Wrong, wrong, 2000),
+            MeasuredRate::new(Measure::Leaks, leaks, 1000),
+            MeasuredRate::new(Measure::DoubleHits, 0, 2000),
         ];
         let cell = StabilityCell::new(Family::Edges, by, counts, Arithmetic::IEEE);
         StabilityReport {

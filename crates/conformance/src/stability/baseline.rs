@@ -183,16 +183,10 @@ mod tests {
         [wrong, leaks, doubles]: [u64; 3],
         device: Arithmetic,
     ) -> StabilityCell {
-        let of = |measure, count, of| MeasuredRate {
-            measure,
-            count,
-            of,
-            bound: None,
-        };
         let counts = vec![
-            of(Measure::Wrong, wrong, 8192),
-            of(Measure::Leaks, leaks, 4096),
-            of(Measure::DoubleHits, doubles, 8192),
+            MeasuredRate::new(Measure::Wrong, wrong, 8192),
+            MeasuredRate::new(Measure::Leaks, leaks, 4096),
+            MeasuredRate::new(Measure::DoubleHits, doubles, 8192),
         ];
         StabilityCell::new(Family::Edges, by, counts, device)
     }

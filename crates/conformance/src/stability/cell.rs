@@ -49,6 +49,16 @@ pub struct StabilityCell {
 }
 
 impl MeasuredRate {
+    /// Returns `count` events in `of` rays, without bounds.
+    pub fn new(measure: Measure, count: u64, of: u64) -> Self {
+        Self {
+            measure,
+            count,
+            of,
+            bound: None,
+        }
+    }
+
     /// Returns the rate; 0 if there are no rays.
     pub fn rate(&self) -> f64 {
         self.count as f64 / self.of.max(1) as f64

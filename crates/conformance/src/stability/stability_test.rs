@@ -82,11 +82,9 @@ impl AnsweredScene {
         record_refit(subject, &scene.animation, scene.time)?;
         let traced = trace_and_wait(subject, Rays::List(&scene.rays), QueryKind::Closest)?;
         let found = traced.hits.closest;
-        let share = |measure, of: usize, is_so: &dyn Fn(usize) -> bool| MeasuredRate {
-            measure,
-            count: (0..found.len()).filter(|&i| is_so(i)).count() as u64,
-            of: of as u64,
-            bound: None,
+        let share = |measure, of: usize, is_so: &dyn Fn(usize) -> bool| {
+            let count = (0..found.len()).filter(|&i| is_so(i)).count();
+            MeasuredRate::new(measure, count as u64, of as u64)
         };
         let differs = |i: usize| self.exact[i].unwrap_or(Hit::MISS.triangle) != found[i].triangle;
         let mut counts = vec![share(Measure::Wrong, found.len(), &differs)];
