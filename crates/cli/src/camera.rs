@@ -9,8 +9,9 @@ use geom::{Camera, Point};
 use scene::{Scene, Viewpoint};
 use serde::Serialize;
 
-/// Number of pixels of a frame of the default size.
+/// Number of pixels of a frame of the default [`size`](CameraSettings::size).
 pub(crate) const DEFAULT_PIXELS: usize = 1280 * 720;
+
 /// The camera and the point light. By default, the view shows the whole motion. Serialized under the options' names.
 #[derive(Args, Clone, Debug, Serialize)]
 #[serde(rename_all = "kebab-case")]

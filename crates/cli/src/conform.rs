@@ -151,8 +151,8 @@ struct PropertyRow {
 impl ConformReport {
     /// Returns the number of failed properties, over all backends.
     fn failures(&self) -> usize {
-        let broken = self.rows.iter().filter(|r| r.disagreement.is_some());
-        broken.count()
+        let failed = self.rows.iter().filter(|r| r.disagreement.is_some());
+        failed.count()
     }
 
     fn text(&self) -> String {

@@ -198,7 +198,7 @@ impl RunLog {
         }
     }
 
-    /// Adds a failure, which is the next step.
+    /// Adds a failure, and counts it as a step of the progress.
     pub(crate) fn fail(&mut self, scene: &str, run: &Run, error: CliError) {
         let names = run.contender.names();
         let failure = Failure {
@@ -248,7 +248,7 @@ impl LoadedScene {
 }
 
 impl MeasureSettings {
-    /// Measures every run over one scene, or over none if it cannot be opened. Returns the runs that succeed.
+    /// Measures every run over one scene, and returns the runs that succeed. If the scene could not be opened, all fail.
     pub(crate) fn measure<'r>(
         &self,
         title: &str,

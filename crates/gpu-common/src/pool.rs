@@ -25,10 +25,9 @@ pub struct LastUse {
 impl LastUse {
     /// Returns the use by an upload only.
     pub fn by_upload(upload_value: u64) -> Self {
-        let ticket = 0;
         Self {
             upload_value,
-            ticket,
+            ticket: 0,
         }
     }
 }

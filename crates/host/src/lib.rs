@@ -50,7 +50,7 @@ pub fn check_memory(need: u64) -> Result<(), InsufficientMemory> {
         return Ok(());
     }
     UNCHECKED.store(0, Ordering::Relaxed);
-    // As many requests may follow before the next query, and allocations that are not checked.
+    // Leaves room for small requests before the next query, and for allocations that are not checked.
     check_against(4 * SMALL, free())
 }
 

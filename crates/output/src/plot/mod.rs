@@ -45,7 +45,7 @@ pub struct Chart {
     pub failures: Vec<Failure>,
 }
 
-/// Method and scene whose measurement failed, also of `abvh bench`. Names are those of [`ChartPoint`].
+/// A method and a scene whose measurement failed, in `abvh chart` or `abvh bench`. Names are those of [`ChartPoint`].
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Failure {
     pub scene: String,

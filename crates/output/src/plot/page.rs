@@ -124,7 +124,7 @@ fn heading(chart: &Chart, scene: &ChartScene, drawn: usize) -> String {
     let all = chart.points.iter().filter(|p| p.scene == *name).count();
     match all - drawn {
         0 => about,
-        n => format!("{about} ({n} without a time not drawn)"),
+        n => format!("{about} ({n} not drawn for lack of a time)"),
     }
 }
 

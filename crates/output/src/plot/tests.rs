@@ -274,7 +274,7 @@ fn counts_points_that_are_not_drawn() {
     let chart = of_points([point(1.0, 3), point(0.0, 3)]);
     let picture = checked(&chart);
     assert_eq!(places(&picture).len(), 1);
-    let note = "(1 without a time not drawn)";
+    let note = "(1 not drawn for lack of a time)";
     let told = texts(&picture);
     assert!(told.iter().any(|t| t.ends_with(note)), "{told:?}");
     checked(&Chart::default());

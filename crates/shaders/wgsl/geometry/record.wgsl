@@ -5,7 +5,7 @@ import package::geometry::units::scaled_point;
 import package::lib::buffers::records;
 import package::lib::params::params;
 
-// Triangle index of a ray that hits nothing, and in a record that no ray can hit. A record of `woop` has a NaN there.
+// Triangle index of a miss, and of a record that no ray can hit. A record of `woop` has a NaN there.
 const NO_TRIANGLE: u32 = 0xffffffffu;
 
 // Returns whether no ray can hit a leaf's triangle.

@@ -10,7 +10,7 @@ import package::lib::fixed::{
 };
 import package::lib::integers::{INTERSECTIONS_OFFSET, words};
 
-// Whether the triangle is hit, and whether it needs longer integers. `t` is rounded once, as bits. The exact t is
+// A decision on a triangle. If `needs_fallback` is 1, it needs longer integers. `t` is rounded once, as bits. The exact t is
 // N / D * 2^exponent.
 struct CandidateResult { is_hit: u32, needs_fallback: u32, triangle: u32, exponent: i32, t: u32 }
 
@@ -54,7 +54,7 @@ fn determinant(fixed_corners: FixedTriangle, side: u32) -> Int192 {
 
 struct Determinants { u: Int192, v: Int192, w: Int192, n: Int192 }
 
-// Whether the ray's line hits the triangle in front of the ray's start, and the denominator D and the numerator N of t.
+// `is_hit` is set if the ray's line hits the triangle in front of the ray's start. D and N are denominator and numerator of t.
 struct SolvedTriangle { is_hit: bool, d: Int192, n: Int192 }
 
 fn solve_determinants(values: Determinants) -> SolvedTriangle {
@@ -91,9 +91,9 @@ fn store_192(at: u32, n: Int192) {
 
 const RAYS_PER_WORKGROUP: u32 = 4u;
 
-// One determinant per invocation. Once its candidate is decided, the first of the four holds D and the last one N.
+// One determinant per invocation. After a candidate is decided, the first of its four holds D, and the last one N.
 var<workgroup> determinants: array<Int192, 64>;
-// t and the weights of the second and third corner, each rounded once, by a candidate's first three invocations.
+// The results of a candidate's first three invocations: t and the weights of the second and third corner, each rounded once.
 var<workgroup> rounded_quotients: array<u32, 64>;
 var<workgroup> candidate_results: array<CandidateResult, 16>;
 // Number of undecided rays of this submission, and whether a ray of this round has more candidates.
