@@ -1,4 +1,4 @@
-//! Key-framed triangles: the part of a scene that determines hits.
+//! Triangles with key frames: the geometry of a scene.
 
 use crate::key_frame::{check_key, read_key};
 use crate::key_frames::KeyFrames;
@@ -219,7 +219,7 @@ impl Animation {
         &self.survey.static_parts
     }
 
-    /// Returns the number of live triangles that move, whose leaves every frame must preprocess.
+    /// Returns the number of live triangles that move. Every frame preprocesses their leaves.
     pub fn moving_count(&self) -> usize {
         match &self.keys {
             KeyFrames::Held(_) | KeyFrames::Paged(_) if self.key_count() == 1 => 0,
@@ -252,12 +252,12 @@ impl Animation {
     /// box. Rays never hit an inactive triangle, but the tree needs a leaf for the time when the triangle becomes
     /// active.
     pub fn fallback_box(&self, triangle: u32) -> Aabb {
-        let others = &self.survey.fallback_boxes;
-        if let Ok(i) = others.binary_search_by_key(&triangle, |s| s.0) {
-            return others[i].1;
+        let inactive = &self.survey.fallback_boxes;
+        if let Ok(i) = inactive.binary_search_by_key(&triangle, |s| s.0) {
+            return inactive[i].1;
         }
-        let own = self.triangles[triangle as usize];
-        active_box(&corners(self.first(), own)).unwrap_or(Aabb::EMPTY)
+        let vertices = self.triangles[triangle as usize];
+        active_box(&corners(self.first(), vertices)).unwrap_or(Aabb::EMPTY)
     }
 
     /// Returns whether a tree must contain `triangle`: it is active in some key frame, or the animation is
@@ -271,8 +271,8 @@ impl Animation {
     /// This is the triangle's own box, or [`Self::fallback_box`] if the triangle is inactive at `positions`.
     #[inline]
     pub fn build_box(&self, positions: &[Point], triangle: u32) -> Aabb {
-        let own = self.triangles[triangle as usize];
-        self.box_of(&corners(positions, own), triangle)
+        let vertices = self.triangles[triangle as usize];
+        self.box_of(&corners(positions, vertices), triangle)
     }
 
     #[inline]
@@ -311,8 +311,8 @@ impl Animation {
         }
     }
 
-    /// Sets [`Self::range`] of a [pushed](Self::push) key frame from `vertices`, for frames whose complete positions
-    /// are only on a device. Keeps a range that is already known.
+    /// Sets [`Self::range`] of a [pushed](Self::push) key frame to the range of `vertices`, for positions that were
+    /// read back from a device. Keeps a range that is already known.
     pub fn measure(&self, pose: Pose, vertices: &[Point]) {
         if let KeyFrames::Streamed(keys) = &self.keys {
             let range = CoordinateRange::of(&Sizes::of(vertices), self.scale_exponent());

@@ -71,12 +71,12 @@ pub type KeyFrame = Arc<PointBuffer>;
 
 /// Failure to read key frames or to create an animation from them.
 ///
-/// One line that names the cause, and the file if there is one.
+/// The message is one line. It names the cause, and the file if there is one.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct KeyFrameError(pub String);
 
-/// Function that reads a key frame, given by its index from 0 on.
+/// Function that reads the key frame with a given index.
 ///
 /// Returns one position per vertex, with the same bits on every call. Several threads may call it at the same time. It
 /// fails if the key frame cannot be read, or changed since it was first read.

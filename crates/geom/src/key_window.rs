@@ -6,14 +6,14 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 
-/// Number of key frames that the look-ahead leaves free for other requests.
+/// Number of key frames of the window that look-ahead leaves to other requests.
 const SPARE: usize = 2;
 
 /// A window over a sequence of key frames, which follows playback.
 ///
 /// Key frames are read in a separate thread pool. It has half as many threads as [`parallelism`], because trees are
-/// built at the same time. The pool is not created by [`crate::own_pool`]: a [`KeySource`] is code of the program and
-/// may call the library.
+/// built at the same time. The pool is not created by [`crate::own_pool`], because it runs the [`KeySource`]: code of
+/// the program, which may call the library.
 pub(crate) struct KeyWindow {
     /// Number of key frames in the whole sequence.
     pub(crate) keys: usize,
@@ -118,8 +118,8 @@ impl KeyWindow {
     pub(crate) fn upcoming(&self, most: usize) -> Vec<(usize, KeyFrame)> {
         let mut state = lock(&self.shared.state);
         let keys: Vec<usize> = state.upcoming.iter().copied().take(most).collect();
-        let there = |key| Some((key, self.find(&mut state, key)?.ok()?));
-        keys.into_iter().map_while(there).collect()
+        let loaded = |key| Some((key, self.find(&mut state, key)?.ok()?));
+        keys.into_iter().map_while(loaded).collect()
     }
 
     /// Starts to read a key frame, unless a read has started already.

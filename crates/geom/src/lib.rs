@@ -1,7 +1,7 @@
-//! Basic types of every crate: boxes, rays, hits, poses, cameras, animations, exact predicates.
+//! Types that all crates share: boxes, rays, hits, poses, cameras, animations, exact predicates, thread pools.
 //!
-//! Contains plain data and the few formulas whose rounding is specified, so that every backend reproduces them bit for
-//! bit. Contains no code for trees, devices or files.
+//! The rounding of its formulas is specified, so that every backend reproduces them bit for bit. Contains no code for
+//! trees, devices or files.
 
 mod aabb;
 mod animation;

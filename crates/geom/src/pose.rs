@@ -26,7 +26,7 @@ impl Pose {
         Self::between(time.floor() as usize, time.fract())
     }
 
-    /// Returns a pose after the last of at least two key frames. It extrapolates the last two with a weight above 1.
+    /// Returns the pose at `time` after key frame `last`, by extrapolation from key frames `last - 1` and `last`.
     pub(crate) fn beyond(time: f64, last: usize) -> Self {
         Self {
             key: last as u32 - 1,

@@ -1,21 +1,22 @@
-//! Ranges of coordinates, which determine where rounded ray tests do not suffice.
+//! Ranges of coordinates. They determine where ray tests in floating point do not suffice.
 
 use crate::sizes::{Sizes, size};
 use crate::{Point, Pose};
 
-/// If the largest coordinate of a key frame exceeds this multiple of its typical size, the scene is not scaled.
+/// If the largest coordinate of a key frame exceeds this multiple of [`Sizes::typical`], the scene is not scaled.
 const OUTLYING: f32 = 65_536.0;
-/// A key frame is spread if its largest coordinate exceeds this multiple of its typical size.
+/// A key frame is spread if its largest coordinate exceeds this multiple of [`Sizes::typical`].
 ///
 /// Boxes are padded by `17 * 2^-24` of the scene's size. At this limit, the padding is `17 * 2^-14` of the typical
 /// size.
 const SPREAD: f32 = 1024.0;
 /// [`CoordinateRange::clearance`] as a multiple of the typical size.
 const CLEARANCE: f32 = 256.0;
-/// A triangle is tiny if all its scaled coordinates are below this, `2^-32`.
+/// A triangle is tiny if all its coordinates are below this number of scaled units, `2^-32`.
 const TINY: f32 = 1.0 / 4_294_967_296.0;
 
-/// Range of the coordinates of one moment.
+/// Range of the coordinates of one moment. A *scaled unit* is `2^k` scene units, where `k` is the
+/// [scale exponent](crate::Animation::scale_exponent).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CoordinateRange {
     /// True if some coordinates are so large that `watertight` and `exact` must test every ray in exact arithmetic.
@@ -25,7 +26,7 @@ pub struct CoordinateRange {
     /// True if the sizes of vertices differ greatly. Backends then compute the padding of each inner box from that box
     /// instead of the root box. This changes no hit.
     pub spread: bool,
-    /// Upper limit, in scene units, on the scene extent that determines the offset of shadow rays.
+    /// Upper limit, in scene units, of the extent from which the offset of shadow rays is computed.
     pub clearance: f32,
 }
 
@@ -86,15 +87,15 @@ impl CoordinateRange {
 
     /// Returns the range at `pose`, from the ranges of the key frames.
     pub(crate) fn at(keys: &[Self], pose: Pose) -> Self {
-        let own = keys[pose.key as usize];
+        let earlier = keys[pose.key as usize];
         match keys.get(pose.key as usize + 1) {
             Some(next) if pose.alpha != 0.0 => Self {
-                extreme: own.extreme || next.extreme,
-                tiny: own.tiny || next.tiny,
-                spread: own.spread || next.spread,
-                clearance: own.clearance.max(next.clearance),
+                extreme: earlier.extreme || next.extreme,
+                tiny: earlier.tiny || next.tiny,
+                spread: earlier.spread || next.spread,
+                clearance: earlier.clearance.max(next.clearance),
             },
-            _ => own,
+            _ => earlier,
         }
     }
 }

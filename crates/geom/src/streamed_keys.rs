@@ -66,8 +66,8 @@ impl StreamedKeys {
         Arc::into_inner(dropped.swap_remove(free))
     }
 
-    /// Returns a key frame, or the oldest kept one if it was dropped. Only tree builds request dropped key frames, and
-    /// hits do not depend on the positions of a build.
+    /// Returns a key frame, or the oldest that is kept if `key` was dropped. Only tree builds request dropped key
+    /// frames, and hits do not depend on the positions of a build.
     pub(crate) fn get(&self, key: usize) -> KeyFrame {
         let found = lock(&self.state)
             .find(key)
@@ -97,7 +97,7 @@ impl StreamedKeys {
 }
 
 impl Recent {
-    /// Returns a key frame, or the oldest that is kept if it was dropped. Returns `None` for key frame 0.
+    /// Returns a key frame, as [`StreamedKeys::get`] does, or `None` for key frame 0.
     fn find(&mut self, key: usize) -> Option<&mut StreamedKey> {
         let back = self.last.saturating_sub(key);
         let at = self.kept.len().saturating_sub(back + 1);

@@ -1,4 +1,4 @@
-//! Facts about all key frames of an animation, collected one key frame after another, and the parts that never move.
+//! Properties of all key frames of an animation: their bounds, their inactive triangles and their static parts.
 
 use crate::key_frames::KeyFrames;
 use crate::sizes::Sizes;
@@ -7,7 +7,7 @@ use crate::{Aabb, CoordinateRange, KeyFrameError, Point, in_parallel, is_active,
 use rayon::prelude::*;
 use std::ops;
 
-/// Facts that hold for the whole animation.
+/// Properties of the whole animation.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Survey {
     /// Triangles that are inactive in the first key frame, each with its box in the first key frame in which it is
@@ -28,7 +28,7 @@ pub(crate) struct Survey {
 const RUN: usize = 1 << 16;
 
 impl Survey {
-    /// Collects the facts from all key frames in order. Several key frames are read at a time.
+    /// Visits all key frames in order. Several key frames are read at a time.
     pub(crate) fn of(keys: &KeyFrames, triangles: &[[u32; 3]]) -> Result<Self, KeyFrameError> {
         let first = &keys.first()[..];
         let (mut sizes, mut boxes) = (vec![Sizes::of(first)], vec![FiniteBox::of(first)]);
@@ -38,17 +38,18 @@ impl Survey {
         let mut inactive: Vec<u32> = Vec::new();
         if !boxes[0].has_all {
             let all = 0..triangles.len() as u32;
-            let none = |&t: &u32| !is_active(&corners(first, triangles[t as usize]));
-            inactive = in_parallel(|| all.into_par_iter().filter(none).collect());
+            let is_inactive = |&t: &u32| !is_active(&corners(first, triangles[t as usize]));
+            inactive = in_parallel(|| all.into_par_iter().filter(is_inactive).collect());
         }
         let count = keys.count();
         for key in 1..count {
             keys.look_ahead(key..count);
             let frame = &keys.get(key)?[..];
+            // `a` is the same vertex for every `key`, so one check of its bits suffices.
             let is_first_blend = sizes.len() == 1;
             let check = |(is_static, (a, b)): (&mut bool, (&Point, &Point))| {
-                let stays = !is_first_blend || keeps_its_bits(a);
-                *is_static = *is_static && stays && bits(a) == bits(b);
+                let blends_exactly = !is_first_blend || keeps_its_bits(a);
+                *is_static = *is_static && blends_exactly && bits(a) == bits(b);
             };
             in_parallel(|| {
                 let pairs = first.par_iter().zip(frame);
@@ -83,8 +84,8 @@ impl Survey {
         })
     }
 
-    /// Adapts the facts of the first key frame to future key frames, in which vertices that are not `fixed` may move
-    /// anywhere.
+    /// Adapts the properties of the first key frame to future key frames, in which vertices that are not `fixed` may
+    /// move anywhere.
     ///
     /// Any triangle may become active later, so the tree needs a leaf for each. The box of an inactive triangle is then
     /// a single point.
@@ -94,13 +95,13 @@ impl Survey {
         triangles: &[[u32; 3]],
         fixed: &[bool],
     ) {
-        let somewhere = first.iter().find(|p| p.iter().all(|x| x.is_finite()));
-        let point = Aabb::EMPTY.with_point(*somewhere.unwrap_or(&[0.0; 3]));
-        // Usually no triangle is inactive. The search stops after `never_active` triangles.
-        let absent = triangles.iter().zip(0..);
-        let absent = absent.filter(|&(&t, _)| !is_active(&corners(first, t)));
-        let absent = absent.take(self.never_active as usize);
-        self.fallback_boxes = absent.map(|(_, t)| (t, point)).collect();
+        let finite = first.iter().find(|p| p.iter().all(|x| x.is_finite()));
+        let point = Aabb::EMPTY.with_point(*finite.unwrap_or(&[0.0; 3]));
+        // Exactly `never_active` triangles are inactive, usually 0. The search ends at the last one.
+        let inactive = triangles.iter().zip(0..);
+        let inactive = inactive.filter(|&(&t, _)| !is_active(&corners(first, t)));
+        let inactive = inactive.take(self.never_active as usize);
+        self.fallback_boxes = inactive.map(|(_, t)| (t, point)).collect();
         self.never_active = 0;
         let marks = first.iter().zip(fixed);
         let is_static = marks.map(|(p, &fixed)| fixed && keeps_its_bits(p));
@@ -161,12 +162,12 @@ pub(crate) fn check_triangles(
         let cause = format!("{count} triangles are more than the limit of {limit}");
         return Err(KeyFrameError(cause));
     }
-    let out = |own: &[u32; 3]| own.iter().find(|&&v| v as usize >= vertices).copied();
-    let first = in_parallel(|| {
+    let missing = |own: &[u32; 3]| own.iter().find(|&&v| v as usize >= vertices).copied();
+    let invalid = in_parallel(|| {
         let numbered = triangles.par_iter().enumerate();
-        numbered.find_map_first(|(triangle, own)| Some((triangle, out(own)?)))
+        numbered.find_map_first(|(triangle, own)| Some((triangle, missing(own)?)))
     });
-    match first {
+    match invalid {
         None => Ok(()),
         Some((triangle, vertex)) => Err(KeyFrameError(format!(
             "triangle {triangle} names vertex {vertex}, but there are {vertices}"
@@ -193,17 +194,17 @@ impl StaticParts {
     /// Derives the static triangles from the static `vertices`, which are at their positions in the `first` key frame.
     pub(crate) fn of(vertices: Vec<bool>, first: &[Point], triangles: &[[u32; 3]]) -> Self {
         let is_static = |t: &[u32; 3]| t.iter().all(|&v| vertices[v as usize]);
-        let triangles_are: Vec<bool> =
+        let static_triangles: Vec<bool> =
             in_parallel(|| triangles.par_iter().map(is_static).collect());
         let is_flat = |&t: &u32| {
             let corners = corners(first, triangles[t as usize]);
-            triangles_are[t as usize] && is_active(&corners) && is_degenerate(&corners)
+            static_triangles[t as usize] && is_active(&corners) && is_degenerate(&corners)
         };
         let all = 0..triangles.len() as u32;
         let degenerate = in_parallel(|| all.into_par_iter().filter(is_flat).collect());
         Self {
             vertices,
-            triangles: triangles_are,
+            triangles: static_triangles,
             degenerate,
         }
     }

@@ -1,9 +1,9 @@
 //! Thread pools of the library, separate from those of the program.
 //!
-//! While a rayon worker waits for other threads, it runs queued tasks of its own pool. Suppose that the program calls
-//! the library from one of its own rayon tasks, and the library waited on that worker. The worker could then run other
-//! tasks of the program. These may need a lock that the first task holds, or nest until the stack overflows. Therefore
-//! the library never waits for parallel work on a worker of the program, nor in a pool that runs tasks of the program.
+//! While a rayon worker waits for other threads, it runs queued tasks of its own pool. The program may call the library
+//! from one of its own rayon tasks. If the library waited on that worker, the worker could start other tasks of the
+//! program. These may need a lock that the first task holds, or nest until the stack overflows. Therefore the library
+//! never waits for parallel work on a worker of the program, nor in a pool that runs tasks of the program.
 
 use rayon::prelude::*;
 use rayon::{Scope, ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};

@@ -1,8 +1,8 @@
 //! Exact ray-triangle intersection in integer arithmetic, for the few rays that rounded arithmetic with error bounds
 //! cannot decide.
 //!
-//! As intersector `exact` requires, triangles include their edges, and a line in the plane of a triangle misses it.
-//! Every finite `f32` is an integer multiple of a power of two. So each decision is the sign of a sum of products of
+//! A triangle includes its edges, and a line in its plane misses it, as intersector `exact` specifies. Every finite
+//! `f32` is an integer multiple of a power of two. So each decision is the sign of a sum of products of
 //! arbitrary-precision integers, without rounding, overflow or underflow.
 
 use crate::{Point, Ray, Triangle};
@@ -81,10 +81,10 @@ impl ScaledRay {
         (!d.is_zero()).then_some(ExactDistance { n, d, e })
     }
 
-    /// Returns the direction, the corners relative to the ray's origin, and an exponent `e`. Directions and positions
-    /// are integer multiples of two different units.
+    /// Returns the direction, the corners relative to the ray's origin, and an exponent `e`.
     ///
-    /// A quotient of a position and a direction must be multiplied by `2^e`, the quotient of the units.
+    /// The direction and the corners are integer multiples of two different units. `2^e` is the unit of the corners
+    /// divided by the unit of the direction.
     fn integers(&self, corners: &Triangle) -> (IntegerVector, [IntegerVector; 3], i32) {
         let direction_unit = unit(&[self.ray.direction]);
         let direction = whole(self.ray.direction, direction_unit);
@@ -107,10 +107,10 @@ impl ScaledRay {
     /// [intersect](Self::intersect) the triangle.
     pub fn weights(&self, corners: &Triangle) -> [f32; 2] {
         let (direction, [a, b, c], _) = self.integers(corners);
-        let [u, v, w] = sides(&direction, [&a, &b, &c]);
-        let sum = u + &v + &w;
+        let [of_a, of_b, of_c] = sides(&direction, [&a, &b, &c]);
+        let sum = of_a + &of_b + &of_c;
         let positive = |x: BigInt| if sum.is_negative() { -x } else { x };
-        [v, w].map(|x| rounded(&positive(x), sum.magnitude(), 0))
+        [of_b, of_c].map(|x| rounded(&positive(x), sum.magnitude(), 0))
     }
 }
 

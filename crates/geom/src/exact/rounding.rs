@@ -28,17 +28,17 @@ impl ScaledRay {
         let axes = axes_along(self.ray.direction);
         let direction = axes.map(|k| f64::from(self.ray.direction[k]));
         let origin = axes.map(|k| f64::from(self.ray.origin[k]));
-        let seen = corners.map(|corner| {
+        let relative = corners.map(|corner| {
             let at = |i: usize| f64::from(corner[axes[i]]) * scale - origin[i];
             [at(0), at(1), at(2)]
         });
-        let [a, b, c] = seen.map(|p| [0, 1].map(|i| sheared(p, direction, i)));
+        let [a, b, c] = relative.map(|p| [0, 1].map(|i| sheared(p, direction, i)));
         let [u, v, w] = [edge(c, b), edge(a, c), edge(b, a)];
         let sum = WithError {
             value: u.value + v.value + w.value,
             error: 2.0 * (u.error + v.error + w.error),
         };
-        let depth = |i: usize| seen[i][2];
+        let depth = |i: usize| relative[i][2];
         let deepest = depth(0).abs().max(depth(1).abs()).max(depth(2).abs());
         let numerator = WithError {
             value: u.value * depth(0) + v.value * depth(1) + w.value * depth(2),
@@ -119,18 +119,18 @@ mod tests {
         let hit = line.rounded(&corners).unwrap();
         // Single precision computes 0.39999816.
         assert_eq!(hit.t, 0.5);
-        let surely = line.try_rounded(&corners);
-        assert!(surely.is_none_or(|surely| surely == hit), "{surely:?}");
+        let fast = line.try_rounded(&corners);
+        assert!(fast.is_none_or(|fast| fast == hit), "{fast:?}");
     }
 
     #[test]
     fn double_precision_rounds_most_hits() {
         let corners = [[0.1, 0.2, 1.0], [1.3, 0.1, 1.2], [0.2, 1.7, 0.9]];
-        let few = |i: u32| (i as f32 * 0.618).fract() - 0.5;
+        let random = |i: u32| (i as f32 * 0.618).fract() - 0.5;
         let count = (0..1000).filter(|&i| {
             let ray = Ray::new(
-                [few(i), few(3 * i + 1), -7.0],
-                [0.1 * few(7 * i), 0.05, 1.1],
+                [random(i), random(3 * i + 1), -7.0],
+                [0.1 * random(7 * i), 0.05, 1.1],
             );
             let line = ScaledRay { ray, shift: 0 };
             line.rounded(&corners).is_none() || line.try_rounded(&corners).is_some()
@@ -159,8 +159,8 @@ mod tests {
             let direction: Point = std::array::from_fn(|i| (at(i) - origin[i]) * (e as f32).exp2());
             let line = ScaledRay { ray: Ray::new(origin, direction), shift };
             prop_assume!(line.ray.is_valid());
-            if let (Some(surely), Some(exact)) = (line.try_rounded(&corners), line.rounded(&corners)) {
-                prop_assert_eq!(surely, exact);
+            if let (Some(fast), Some(exact)) = (line.try_rounded(&corners), line.rounded(&corners)) {
+                prop_assert_eq!(fast, exact);
             }
         }
     }
