@@ -126,7 +126,7 @@ pub fn read(path: &Path) -> io::Result<Vec<u8>> {
 /// Returns an error for contents that begin like a Git LFS pointer, which stands in for a file that was not downloaded.
 ///
 /// # Errors
-/// Returns [`ErrorKind::InvalidData`] for a pointer.
+/// Returns [`ErrorKind::InvalidData`] for a Git LFS pointer.
 pub fn refuse_pointer(bytes: &[u8]) -> io::Result<()> {
     if bytes.starts_with(b"version https://git-lfs.github.com/spec/") {
         let message = "a Git LFS pointer, not the file's contents; 'git lfs pull' downloads them";
@@ -201,6 +201,7 @@ mod linux {
     use std::fs::read_to_string;
     use std::path::Path;
 
+    /// Returns the free memory under each limit that is known.
     pub(super) fn all() -> Vec<FreeMemory> {
         let mut all = Vec::new();
         let mut add =
@@ -231,8 +232,8 @@ mod linux {
         Some(number * 1024)
     }
 
-    /// Names by version of control groups: the file of the limit, the file of the usage, and the entry for inactive
-    /// file cache in `memory.stat`.
+    /// File of the limit and file of the usage of a control group, and name of the inactive file cache in
+    /// `memory.stat`.
     const VERSION_1: [&str; 3] = [
         "memory.limit_in_bytes",
         "memory.usage_in_bytes",
