@@ -87,6 +87,7 @@ pub(crate) struct Plane {
     grid: Grid,
     pub(crate) axis: usize,
     pub(crate) bin: usize,
+    /// Least [`Grid::place`] on the right, in the lane of `axis`. Minus infinity in the other lanes.
     limit: Vec4,
 }
 
@@ -156,11 +157,11 @@ impl Bins {
         }
         let half = counts.len() / 2;
         let (first, second) = prims.split_at(half * CHUNK);
-        let (here, there) = counts.split_at_mut(half);
+        let (counts_a, counts_b) = counts.split_at_mut(half);
         let mut other = Self::EMPTY;
         join(
-            || self.add_parallel(first, grid, here),
-            || other.add_parallel(second, grid, there),
+            || self.add_parallel(first, grid, counts_a),
+            || other.add_parallel(second, grid, counts_b),
         );
         self.merge(&other);
     }
@@ -207,8 +208,8 @@ impl Bins {
     }
 }
 
-/// Along each axis there is a row of boxes: bins, or sorted triangles. A column holds the boxes at one index of the
-/// three rows, and their numbers of triangles in one lane per axis.
+/// Each axis has a row of boxes: its bins, or its sorted triangles. A column holds the three boxes at one index, and
+/// their numbers of triangles in one lane per axis.
 #[derive(Clone, Copy)]
 pub(crate) struct Column {
     pub(crate) boxes: [PrimBounds; 3],
@@ -296,7 +297,7 @@ impl<const N: usize> Cuts<N> {
     }
 }
 
-/// Returns `triangles / 8` rounded up, as rounding to nearest after adding 7/16.
+/// Returns `triangles / 8` rounded up. Computed by adding 7/16 and rounding to nearest.
 #[inline(always)]
 fn eights(triangles: Vec4) -> Vec4 {
     let round = Vec4::splat(Grid::ROUND);

@@ -25,7 +25,7 @@ pub struct SahBuilder {
     pub block_size: BlockSize,
 }
 
-/// Options that `SubtreeRebuilder` sets differently from [`SahBuilder::build`] when it builds the upper levels.
+/// Options of a build for which [`SahBuilder::build`] and `SubtreeRebuilder` use different values.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RootOptions {
     /// Depth of the root: see [`SahBuilder::build_below`].
@@ -54,8 +54,7 @@ impl SahBuilder {
         self.build_below(root, boxes, cancel, tree)
     }
 
-    /// Builds a tree whose root counts as `root.depth` levels deep, which leaves fewer levels below
-    /// [`crate::MAX_DEPTH`].
+    /// Builds a tree whose root has depth `root.depth`. The depth of its leaves is still at most [`crate::MAX_DEPTH`].
     pub(crate) fn build_below<B: Boxes + ?Sized>(
         &mut self,
         root: RootOptions,

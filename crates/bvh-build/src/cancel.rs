@@ -24,7 +24,7 @@ impl Cancel {
         Self::default()
     }
 
-    /// Requests the build to stop.
+    /// Requests that the build stops.
     pub fn cancel(&self) {
         self.0.store(true, Ordering::Relaxed);
     }

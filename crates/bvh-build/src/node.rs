@@ -12,8 +12,8 @@ use std::cmp::Reverse;
 
 /// Number of triangles above which a node bins and moves them in parallel.
 const PARALLEL_NODE: usize = 2 * CHUNK;
-/// Minimum number of subtrees per thread. Several subtrees per thread balance the load although their sizes differ. One
-/// thread is not counted, so that a single thread divides no node in advance.
+/// Minimum number of subtrees per thread. Several subtrees per thread balance the load although their sizes differ.
+/// [`build`] counts one thread less, so that a single thread divides no node in advance.
 const SUBTREES_A_THREAD: usize = 8;
 /// Number of triangles above which a node builds its children in parallel and checks for cancellation.
 const PARALLEL_CHILDREN: usize = 2048;
@@ -47,15 +47,15 @@ pub(crate) fn build(root: BuildNode<'_>, task: BuildTask<'_>) -> Result<(), Buil
     let others = rayon::current_num_threads() - 1;
     let share = root.prims.len() / (SUBTREES_A_THREAD * others).max(1);
     let is_large = |node: &BuildNode<'_>| node.prims.len() > share.max(PARALLEL_NODE);
-    let (mut wave, mut subtrees) = (vec![root], Vec::new());
-    while !wave.is_empty() {
+    let (mut level, mut subtrees) = (vec![root], Vec::new());
+    while !level.is_empty() {
         if task.cancel.is_cancelled() {
             return Err(BuildError::Cancelled);
         }
-        let (large, small): (Vec<_>, Vec<_>) = wave.into_iter().partition(is_large);
+        let (large, small): (Vec<_>, Vec<_>) = level.into_iter().partition(is_large);
         subtrees.extend(small);
         let halves = large.into_par_iter().flat_map_iter(|n| divide(n, task));
-        wave = halves.collect();
+        level = halves.collect();
     }
     subtrees.sort_by_key(|node| Reverse(node.prims.len()));
     let each = subtrees.into_par_iter().with_max_len(1);
@@ -208,14 +208,14 @@ pub(crate) fn partition_parallel(
     if counts.len() == 1 {
         return partition(from, plane, left, right);
     }
-    let (here, there) = counts.split_at(counts.len() / 2);
-    let (first, second) = from.split_at(here.len() * CHUNK);
-    let lefts: usize = here.iter().map(|c| plane.left_of(c)).sum();
+    let (counts_a, counts_b) = counts.split_at(counts.len() / 2);
+    let (first, second) = from.split_at(counts_a.len() * CHUNK);
+    let lefts: usize = counts_a.iter().map(|c| plane.left_of(c)).sum();
     let (left_a, left_b) = left.split_at_mut(lefts);
     let (right_a, right_b) = right.split_at_mut(first.len() - lefts);
     let (a, b) = join(
-        || partition_parallel(first, plane, here, left_a, right_a),
-        || partition_parallel(second, plane, there, left_b, right_b),
+        || partition_parallel(first, plane, counts_a, left_a, right_a),
+        || partition_parallel(second, plane, counts_b, left_b, right_b),
     );
     [a[0].union(b[0]), a[1].union(b[1])]
 }

@@ -132,8 +132,8 @@ pub(crate) struct Ruler {
 }
 
 impl Ruler {
-    /// Least extent to divide by, since reciprocals of much smaller extents overflow. Boxes are scaled so that their
-    /// largest coordinate is far above this limit.
+    /// Least extent to divide by, since reciprocals of much smaller extents overflow. [`crate::gather::gather`] scales
+    /// boxes so that their largest coordinate is far above this limit.
     pub(crate) const LEAST: f32 = 1.0 / (1_u128 << 100) as f32;
     const PAD: f32 = 1.0 / (1 << 20) as f32;
 

@@ -96,14 +96,13 @@ impl Sorted {
     /// next to the cut, which suffices for few triangles.
     fn right_first(&self, axis: usize, middle: usize) -> bool {
         self.toward.is_some_and(|point| {
-            // Twice the centres.
+            // Twice the centres, so their sum is four times the middle.
             let [left, right] =
                 [middle - 1, middle].map(|place| self.at(axis, place).center()[axis]);
             4.0 * point[axis] > left + right
         })
     }
 
-    /// Returns the plane of least cost.
     #[inline(never)]
     fn best_cut(&self, start: usize, end: usize) -> SweepCut {
         let mut node = PrimBounds::EMPTY;

@@ -33,7 +33,7 @@ pub struct SubtreeRebuilder {
     starts: Vec<u32>,
 }
 
-/// Costs of the previous and of the new tree: those of [`sah_cost`], except for rounding.
+/// Costs of the previous and of the new tree. They equal [`sah_cost`] up to rounding.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TreeCosts {
     /// Cost of the previous tree with the new boxes.
@@ -52,8 +52,8 @@ pub struct MovedTree<'a, B: ?Sized> {
 }
 
 impl SubtreeRebuilder {
-    /// Builds `tree` over the boxes of `previous`. Reuses the compact subtrees of the tree in `previous`. Returns the
-    /// costs of both trees.
+    /// Builds `tree` over the triangles of the previous tree. Reuses its compact subtrees. Returns the costs of both
+    /// trees.
     ///
     /// `builder` builds the levels above these subtrees. The result depends on `previous` and on [`SahBuilder::toward`]
     /// only.
@@ -62,8 +62,7 @@ impl SubtreeRebuilder {
     /// [`BuildError::Cancelled`]; `tree` is then empty.
     ///
     /// # Panics
-    /// If a triangle of `previous` has a box that is empty or not finite. Triangles that are not in `previous` are not
-    /// in `tree`.
+    /// If a triangle of the previous tree has a box that is empty or not finite.
     pub fn build<B: Boxes + ?Sized>(
         &mut self,
         builder: &mut SahBuilder,
@@ -147,8 +146,8 @@ mod tests {
     use geom::Aabb;
     use proptest::prelude::*;
 
-    /// Returns `n` boxes in clumps of seven. `clump` maps a clump to its position, and `part` is the distance of its
-    /// boxes.
+    /// Returns `n` boxes in clumps of seven. `clump` maps a clump to its position, and `part` is the distance between
+    /// its boxes.
     fn clumps(n: u32, clump: impl Fn(u32) -> f32, part: f32) -> Vec<Aabb> {
         let bounds = |i: u32| {
             let x = clump(i / 7) + (i % 7) as f32 * part;

@@ -7,7 +7,6 @@ use crate::occluder_first::reach;
 use crate::prim::PrimBounds;
 use geom::Point;
 
-/// Parameters common to all nodes of a build.
 #[derive(Clone, Copy)]
 pub(crate) struct BuildTask<'a> {
     pub(crate) cancel: &'a Cancel,

@@ -14,7 +14,7 @@ const TOGETHER: f64 = 1.2;
 /// Maximum number of leaves of the subtree that one task visits.
 const TASK: u32 = 2048;
 
-/// Half areas of nodes, to compute the costs of trees from.
+/// Half areas of nodes, from which the costs of trees are computed.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Areas {
     /// Half area of the root.
@@ -64,8 +64,8 @@ fn split(tree: &BinaryTree, node: Subtree, out: &mut Vec<Subtree>) {
     split(tree, b, out);
 }
 
-/// Adds the areas of `node` and of all nodes below to `areas`. Returns the node's box. `parts` has the results of
-/// tasks.
+/// Adds the areas of `node` and of all nodes below to `areas`. Returns the node's box. `parts` returns the results of
+/// the tasks below `node`, from left to right.
 fn sum<'a>(
     tree: &BinaryTree,
     node: Subtree,
