@@ -213,10 +213,11 @@ fn scatter_chunk(
     greatest
 }
 
-/// Number of words of bits that one task packs.
+/// Number of words that one task of [`pack`] writes.
 const PACKED: usize = 1 << 12;
 
 /// Packs two bits per inner node, shifted by one bit, since the children of node `k` are nodes `2k + 1` and `2k + 2`.
+/// Bit 0 is the root's: 1 if it is the only node.
 fn pack(leaf_children: &[u8], bits: &mut [u32]) {
     let tasks = bits.par_chunks_mut(PACKED).enumerate();
     tasks.for_each(|(task, bits)| {

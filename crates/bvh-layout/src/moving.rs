@@ -105,8 +105,8 @@ mod tests {
         }
         for number in 0..tree.treelet_count() {
             let children = words.iter().filter(|t| parent(t) == number as u32);
-            let told = tree.treelet(number).moving_children as usize;
-            assert_eq!(told, children.count(), "treelet {number}");
+            let stored = tree.treelet(number).moving_children as usize;
+            assert_eq!(stored, children.count(), "treelet {number}");
         }
         words
     }

@@ -47,7 +47,7 @@ pub struct Topology {
     pub(crate) words: Vec<u32>,
     /// The same tree as treelets, if requested.
     pub(crate) treelets: Option<Box<Treelets>>,
-    /// The same tree as wide nodes and blocks, if requested. Shared, since a backend keeps using them after adoption.
+    /// The same tree as wide nodes and blocks, if requested. Shared with the backend that traces the tree.
     pub(crate) blocks: Option<Arc<BlockTree>>,
 }
 
@@ -168,7 +168,7 @@ impl Topology {
         self.words[4] as usize
     }
 
-    /// Returns the rank range of the inner nodes of every level, root first. The last range is empty.
+    /// Returns the ranks of the inner nodes of every level, root first. The last level has none.
     pub fn levels(&self) -> impl Iterator<Item = Range<u32>> + '_ {
         let table = &self.words[Self::HEADER_WORDS..][..self.level_count()];
         table.iter().scan(0, |end, &inner| {

@@ -39,7 +39,7 @@ impl Header {
     }
 }
 
-/// Compares a record with one encoded again from its triangle count, leaf bits and leaf triangles.
+/// Encodes a record again from its triangle count, leaf bits and leaf triangles, and compares the words.
 /// No allocation is larger than `words`, whatever the words contain.
 pub(crate) fn validate(words: &[u32]) -> Result<(), TopologyError> {
     let expected = remake(words)?;

@@ -140,6 +140,7 @@ fn subtrees(tree: &Topology, boxes: Option<&[Aabb]>) -> Vec<SubtreeSummary> {
 
 /// Computes the costs of a node from its area and its children's costs.
 fn costs_above(area: f32, a: &Costs, b: &Costs) -> Costs {
+    // Least cost of both children in `lanes` lanes.
     let opened = |lanes: usize| {
         let shares = a[..lanes - 1].iter().zip(b[..lanes - 1].iter().rev());
         shares.fold(f32::INFINITY, |least, (a, b)| least.min(a + b))

@@ -6,7 +6,7 @@ mod costs;
 use geom::Aabb;
 use std::ops::Range;
 
-/// Number of nodes or blocks from which the minimum per task is derived. Costly passes use a fraction.
+/// Each parallel pass has tasks of at least a fraction of this number of nodes or blocks. Costly passes use less.
 const RUN: usize = 2048;
 
 /// Maximum number of children of a node, and of triangles of a block.
@@ -153,7 +153,7 @@ impl Link {
 /// The binary nodes that a node or block replaces. Each covers a range of at least two neighbouring lanes.
 ///
 /// Every range is the union of two parts of equal length, two or four lanes, which may overlap. So its box is the union
-/// of two boxes, as in a sparse table for range minima (Bender, Farach-Colton 2000).
+/// of the boxes of two parts, as in a sparse table for range minima (Bender, Farach-Colton 2000).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Ranges {
     count: u8,

@@ -63,7 +63,7 @@ fn check(binary: &BinaryTree) {
         assert!(seen.iter().all(|&n| n == 1), "every node has one parent");
     }
     assert_eq!(found, binary.order());
-    // Every block belongs to a node, so every binary node has a range: a node has one range less than it has children.
+    // Every block belongs to a node. With one range less than children per node, every binary node has a range.
     let ends = (tree.first_blocks[0], *tree.first_blocks.last().unwrap());
     assert_eq!(ends, (0, tree.blocks.len() as u32));
 }
@@ -137,8 +137,8 @@ fn visits_larger_or_left_subtree_first() {
         for (first, found) in [(First::Larger, large), (First::Left, order[0])] {
             let boxes = &boxes;
             let wide = BlockTree::of(&record, &corners, CollapseOptions { boxes, first });
-            let asked = asked_first(&wide).triangles;
-            assert!(asked.contains(&found), "{large} {first:?}");
+            let visited = asked_first(&wide).triangles;
+            assert!(visited.contains(&found), "{large} {first:?}");
         }
     }
 }

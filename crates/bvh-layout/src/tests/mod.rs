@@ -56,7 +56,7 @@ pub(crate) fn random_tree(leaves: usize, seed: u64) -> BinaryTree {
     })
 }
 
-/// Creates a tree of maximum depth. `left` returns the number of leaves on the left while the depth limit permits.
+/// Creates a deep tree. `left` maps a number of leaves to that of the left child, as far as the depth limit permits.
 fn deep(leaves: usize, left: impl Fn(u32) -> u32) -> BinaryTree {
     grow(leaves, |k, depth| {
         let limit = 1_u64 << (MAX_DEPTH - depth - 1);
@@ -68,7 +68,7 @@ fn deep(leaves: usize, left: impl Fn(u32) -> u32) -> BinaryTree {
     })
 }
 
-/// Creates a tree of maximum depth in which every left child is a leaf, as far as the depth limit permits.
+/// Creates a deep tree in which every left child is a leaf, as far as the depth limit permits.
 pub(crate) fn chain(leaves: usize) -> BinaryTree {
     deep(leaves, |_| 1)
 }

@@ -12,7 +12,8 @@ pub(super) struct Cut {
     pub(super) roots: Vec<Subtree>,
     /// Range of roots of each treelet.
     pub(super) treelets: Vec<Range<usize>>,
-    /// The tree above, whose leaves are the roots: for each inner node in preorder, the number of roots to its left.
+    /// The tree above, whose leaves are the roots: the number of roots below the left child of each inner
+    /// node, in preorder.
     pub(super) above: Vec<u32>,
     /// Index in the whole tree of each inner node of `above`.
     pub(super) whole_tree_indices: Vec<u32>,
@@ -68,7 +69,7 @@ impl Cut {
     }
 
     /// Cuts a tree into the largest subtrees of at most `most` leaves. `below` has the index in the whole tree of each
-    /// inner node; `None` if the indices are equal. The treelets remain empty.
+    /// inner node; `None` if the indices are equal. Leaves `treelets` empty.
     fn new(left_leaves: &[u32], most: usize, below: Option<&[u32]>) -> Self {
         let (mut roots, mut above, mut whole_tree_indices) = (Vec::new(), Vec::new(), Vec::new());
         let root = Subtree {
@@ -77,8 +78,8 @@ impl Cut {
             leaves: left_leaves.len() as u32 + 1,
         };
         let mut waiting = vec![(root, None)];
-        while let Some((node, right_of)) = waiting.pop() {
-            if let Some(parent) = right_of {
+        while let Some((node, right_child_of)) = waiting.pop() {
+            if let Some(parent) = right_child_of {
                 // Until its left subtree is done, the parent's entry holds the number of roots before the parent.
                 let before: &mut u32 = &mut above[parent];
                 *before = roots.len() as u32 - *before;

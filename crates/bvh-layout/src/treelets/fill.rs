@@ -85,7 +85,7 @@ fn leaves_of_each(cuts: &[Cut]) -> impl Iterator<Item = usize> {
         .flat_map(|cut| cut.treelets.iter().map(|t| cut.leaves(t).len()))
 }
 
-/// Compacts the inner nodes of all treelets, which have one entry for each leaf in `scratch`, into `inner`.
+/// Copies the inner nodes of all treelets to `inner`. In `scratch`, each treelet has one entry for each leaf.
 fn compact(
     mut scratch: &[u32],
     leaves: impl Iterator<Item = usize>,
@@ -121,7 +121,7 @@ fn tasks<'a>(
     for cut in cuts {
         for treelet in &cut.treelets {
             let leaves = cut.leaves(treelet);
-            // The lowest level takes all triangles.
+            // The lowest level takes all triangles, so none are left for the others.
             let own = leaves.len().min(outputs.triangles.len());
             tasks.push(Task {
                 number: tasks.len() as u32,
@@ -145,7 +145,6 @@ fn take<'a>(from: &mut &'a mut [u32], count: usize) -> &'a mut [u32] {
     part.expect("enough words for all tasks")
 }
 
-/// Size of an encoded treelet.
 #[derive(Clone, Copy)]
 struct TreeletSize {
     inner_count: u32,
@@ -183,7 +182,7 @@ impl Task<'_> {
         }
     }
 
-    /// Encodes a subtree. Returns its reference and height. The recursion is at most 64 levels deep, as the tree.
+    /// Encodes a subtree. Returns its reference and height. The recursion is as deep as the tree: at most 64 levels.
     fn encode(&mut self, node: Subtree, inner: &mut TreeletNodes) -> (u32, u32) {
         let leaf = node.first_leaf - self.roots[0].first_leaf;
         let shared = node.leaves == 2 && !self.triangles.is_empty();
@@ -232,6 +231,7 @@ impl TreeletNodes {
 impl Treelets {
     /// Writes the table of treelets and the ranges of all levels. Inner nodes begin at word `inner_at`.
     fn finish(&mut self, cuts: &[Cut], found: &[TreeletSize], inner_at: usize) {
+        // Start of the next treelet's parts.
         let mut next = Treelet {
             inner_at: inner_at as u32,
             inner_row: 4,

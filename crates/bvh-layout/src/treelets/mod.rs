@@ -99,7 +99,7 @@ impl WideTree {
     pub const LANES: usize = 32;
     /// Maximum number of levels of nodes.
     pub const MOST_LEVELS: usize = 16;
-    /// Maximum number of triangles. Larger trees have no wide form, because traversals that use it do not pay there.
+    /// Maximum number of triangles. Larger trees have no wide form, because it does not make their traversal faster.
     pub const MOST_TRIANGLES: usize = 1 << 20;
     const BLOCK: u32 = 1 << 31;
     const FIRST_AT: u32 = 6;
@@ -262,8 +262,8 @@ impl Treelets {
 
     /// Returns the number of 16-byte rows that the nodes take on a device.
     pub fn rows(&self) -> usize {
-        let waiting_roots = (self.root_count as usize).saturating_sub(1);
-        4 * (1 + self.inner_count as usize) + 2 * waiting_roots
+        let other_roots = (self.root_count as usize).saturating_sub(1);
+        4 * (1 + self.inner_count as usize) + 2 * other_roots
     }
 }
 

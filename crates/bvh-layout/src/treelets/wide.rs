@@ -68,8 +68,8 @@ struct LaneList {
 }
 
 impl LaneList {
-    /// Appends a node's lanes. Returns the node's target word, and adds the lanes whose nodes are still missing to
-    /// `next`.
+    /// Appends a node's lanes. Returns the node's target word. Adds the children that are nodes, each with the index of
+    /// its lane, to `next`.
     fn add_node(&mut self, lanes: &[Lane], next: &mut Vec<(Subtree, usize)>) -> u32 {
         let first = self.targets.len();
         for lane in lanes {
