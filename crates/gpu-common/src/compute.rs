@@ -86,7 +86,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
         self.tree.as_mut().expect("a scene was loaded")
     }
 
-    /// Checks that the data for this stage or for a later one are up to date.
+    /// Checks that all stages before `stage` are up to date.
     fn require(&self, stage: NextStage, why: &str) {
         assert!(self.engine.next_stage >= stage, "{why}");
     }
@@ -139,11 +139,11 @@ impl<D: GpuDevice> ComputeBackend<D> {
     }
 
     /// Returns whether the current tree was built on the device from the current positions. Its triangle records and
-    /// boxes are then up to date.
+    /// boxes are then up to date. Panics if it was built on the device from other positions.
     fn is_built_at_pose(&self) -> bool {
         let built_on_device = self.tree().built_on_device;
-        let anew = built_on_device && self.engine.next_stage < NextStage::Trace;
-        assert!(!anew, "new positions require a rebuild of the tree");
+        let is_stale = built_on_device && self.engine.next_stage < NextStage::Trace;
+        assert!(!is_stale, "new positions require a rebuild of the tree");
         built_on_device
     }
 
@@ -224,7 +224,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     }
 
     fn evaluate(&mut self, tree: &Topology, generation: Generation) -> Result<bool> {
-        self.require(NextStage::Preprocess, "positions come first");
+        self.require(NextStage::Preprocess, "call `interpolate` first");
         self.require_later(generation);
         let Engine { gpu, frames, .. } = &mut self.engine;
         let trees = self.tree.as_mut().expect("a scene was loaded");
@@ -262,9 +262,9 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     }
 
     fn preprocess(&mut self) -> Result<()> {
-        self.require(NextStage::Preprocess, "positions come first");
+        self.require(NextStage::Preprocess, "call `interpolate` first");
         let generation = self.tree().current.generation;
-        assert!(generation > Generation(0), "a tree comes first");
+        assert!(generation > Generation(0), "there is no tree yet");
         if self.is_built_at_pose() {
             return Ok(());
         }
@@ -280,7 +280,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     }
 
     fn refit(&mut self) -> Result<()> {
-        self.require(NextStage::Refit, "boxes of leaves come first");
+        self.require(NextStage::Refit, "call `preprocess` first");
         if self.is_built_at_pose() {
             return Ok(());
         }
@@ -294,7 +294,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     }
 
     fn rebuild(&mut self, generation: Generation) -> Result<()> {
-        self.require(NextStage::Preprocess, "positions come first");
+        self.require(NextStage::Preprocess, "call `interpolate` first");
         self.require_later(generation);
         self.engine
             .info

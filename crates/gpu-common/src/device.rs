@@ -48,7 +48,7 @@ pub struct DeviceInfo {
     pub clock: Clock,
     /// Maximum number of workgroups per dispatch along an axis.
     pub max_groups: u32,
-    /// Limits that a kernel may exceed.
+    /// Limits for kernels. See [`check_kernels`].
     pub kernel_limits: Vec<KernelLimit>,
     /// Whether the device executes [`RecordedCommand::Split`](crate::RecordedCommand::Split): the positions are copied
     /// to the host while the rest of their submission runs.
@@ -264,9 +264,9 @@ pub trait GpuDevice: Send + Sized + 'static {
     /// written. Never blocks.
     fn has_finished(&self, work: PendingWork) -> Result<bool>;
 
-    /// Blocks until a buffer can be written after its last use, or with `None` until all work has finished. Does not
-    /// block for a use if the device runs writes in order with submissions. Does not wait for a use in a command buffer
-    /// that the program has not submitted.
+    /// Blocks until a buffer can be written after its last use. Returns at once if writes run in order with
+    /// submissions. Does not wait for a command buffer that the program has not submitted. With `None`, blocks until
+    /// all work has finished.
     fn wait(&self, until: Option<LastUse>) -> Result<()>;
 
     /// Blocks until a submission has finished and returns its output. Called once per submission, in order.

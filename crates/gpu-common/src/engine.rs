@@ -99,7 +99,7 @@ impl<D: GpuDevice> Engine<D> {
     /// Returns the loaded scene.
     ///
     /// # Panics
-    /// If no scene is loaded. The same applies to all following methods except [`Engine::unload`].
+    /// If no scene is loaded. The same applies to all other methods that need a scene.
     pub fn scene(&self) -> &AnimationBuffers<D> {
         self.scene.as_ref().expect("a scene was loaded")
     }
@@ -120,8 +120,8 @@ impl<D: GpuDevice> Engine<D> {
         Ok(())
     }
 
-    /// Records the interpolation of positions at `pose`. `params` contains the blend weight. The dispatch `measure`, if
-    /// any, measures the coordinate range of the pose's first key frame and runs concurrently.
+    /// Records the interpolation of positions at `pose`. `params` contains the blend weight. The interpolation may run
+    /// concurrently with the dispatch `measure`, which measures the coordinate range of the pose's first key frame.
     pub fn interpolate(&mut self, pose: Pose, params: Params, measure: Option<Work>) -> Result<()> {
         let gpu = &mut self.gpu;
         let (position, overwritten) = self.snapshots.position_to_write(gpu, self.position)?;
@@ -224,7 +224,7 @@ impl<D: GpuDevice> Engine<D> {
     pub fn request_positions(&mut self) -> Result<()> {
         assert!(
             self.next_stage >= NextStage::Preprocess,
-            "positions come first"
+            "call `interpolate` first"
         );
         let scene = self.scene.as_mut().expect("a scene was loaded");
         scene.make_positions(&mut self.gpu)?;
@@ -233,7 +233,7 @@ impl<D: GpuDevice> Engine<D> {
         Ok(())
     }
 
-    /// Submits the recording. `never_active` is the number of triangles in no tree, which count as inactive.
+    /// Submits the recording. Reports count `never_active` triangles that are in no tree as inactive.
     pub fn submit(&mut self, never_active: u64) -> Result<Ticket> {
         let scene = self.scene.as_ref().expect("a scene was loaded");
         let place = |p: usize| (&scene.positions[p], scene.position_bytes());

@@ -26,9 +26,9 @@ pub struct Frames<D: GpuDevice> {
     ledger: VecDeque<SubmissionRecord<D>>,
     /// Latest results of `preprocess` and `refit`.
     tree_counts: TreeCounts,
-    /// Latest results of traces by rasterization.
+    /// Whether the next traces may use rasterization.
     pub(crate) raster_backoff: RasterBackoff,
-    /// Whether the last submission that measured coordinates found very different magnitudes.
+    /// Whether coordinates have very different magnitudes, by the latest measurement.
     pub(crate) spread: bool,
     clock: Clock,
 }
@@ -96,7 +96,7 @@ impl<D: GpuDevice> Frames<D> {
         traces.map(TraceBuffers::held).chain(replaced).sum()
     }
 
-    /// Refuses all traces of a batch because one of them failed.
+    /// Makes all traces of a batch unavailable because one query failed.
     pub(crate) fn refuse_pending(&mut self) {
         self.refused.append(&mut self.pending);
     }
@@ -187,7 +187,7 @@ impl<D: GpuDevice> Frames<D> {
         Ok(ticket)
     }
 
-    /// Returns the submissions that were not seen to finish.
+    /// Returns the submissions that have no report yet.
     pub(crate) fn unfinished(&self) -> impl Iterator<Item = Ticket> + '_ {
         let open = self.ledger.iter().filter(|s| s.report.is_none());
         open.map(|s| s.ticket)
@@ -238,7 +238,7 @@ impl<D: GpuDevice> Frames<D> {
         });
     }
 
-    /// Waits for a submission, and so for all before it.
+    /// Waits for a submission and all earlier ones.
     fn finish(&mut self, gpu: &mut D, ticket: Ticket) -> Result<()> {
         let next = |frames: &Self| frames.unfinished().next();
         while let Some(oldest) = next(self).filter(|oldest| *oldest <= ticket) {
@@ -309,7 +309,7 @@ impl<D: GpuDevice> Frames<D> {
         }
     }
 
-    /// Waits for a submission, and so for all before it, and returns its report.
+    /// Waits for a submission and all earlier ones, and returns its report.
     ///
     /// # Panics
     /// If the ticket is unknown or has expired.

@@ -41,8 +41,8 @@ impl<D: GpuDevice> ComputeBackend<D> {
         read_all(&mut self.engine.gpu, buffer, count)
     }
 
-    /// Reads the current tree back, after all submissions, and passes it to `look`.
-    fn view<T>(&mut self, look: impl Fn(&View<'_>) -> std::result::Result<T, String>) -> Result<T> {
+    /// Reads the current tree back, after all submissions, and passes it to `read`.
+    fn view<T>(&mut self, read: impl Fn(&View<'_>) -> std::result::Result<T, String>) -> Result<T> {
         let shape = self.tree().current.shape.clone();
         let built_on_device = self.tree().built_on_device;
         let leaves = shape.leaf_count as usize;
@@ -54,12 +54,12 @@ impl<D: GpuDevice> ComputeBackend<D> {
         };
         let words: Vec<u32> = self.read_tree(name, at + leaves)?;
         let rows = self.read_tree(BufferName::Nodes, shape.node_rows as usize)?;
-        let seen = look(&View {
+        let output = read(&View {
             built_on_device,
             rows: &rows,
             triangles: &words[at..],
             animation: &self.engine.scene().animation,
         });
-        seen.map_err(BackendError::WrongTree)
+        output.map_err(BackendError::WrongTree)
     }
 }

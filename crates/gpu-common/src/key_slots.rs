@@ -17,7 +17,7 @@ const LARGE_KEPT: usize = 3;
 /// Minimum number of static vertices between two runs of moving ones. Shorter gaps are uploaded with the runs.
 const GAP: usize = 1 << 12;
 
-/// Key frames by number. Each has a buffer of its own, so that only device memory limits their number.
+/// Key frames, each in its own buffer. Only device memory limits their count.
 pub(crate) struct KeySlots<D: GpuDevice> {
     /// In upload order.
     slots: Vec<KeySlot<D>>,
@@ -78,8 +78,8 @@ impl<D: GpuDevice> KeySlots<D> {
         })
     }
 
-    /// Makes the key frames of a pose available to work recorded from now on, after the last submission. Blocks while
-    /// missing ones are read. Returns the number of the upload that the recording must wait for.
+    /// Makes the key frames of a pose available to the recording that follows submission `last`. Blocks while missing
+    /// key frames are read. Returns the number of the upload that the recording must wait for.
     pub(crate) fn upload_pose(
         &mut self,
         gpu: &mut D,
@@ -142,15 +142,15 @@ impl<D: GpuDevice> KeySlots<D> {
 
     /// Uploads a paged or streamed key frame, in place of the least recently used one.
     fn upload(&mut self, gpu: &mut D, key: usize, frame: &KeyFrame) -> Result<()> {
-        // Unchanged positions of lent buffers may be copied from the previous key frame to this one.
+        // The device may copy positions from the previous key frame, if their source is a buffer of the program.
         if let Some(before) = self.slots.last_mut() {
             before.read_by = self.next;
         }
         while self.slots.len() >= self.kept {
             // The recording may still read its key frames, and the next one may read the latest pose again.
-            let is_played = |slot: &KeySlot<D>| self.pose.keys().any(|key| key == slot.key);
+            let is_at_pose = |slot: &KeySlot<D>| self.pose.keys().any(|key| key == slot.key);
             let all = self.slots.iter().enumerate();
-            let free = all.filter(|(_, slot)| slot.read_by < self.next && !is_played(slot));
+            let free = all.filter(|(_, slot)| slot.read_by < self.next && !is_at_pose(slot));
             let Some((oldest, _)) = free.min_by_key(|(_, slot)| slot.used) else {
                 break;
             };

@@ -53,10 +53,9 @@ impl<B> Pool<B> {
         self.0.push(PooledBuffer { buffer, size, last });
     }
 
-    /// Removes a buffer whose last use has ended, and returns it if it has at least `bytes`. Drops a smaller
-    /// buffer and returns `None`. Also returns `None` if all buffers are in use, unless the pool is full. A full pool
-    /// waits for the use that ends first. `has_ended` returns whether a use has ended, and may wait for
-    /// it if its second argument is set.
+    /// Removes a buffer whose last use has ended, and returns it if it has at least `bytes`. Drops a smaller one and
+    /// returns `None`. If all buffers are in use, a full pool waits for the earliest use. A pool that is not full
+    /// returns `None`. `has_ended` returns whether a use has ended. It may wait first if its second argument is set.
     pub fn fit(
         &mut self,
         bytes: u64,

@@ -10,8 +10,8 @@ use shaders::{BufferName, Counts, TreeStages};
 use std::mem::offset_of;
 use std::sync::Arc;
 
-/// Bytes of the members of [`Counts`] that `preprocess` increments. It may run several times per submission. The bytes
-/// are cleared before each further run, so that the last run determines them.
+/// Size of the first members of [`Counts`], which `preprocess` increments. If `preprocess` runs again in a submission,
+/// these bytes are cleared first, so that the last run determines them.
 const LEAF_COUNTS: u64 = offset_of!(Counts, hits) as u64;
 
 /// Records the stages of one submission at a time.
@@ -58,8 +58,8 @@ impl<D: GpuDevice> Recorder<D> {
 
     /// Records dispatches, and then the end of `stage` if there is one. Checks all dispatches before it records the
     /// first one. `interpolate` stays open for kernels that may run concurrently, and is then timed together with them.
-    /// A stage without work is reported with a time of 0. It is recorded only as the first stage, to mark the start of
-    /// the frame.
+    /// A stage without work is reported with a time of 0. Its end is recorded only if it is the first stage, to mark
+    /// the start of the frame.
     pub(crate) fn record<'a>(
         &mut self,
         pipelines: &Pipelines<D>,

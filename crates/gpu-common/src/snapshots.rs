@@ -9,7 +9,7 @@ use std::collections::VecDeque;
 pub(crate) struct Snapshots {
     /// Index of the position buffer that the recording requested.
     pub(crate) requested: Option<usize>,
-    /// Submissions whose copies were not taken, each with the index of the position buffer. In the order of the copies.
+    /// Copies that [`Snapshots::take`] has not returned yet, in order: submission and index of the position buffer.
     unfinished: VecDeque<(Ticket, usize)>,
 }
 

@@ -16,7 +16,7 @@ pub struct TraceBuffers<D: GpuDevice> {
     pub has_tree: bool,
     /// Whether pixels were shaded.
     shaded: bool,
-    /// Buffers of this trace, and of earlier traces that it reuses or does not need.
+    /// Buffers of this trace, and buffers of earlier traces, which it may reuse.
     buffers: BufferTable<D>,
     /// Buffers lent by the device's owner, which replace the trace's own.
     lent: Option<LentRays<D::Buffer>>,
@@ -45,9 +45,9 @@ impl<D: GpuDevice> TraceBuffers<D> {
             u32::MAX.into(),
         )?;
         let mut lent = lent_rays(gpu, query)?;
-        let room = lent.as_mut().and_then(|lent| lent.results.as_mut());
-        let has_room = room.is_some();
-        if let Some(results) = room.filter(|_| !has_tree) {
+        let lent_results = lent.as_mut().and_then(|lent| lent.results.as_mut());
+        let lends_results = lent_results.is_some();
+        if let Some(results) = lent_results.filter(|_| !has_tree) {
             // No kernel writes the results.
             match kind {
                 QueryKind::Any => gpu.write(results, &vec![0_u32; count])?,
@@ -59,14 +59,14 @@ impl<D: GpuDevice> TraceBuffers<D> {
             let rays = buffers.fit(gpu, BufferName::Rays, bytes(size_of::<Ray>()))?;
             write_rays(gpu, query.rays, rays)?;
         }
-        if has_tree && kind != QueryKind::Any && !has_room {
+        if has_tree && kind != QueryKind::Any && !lends_results {
             buffers.fit(gpu, BufferName::Hits, bytes(size_of::<Hit>()))?;
         }
         // `exact` also stores undecided rays in this buffer, for which a lent buffer has no space.
         let is_exact = traced_by == Some(Intersector::Exact);
-        let copies_results = has_room && is_exact && kind == QueryKind::Any;
+        let copies_results = lends_results && is_exact && kind == QueryKind::Any;
         let occluded = match kind {
-            QueryKind::Any => !has_room || copies_results,
+            QueryKind::Any => !lends_results || copies_results,
             QueryKind::Closest => is_exact,
             QueryKind::ClosestAndShadow { .. } => true,
         };
@@ -99,7 +99,7 @@ impl<D: GpuDevice> TraceBuffers<D> {
         let copies = self.copies_results;
         let name = match name {
             BufferName::Answers => results,
-            // The kernel that copies the results names its source and its target like this.
+            // `copy_points` copies the results. It reads `Lent` and writes `KeyFrame`.
             BufferName::Lent if copies => results,
             name => name,
         };

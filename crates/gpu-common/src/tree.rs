@@ -37,7 +37,7 @@ pub(crate) struct TreeBuffers<D: GpuDevice> {
 pub(crate) struct DeviceTree<D: GpuDevice> {
     /// The topology as the host uploaded it; `None` before the first.
     topology: Option<UploadedTopology<D::Buffer>>,
-    /// Buffers by name. Those of nodes and costs fit the largest tree so far.
+    /// Buffers by name. The node and cost buffers fit the largest tree so far.
     pub(crate) buffers: BufferTable<D>,
     pub(crate) generation: Generation,
     pub(crate) shape: Shape,
@@ -46,7 +46,7 @@ pub(crate) struct DeviceTree<D: GpuDevice> {
 }
 
 impl<D: GpuDevice> DeviceTree<D> {
-    /// Creates buffers for every tree over `leaves` triangles. Those of nodes and costs [grow](Self::grow) later.
+    /// Creates the buffers of a tree over `leaves` triangles. The node and cost buffers [grow](Self::grow) later.
     fn new(gpu: &D, intersector: Intersector, leaves: u64) -> Result<Self> {
         Ok(Self {
             topology: None,
@@ -284,7 +284,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
         Ok(Shape::of(&tree.to_treelets()))
     }
 
-    /// Returns a topology buffer to the pool. The recording after the `last` submission may still use it.
+    /// Returns a topology buffer to the pool. `last` is the last submission that may use it.
     fn release(&mut self, old: Option<UploadedTopology<D::Buffer>>, last: Ticket) {
         if let Some(old) = old {
             let size = D::size(&old.buffer);
