@@ -66,7 +66,7 @@ impl Memory {
         self.held.load(Ordering::Relaxed)
     }
 
-    /// Returns the most bytes that are still available to this process in one device-local heap. Uses the size of each
+    /// Returns the bytes available to this process in the device-local heap that has the most. Uses the size of each
     /// heap if the driver does not report the use of memory.
     pub(crate) fn free_bytes(&self, host: &Host) -> Option<u64> {
         let has_budget = host.offers(self.physical, memory_budget::NAME);
@@ -104,8 +104,8 @@ impl Memory {
         self.made.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Locks submitting, allocating and freeing, fairly. NVIDIA's driver has such a lock too, but it is not fair: a
-    /// thread that frees a scene would hold it for all buffers.
+    /// Locks submitting, allocating and freeing with a fair lock. NVIDIA's driver has its own lock, which is not fair:
+    /// a thread that frees a scene would hold it until all buffers are freed.
     pub(crate) fn lock_driver(&self) -> FairMutexGuard<'_, ()> {
         self.driver_lock.lock()
     }

@@ -104,7 +104,7 @@ impl Drop for Commands {
     }
 }
 
-/// Returns the kinds of writes of stages. `MEMORY_WRITE` for all of them would make frames 5 % slower on an H200.
+/// Returns the write accesses of stages. `MEMORY_WRITE` for every stage would make frames 5 % slower on an H200.
 fn writes_of(stages: vk::PipelineStageFlags) -> vk::AccessFlags {
     let mut writes = vk::AccessFlags::empty();
     if stages.intersects(KERNELS | RAYS) {
@@ -119,7 +119,7 @@ fn writes_of(stages: vk::PipelineStageFlags) -> vk::AccessFlags {
     writes
 }
 
-/// Returns the kinds of reads of stages.
+/// Returns the read accesses of stages.
 fn reads_of(stages: vk::PipelineStageFlags) -> vk::AccessFlags {
     let mut reads = vk::AccessFlags::empty();
     if stages.intersects(KERNELS | RAYS | BUILDS) {

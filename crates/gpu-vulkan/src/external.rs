@@ -1,4 +1,4 @@
-//! Memory and timeline semaphores that another interface to the same GPU shares, exported by opaque file descriptors.
+//! Memory and timeline semaphores, exported by opaque file descriptors to another interface to the same GPU.
 //!
 //! Exported buffers need no ownership transfer to `VK_QUEUE_FAMILY_EXTERNAL`. CUDA could not return the ownership, and
 //! a buffer has no image layout that a transfer would preserve.

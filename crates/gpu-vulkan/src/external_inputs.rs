@@ -20,8 +20,8 @@ pub(crate) struct ExternalInputs {
     pub(crate) signals: Vec<Signal>,
 }
 
-/// A timeline value to signal for the program. Before it is signalled, submitted work may still wait for lower values
-/// of the same timeline.
+/// A timeline value to signal for the program. Keeps the timeline alive, because submitted work may still wait for
+/// lower values.
 pub(crate) struct Signal {
     pub(crate) timeline: Arc<Timeline>,
     pub(crate) value: u64,

@@ -118,7 +118,7 @@ impl Host {
         unsafe { self.instance.get_physical_device_features2(device, chain) };
     }
 
-    /// Returns those of the named extensions that a device offers.
+    /// Returns the extensions among `names` that a device offers.
     pub fn offered<'n>(&self, device: vk::PhysicalDevice, names: &[&'n CStr]) -> Vec<&'n CStr> {
         // SAFETY: the device belongs to the instance, which is alive.
         let offered = unsafe { self.instance.enumerate_device_extension_properties(device) };

@@ -9,7 +9,7 @@ use gpu_common::{KernelLimit, check_limit};
 use shaders::storage_buffers;
 use std::ffi::CStr;
 
-/// Limits that a scene, a query or a kernel may exceed.
+/// Limits of a device that matter for scenes, queries and kernels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct DeviceLimits {
     /// `maxStorageBufferRange`, bytes.
@@ -60,7 +60,7 @@ impl DeviceLimits {
         Ok(())
     }
 
-    /// Returns the limits that a kernel may exceed.
+    /// Returns the limits for kernels.
     pub(crate) fn of_kernels(&self) -> Vec<KernelLimit> {
         vec![
             KernelLimit {
@@ -135,8 +135,8 @@ impl DeviceFeatures {
     }
 }
 
-/// Returns the invocations per subgroup, which is the same in every kernel that requests no other size. Returns `None`
-/// if a subgroup operation of the kernels is missing.
+/// Returns the number of invocations per subgroup. All kernels have this size, because they request no other. Returns
+/// `None` if a subgroup operation of the kernels is missing.
 fn subgroups(host: &Host, device: vk::PhysicalDevice) -> Option<u32> {
     let mut found = vk::PhysicalDeviceSubgroupProperties::default();
     let mut all = vk::PhysicalDeviceProperties2::default().push_next(&mut found);

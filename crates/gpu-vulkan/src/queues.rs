@@ -23,7 +23,7 @@ pub(crate) struct QueueSet<Q> {
 /// The queues of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Queues {
-    /// The same queue occurs several times if there are too few.
+    /// If the device has too few queues, several purposes share a queue.
     pub(crate) indices: QueueSet<QueueIndex>,
     /// Valid bits of a timestamp; 0 if the compute family has no clock.
     pub(crate) timestamp_bits: u32,

@@ -64,7 +64,7 @@ pub struct VulkanDevice {
     /// Resources that unfinished uploads still use.
     in_use: Pool<Box<dyn Send>>,
     spares: Spares<HostPoints>,
-    /// Copies of positions that were not taken, by the submission that requested them.
+    /// Copies of positions that `take_positions` has not returned yet, by the submission that requested them.
     copies: BTreeMap<Ticket, ReadbackCopy>,
     /// Timeline value of the upload that wrote results to external memory, if the next submission must wait for it.
     /// Otherwise 0.
@@ -190,10 +190,10 @@ impl VulkanDevice {
         let upload_value = Some(recording.after_upload.max(self.results_at));
         let upload_value = upload_value.filter(|&value| value > 0);
         let upload_value = upload_value.map(|value| self.upload.done.at(value));
-        let unread = recording.overwrites;
-        let unread = unread.and_then(|ticket| self.copies.get(&ticket));
-        let unread = unread.map(|copy| self.readback.done.at(copy.done_at));
-        let after = upload_value.into_iter().chain(unread);
+        let overwritten = recording.overwrites;
+        let overwritten = overwritten.and_then(|ticket| self.copies.get(&ticket));
+        let overwritten = overwritten.map(|copy| self.readback.done.at(copy.done_at));
+        let after = upload_value.into_iter().chain(overwritten);
         let after: Vec<SemaphoreValue> = after.chain(self.external.waits.iter().copied()).collect();
         let (done, first_part) = (self.done.at(ticket.0), self.first_part.at(ticket.0));
         let parts = self.encoder(ticket).commands.all();
