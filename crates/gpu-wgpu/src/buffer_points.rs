@@ -21,8 +21,9 @@ pub(crate) struct BufferPoints {
 }
 
 impl BufferPoints {
-    /// Schedules copies of all runs to a key frame. A kernel performs those in `copies`: from buffers of at most
-    /// `largest` bytes that it can bind. Copy commands, which take twice as long, perform the others.
+    /// Schedules copies of all runs to a key frame. Adds a copy to `copies`, which a kernel performs, if the kernel can
+    /// bind the source: a storage buffer of at most `largest` bytes. Schedules a copy command otherwise, which takes
+    /// twice as long.
     pub(crate) fn copy_to(
         &mut self,
         key: &Buffer,

@@ -92,7 +92,7 @@ impl Mapping {
         }
     }
 
-    /// Waits until the host can access the buffer. The submission that fills it must have been waited for.
+    /// Waits until the host can access the buffer. The submission that fills it must have finished.
     pub(crate) fn expect(&self, gpu: &OpenGpu) -> Result<()> {
         if self.arrives_within(gpu, Duration::from_secs(10))? {
             return Ok(());
@@ -100,12 +100,12 @@ impl Mapping {
         Err(gpu.faults.lose("a buffer was not mapped in time".into()))
     }
 
-    /// Returns whether the host can access the buffer within `patience`. Another thread that polls the device may run
+    /// Returns whether the host can access the buffer within `timeout`. Another thread that polls the device may run
     /// the callback.
-    pub(crate) fn arrives_within(&self, gpu: &OpenGpu, patience: Duration) -> Result<bool> {
+    pub(crate) fn arrives_within(&self, gpu: &OpenGpu, timeout: Duration) -> Result<bool> {
         let begun = Instant::now();
         while !self.poll(gpu)? {
-            if begun.elapsed() > patience {
+            if begun.elapsed() > timeout {
                 return Ok(false);
             }
             thread::yield_now();
@@ -126,7 +126,7 @@ pub(crate) struct MappedCopy {
 }
 
 impl MappedCopy {
-    /// Records a copy in pieces to the start of `spare` if it is large enough, or else of a new buffer.
+    /// Records a copy, in pieces, to `spare` if it is large enough, or else to a new buffer.
     pub(crate) fn record(
         gpu: &OpenGpu,
         encoder: &mut CommandEncoder,

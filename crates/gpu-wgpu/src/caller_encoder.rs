@@ -14,7 +14,7 @@ pub(crate) struct CallerEncoder {
 }
 
 impl CallerEncoder {
-    /// Returns whether no encoder contains an unfinished submission up to `ticket`. Queue writes would run before such
+    /// Returns whether no encoder contains an unfinished submission up to `ticket`. A queue write could run before such
     /// a submission.
     pub(crate) fn is_past(&self, ticket: u64) -> bool {
         let oldest = self.under_way.first_key_value();

@@ -55,7 +55,7 @@ impl WgpuDevice {
     /// able to bind the buffers.
     pub fn set_ray_buffers(&mut self, rays: Vec<LentRays<Buffer>>) {
         if self.scene.rays != rays {
-            // Bind groups keep the previous buffers alive until they are recreated.
+            // A higher count makes the next recording drop the bind groups, which keep the previous buffers alive.
             self.gpu.count_buffer();
         }
         self.scene.caller_buffers.rays = rays.iter().cloned().collect();

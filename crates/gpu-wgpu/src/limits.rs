@@ -16,7 +16,7 @@ pub fn required_features() -> Features {
 ///
 /// - Timestamps. Without them stages are not timed.
 /// - Timestamps within passes. Without them each stage needs a pass of its own, which takes some microseconds.
-/// - Passthrough shaders, which save arithmetic in kernels on Vulkan.
+/// - Passthrough shaders. On Vulkan, kernels are then SPIR-V, with less arithmetic than the WGSL form.
 /// - Subgroups, for packet traversal.
 /// - Pipeline caches, which save compilation.
 /// - A 64-bit atomic minimum, for rasterizing the first hits of large scenes.
@@ -86,7 +86,7 @@ pub(crate) fn check(limits: &Limits) -> Result<()> {
     check_kernels(&kernel_limits(limits), |k| !k.builds_trees())
 }
 
-/// Returns the limits that a kernel may exceed.
+/// Returns the limits for kernels.
 pub(crate) fn kernel_limits(limits: &Limits) -> Vec<KernelLimit> {
     vec![
         KernelLimit {

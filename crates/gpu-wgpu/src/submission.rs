@@ -17,7 +17,7 @@ const COUNTS: u64 = size_of::<Counts>() as u64;
 /// so each trace has its own buffer up to this number.
 const MAX_COUNT_BUFFERS: usize = 16;
 
-/// Offset of the stamp in a report.
+/// Offset of `SubmissionEncoder::stamp` in a report.
 const STAMP: u64 = timestamps::BYTES + COUNTS * MAX_COUNT_BUFFERS as u64;
 
 /// Resources of one submission at a time.
@@ -37,8 +37,8 @@ pub(crate) struct SubmissionEncoder {
     /// Whether wgpu rejected the program's encoder, so that its commands never ran.
     is_refused: bool,
     launches: Launches,
-    /// Mapping of the report, once the recording was encoded, with the index of its submission unless the program
-    /// submits it.
+    /// Index of the submission, and mapping of the report. `None` until the recording is encoded. The index is `None`
+    /// if the program submits the recording.
     pub(crate) sent: Option<(Option<SubmissionIndex>, Mapping)>,
     gpu: Arc<OpenGpu>,
 }
@@ -219,9 +219,9 @@ impl SubmissionEncoder {
         }
         // There is no report if an earlier wait failed.
         let lost = || gpu.faults.lose("a submission did not finish".into());
-        let (place, mapping) = self.sent.take().ok_or_else(lost)?;
-        match place {
-            Some(place) => gpu.wait_for(place)?,
+        let (submission, mapping) = self.sent.take().ok_or_else(lost)?;
+        match submission {
+            Some(submission) => gpu.wait_for(submission)?,
             None if mapping.poll(gpu)? => (),
             None => {
                 gpu.wait_idle()?;

@@ -18,7 +18,7 @@ pub(crate) const BYTES: u64 = MARKS as u64 * 8;
 pub(crate) struct PassTimestamps {
     set: QuerySet,
     resolved: Buffer,
-    /// Timestamps can be written between the dispatches of a pass, so that stages can share a pass.
+    /// Whether timestamps can be written between the dispatches of a pass, so that stages can share a pass.
     pub(crate) within: bool,
     pub(crate) stages: Vec<Option<Stage>>,
 }

@@ -73,7 +73,7 @@ pub(crate) struct DeviceScene {
     views: Vec<Buffer>,
     staging: MappedPool,
     spares: Spares<Arrived>,
-    /// Copies of positions that were not taken, by the submission that requested them.
+    /// Copies of positions that `take_positions` has not returned yet, by the submission that requested them.
     copies: BTreeMap<Ticket, MappedCopy>,
     pub(crate) points: BufferPoints,
     /// Buffers of the program for the next recording.
