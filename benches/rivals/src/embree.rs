@@ -24,7 +24,7 @@ use std::time::Instant;
 /// Rays that one task traces, and vertices that one task interpolates.
 const TASK: usize = 512;
 
-/// Embree's single rays over a scene of medium quality, in parallel tasks.
+/// Embree with single rays, traced in parallel tasks.
 pub struct Embree {
     device: Device,
     pool: ThreadPool,
@@ -58,7 +58,7 @@ pub fn adapters() -> Result<Vec<AdapterInfo>> {
 
 /// Returns the version of the library.
 fn version() -> Result<String> {
-    /// `RTC_DEVICE_PROPERTY_VERSION`: ten thousands of the major number, hundreds of the minor one, and the patch.
+    /// `RTC_DEVICE_PROPERTY_VERSION`. Its value is `10_000 * major + 100 * minor + patch`.
     const VERSION: u32 = 0;
     let functions = functions().map_err(BackendError::NoDevice)?;
     // SAFETY: a device without a configuration is made and released here.
@@ -182,7 +182,7 @@ fn ms_since(begun: Instant) -> f64 {
     begun.elapsed().as_secs_f64() * 1e3
 }
 
-/// Returns the light that shadow rays are traced to, offset from their hits by the same rule as ours.
+/// Returns the light for shadow rays, whose origins are offset from the hits by the same rule as ours.
 fn offset_light(animation: &Animation, at: Point) -> Light {
     let [x, y, z] = animation.bounds().extent();
     Light {
@@ -218,8 +218,8 @@ impl Tracer<'_> {
         found.reduce(|| (0, 0), sum)
     }
 
-    /// Finds the closest hits of the rays from `first` on, and marks those in shadow if there are marks. Returns the
-    /// number of hits and of marks.
+    /// Finds the closest hits of the rays from `first` on. Unless `marks` is empty, also marks the hits in shadow.
+    /// Returns the number of hits and of hits in shadow.
     fn find(&self, first: usize, hits: &mut [Hit], marks: &mut [u8]) -> (u64, u64) {
         for (i, hit) in (first..).zip(&mut *hits) {
             let ray = self.ray(i);
@@ -245,7 +245,7 @@ impl Tracer<'_> {
         self.scene.is_occluded(&ray)
     }
 
-    /// Returns a ray that Embree can trace: a valid one, without the part behind its origin.
+    /// Returns ray `i` without the part behind its origin, which Embree cannot trace, or `None` if it is invalid.
     fn ray(&self, i: usize) -> Option<Ray> {
         let ray = match self.rays {
             Rays::List(rays) => rays[i],

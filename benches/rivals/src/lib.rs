@@ -34,12 +34,11 @@ pub trait Rival {
     /// The scene does not fit the device.
     fn load(&mut self, animation: Arc<Animation>, tree_update: TreeUpdate) -> Result<()>;
 
-    /// Moves the vertices and the tree to `pose`, unless they are there already. Then finds the closest hits of `rays`, and
-    /// traces a shadow ray from each hit to the light, if any. Blocks until all is done.
+    /// Moves the vertices and the tree to `pose`, unless they are there already. Then finds the closest hits of `rays`.
+    /// With a `light`, also traces a shadow ray from each hit to the light. Blocks until all work has finished.
     ///
     /// The report contains the time to build or refit the tree as `refit_ms`, and the time of primary and shadow rays
-    /// as `trace_primary_ms`.
-    /// Inactive and degenerate triangles are not counted.
+    /// as `trace_primary_ms`. Inactive and degenerate triangles are not counted.
     ///
     /// # Errors
     /// The device failed, or the rays do not fit it.
@@ -85,7 +84,7 @@ impl RivalName {
     /// Lists the devices that the rival can use on this machine.
     ///
     /// # Errors
-    /// Why the rival is absent.
+    /// The rival is not available on this machine.
     pub fn adapters(self) -> Result<Vec<AdapterInfo>> {
         match self {
             Self::VulkanRt | Self::VulkanRtFastTrace => list_vulkan(),
@@ -93,10 +92,11 @@ impl RivalName {
         }
     }
 
-    /// Opens the rival on the adapter of an index, or on the first GPU. A rival on the host uses `threads` threads.
+    /// Opens the rival on the adapter with index `adapter`, by default the first GPU. A rival on the host uses
+    /// `threads` threads.
     ///
     /// # Errors
-    /// Why the rival is absent.
+    /// The rival is not available on this machine.
     pub fn open(self, adapter: Option<usize>, threads: usize) -> Result<Box<dyn Rival>> {
         match self {
             Self::VulkanRt | Self::VulkanRtFastTrace => open_vulkan(self, adapter),

@@ -301,7 +301,7 @@ fn unknown_adapter() {
     assert!(why.starts_with("no device: "), "{why}");
 }
 
-/// The driver is hidden from the loader. The backend keeps its row.
+/// Hides the driver from the loader. The table must still contain the row of the backend.
 fn absent() {
     let nothing = OsStr::new("/nonexistent");
     let hidden = [("VK_DRIVER_FILES", nothing), ("VK_ICD_FILENAMES", nothing)];

@@ -106,7 +106,7 @@ macro_rules! functions {
         /// Embree's functions.
         pub(super) struct Functions {
             $(pub(super) $field: unsafe extern "C" fn($($of),*) $(-> $to)?,)+
-            /// Holds the functions' code.
+            /// Keeps the library open.
             _library: Library,
         }
 

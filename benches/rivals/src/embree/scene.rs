@@ -25,8 +25,8 @@ unsafe impl Sync for EmbreeScene {}
 type Trace = unsafe extern "C" fn(Handle, *mut RayHit, *mut Arguments);
 
 impl EmbreeScene {
-    /// Builds a scene over a mesh on `threads` threads, or on all cores if that is 0. All scenes of the process share the
-    /// largest number. [`EmbreeScene::rebuild`] rebuilds or refits the tree, by `tree_update`.
+    /// Builds a scene over a mesh on `threads` threads, or on all cores if `threads` is 0. All scenes of the process
+    /// use the largest requested number. [`EmbreeScene::rebuild`] rebuilds or refits the tree, by `tree_update`.
     ///
     /// # Errors
     /// The library is absent, or it has no device.
@@ -37,7 +37,7 @@ impl EmbreeScene {
         tree_update: TreeUpdate,
     ) -> Result<Self, String> {
         let functions = functions()?;
-        let config = CString::new(format!("threads={threads}")).expect("no zero byte within");
+        let config = CString::new(format!("threads={threads}")).expect("no zero byte");
         // SAFETY: the configuration is a string that ends with a zero byte.
         let device = NonNull::new(unsafe { (functions.new_device)(config.as_ptr()) });
         let device = device.ok_or("Embree has no device for this processor")?;
@@ -45,8 +45,8 @@ impl EmbreeScene {
             TreeUpdate::Rebuild => (MEDIUM, 0),
             TreeUpdate::Refit => (LOW, DYNAMIC),
         };
-        // SAFETY: the device exists, and so do the objects that are made here. A new buffer has as many elements as requested,
-        // and numbers and indices are written to it in the stated format.
+        // SAFETY: the device exists, and so do the objects that are made here. Each new buffer has the requested number
+        // of elements, which are written in the stated format.
         let (scene, geometry, buffer) = unsafe {
             let scene = (functions.new_scene)(device.as_ptr());
             (functions.set_scene_build_quality)(scene, quality);
@@ -78,7 +78,7 @@ impl EmbreeScene {
         unsafe { std::slice::from_raw_parts_mut(self.vertices.as_ptr(), self.vertex_count) }
     }
 
-    /// Rebuilds or refits the tree in place, by the current vertices.
+    /// Rebuilds or refits the tree in place, from the current vertices.
     pub(crate) fn rebuild(&mut self) {
         // SAFETY: both exist, and no query runs while `self` is borrowed.
         unsafe {

@@ -92,7 +92,7 @@ impl VulkanRt {
         self.count()
     }
 
-    /// Records a copy of the triangles without vertices that are not finite, if the scene may have such vertices.
+    /// Records a copy of the triangles in which all vertices are finite, if the scene may have other vertices.
     fn cleanse(&mut self) -> Result<()> {
         let params = self.params();
         let triangles = self.engine.scene().animation.triangle_count() as u32;

@@ -36,7 +36,7 @@ const STAGES: vk::ShaderStageFlags = vk::ShaderStageFlags::from_raw(
 
 impl RayPipeline {
     pub(crate) fn new(device: &mut VulkanDevice, rays: &Arc<RayTracing>) -> Result<Self> {
-        let what = "the pipeline of rays";
+        let what = "the ray-tracing pipeline";
         let tree = (RAYS.scene, vk::DescriptorType::ACCELERATION_STRUCTURE_KHR);
         let others = RAYS.bindings.iter();
         let others = others.map(|b| (b.number, descriptor_type(b.kind)));
@@ -46,23 +46,23 @@ impl RayPipeline {
             table: None,
             rays: Arc::clone(rays),
         };
-        made.vk = with_module(&rays.gpu, "the shaders of rays", RAYS.spirv, |module| {
+        made.vk = with_module(&rays.gpu, "the ray-tracing shaders", RAYS.spirv, |module| {
             compile(rays, made.layouts.pipeline, module)
         })?;
         made.table = Some(Table::new(device, rays, made.vk)?);
         Ok(made)
     }
 
-    /// Returns a function that records a launch of the ray generation shader `generate` over a number of columns and rows.
+    /// Returns a function that records a launch of the ray generation shader `generate` over `x` columns and `y` rows.
     pub(crate) fn launch(
         &self,
         generate: &str,
         [x, y]: [u32; 2],
     ) -> impl FnOnce(vk::CommandBuffer) + Send + 'static + use<> {
         let place = RAYS.generate.iter().position(|&name| name == generate);
-        let place = place.expect("rays are made by one of the entry points") as u64;
-        let makers = RAYS.generate.len() as u64;
-        let table = self.table.as_ref().expect("a pipeline made has its table");
+        let place = place.expect("the ray generation shader exists") as u64;
+        let generators = RAYS.generate.len() as u64;
+        let table = self.table.as_ref().expect("the pipeline has a table");
         let region = |group: u64| {
             vk::StridedDeviceAddressRegionKHR::default()
                 .device_address(table.at + group * table.stride)
@@ -70,7 +70,7 @@ impl RayPipeline {
                 .size(table.stride)
         };
         let none = vk::StridedDeviceAddressRegionKHR::default();
-        let (generate, miss, hit) = (region(place), region(makers), region(makers + 1));
+        let (generate, miss, hit) = (region(place), region(generators), region(generators + 1));
         let rays = Arc::clone(&self.rays);
         move |commands| {
             let pipelines = &rays.pipelines;
@@ -88,8 +88,8 @@ fn compile(
     layout: vk::PipelineLayout,
     module: vk::ShaderModule,
 ) -> Result<vk::Pipeline> {
-    let maker = |name: &'static str| (vk::ShaderStageFlags::RAYGEN_KHR, name);
-    let makers = RAYS.generate.iter().copied().map(maker);
+    let generator = |name: &'static str| (vk::ShaderStageFlags::RAYGEN_KHR, name);
+    let generators = RAYS.generate.iter().copied().map(generator);
     let others = [
         (vk::ShaderStageFlags::MISS_KHR, RAYS.miss),
         (vk::ShaderStageFlags::CLOSEST_HIT_KHR, RAYS.closest_hit),
@@ -98,7 +98,7 @@ fn compile(
         let name = CString::new(name).expect("names of shaders hold no zero byte");
         (stage, name)
     };
-    let all: Vec<_> = makers.chain(others).map(named).collect();
+    let all: Vec<_> = generators.chain(others).map(named).collect();
     let stages: Vec<_> = all
         .iter()
         .map(|(stage, name)| {
@@ -123,7 +123,7 @@ fn compile(
     // SAFETY: module and layout belong to the device; all pointers outlive the call.
     unsafe { pipelines.create_ray_tracing_pipelines(later, cache, &[info], None) }
         .map(|p| p[0])
-        .map_err(|(_, e)| refused("the pipeline of rays")(e))
+        .map_err(|(_, e)| refused("the ray-tracing pipeline")(e))
 }
 
 /// Returns the group of stage `i`. Each stage has its own group.
@@ -153,10 +153,10 @@ impl Table {
             let pipelines = &rays.pipelines;
             pipelines.get_ray_tracing_shader_group_handles(pipeline, 0, groups as u32, bytes)
         }
-        .map_err(failed("handles of shaders"))?;
+        .map_err(failed("shader group handles"))?;
         let stride = handle.next_multiple_of(alignment);
-        let room = stride * groups as u64 + alignment;
-        let buffer = Buffer::new(&rays.gpu, "the table of shaders", room, BufferUse::Device)?;
+        let size = stride * groups as u64 + alignment;
+        let buffer = Buffer::new(&rays.gpu, "shader binding table", size, BufferUse::Device)?;
         let begin = buffer.address();
         let at = begin.next_multiple_of(alignment);
         let mut table = vec![0_u8; buffer.bytes as usize];
@@ -175,7 +175,7 @@ impl Table {
 
 impl Drop for RayPipeline {
     fn drop(&mut self) {
-        // SAFETY: the rival waits for the device before it drops its pipeline; null is left alone.
+        // SAFETY: the rival waits for the device before it drops its pipeline; a null handle is ignored.
         unsafe { self.rays.gpu.vk.destroy_pipeline(self.vk, None) };
     }
 }

@@ -19,7 +19,7 @@ pub(crate) struct DriverScene {
     pub(crate) root: Buffer,
     /// Three finite vertices per triangle; `None` if positions are always finite.
     pub(crate) cleansed: Option<Buffer>,
-    /// Point to which all vertices of inactive triangles are moved, so that no ray hits these.
+    /// Point to which all vertices of inactive triangles are moved, so that no ray hits these triangles.
     pub(crate) centre: Point,
 }
 
@@ -79,8 +79,8 @@ fn centre_of(animation: &Animation) -> Point {
     }
 }
 
-/// Returns whether all vertices are finite and remain finite when blended. Future key frames are unknown, so the result is
-/// `false` for them.
+/// Returns whether all vertices are finite and remain finite when blended. Returns `false` for streamed animations,
+/// whose future key frames are unknown.
 fn is_tame(animation: &Animation) -> bool {
     !animation.is_streamed() && animation.magnitude() < HUGE
 }

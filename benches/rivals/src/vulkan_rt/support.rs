@@ -79,7 +79,8 @@ impl Bounds {
 /// Returns all devices of this machine that support acceleration structures and ray-tracing pipelines.
 ///
 /// # Errors
-/// [`NoDevice`](BackendError::NoDevice) if there is no such device. The message lists what each device lacks.
+/// [`NoDevice`](BackendError::NoDevice) if there is no such device. The message names one extension or feature that
+/// each device lacks.
 pub fn ray_adapters() -> Result<Vec<AdapterInfo>> {
     able(Host::new(Validation::Off)?.as_ref(), None)
 }
@@ -115,7 +116,7 @@ pub(crate) fn able(host: &Host, wanted: Option<usize>) -> Result<Vec<AdapterInfo
     Ok(able)
 }
 
-/// Returns the extensions and features that a device lacks, or `None` if it has all.
+/// Returns the first required extension or feature that a device lacks, or `None` if it has all.
 fn lacks(host: &Host, device: vk::PhysicalDevice) -> Option<String> {
     let offered = host.offered(device, &RAY_EXTENSIONS);
     let mut needed = RAY_EXTENSIONS.into_iter();

@@ -30,11 +30,11 @@ pub(crate) struct DriverTree {
     instance: Buffer,
     flags: Flags,
     triangles: u32,
-    /// The tree was built, so it can be updated.
+    /// Whether the next build can update the tree.
     is_updatable: bool,
 }
 
-/// An instance in Vulkan's layout: three matrix rows, mask and index, flags and offset, address.
+/// Words of an instance in Vulkan's layout: three matrix rows, mask and index, flags and offset, address.
 const INSTANCE_WORDS: usize = 16;
 
 impl DriverTree {
@@ -62,7 +62,7 @@ impl DriverTree {
         let about = info(Level::TOP_LEVEL).flags(flags).geometries(&geometry);
         Ok(Self {
             bottom: Arc::new(bottom),
-            top: Arc::new(Structure::new(rays, "the tree above it", about, 1)?),
+            top: Arc::new(Structure::new(rays, "the top-level tree", about, 1)?),
             instance,
             flags,
             triangles,
@@ -72,8 +72,9 @@ impl DriverTree {
 
     /// Returns the bytes of device memory of both structures and their scratch buffers.
     pub(crate) fn held(&self) -> [u64; 2] {
-        let ([bottom, room], [top, more]) = (self.bottom.held(), self.top.held());
-        [bottom + top + self.instance.held(), room + more]
+        let [bottom, scratch] = self.bottom.held();
+        let [top, top_scratch] = self.top.held();
+        [bottom + top + self.instance.held(), scratch + top_scratch]
     }
 
     /// Returns the top-level structure.
@@ -86,7 +87,7 @@ impl DriverTree {
         self.is_updatable = false;
     }
 
-    /// Returns the commands that build the tree, or update it if the policy is to update and the tree was built.
+    /// Returns the commands that build the tree, or update it if the flags allow updates and the tree was built.
     pub(crate) fn make(&mut self, from: Geometry<'static>) -> NativeCommand {
         let mode = if self.is_updatable {
             Mode::UPDATE
@@ -180,7 +181,7 @@ fn instances_of<'a>(instance: &Buffer) -> Geometry<'a> {
     geometry(vk::GeometryTypeKHR::INSTANCES, data)
 }
 
-/// Returns an instance with the identity transform that all rays see from both sides.
+/// Returns an instance with the identity transform. All rays can hit it, from both sides.
 fn instance_of(bottom: &Structure) -> [u32; INSTANCE_WORDS] {
     let mut words = [0; INSTANCE_WORDS];
     for diagonal in [0, 5, 10] {
@@ -223,11 +224,11 @@ impl Structure {
         let bytes = sizes.acceleration_structure_size;
         let scratch = sizes.build_scratch_size.max(sizes.update_scratch_size);
         let storage = Buffer::new(gpu, what, bytes, BufferUse::Device)?;
-        let room = scratch + rays.bounds.scratch_alignment;
+        let scratch_bytes = scratch + rays.bounds.scratch_alignment;
         let scratch = Buffer::new(
             gpu,
             "scratch for the driver's builds",
-            room,
+            scratch_bytes,
             BufferUse::Device,
         )?;
         let made = vk::AccelerationStructureCreateInfoKHR::default()
