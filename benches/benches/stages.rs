@@ -60,13 +60,13 @@ fn build(criterion: &mut Criterion, mesh: &Mesh) {
     }));
     let label = &mesh.label;
     let title = format!("{label}: surface area cost (traversal 1, intersection 1)");
-    print_table(&title, "tree|cost|to abvh's|nodes", rows);
+    print_table(&title, "tree|cost|relative to abvh|nodes", rows);
 }
 
 /// Measures our builds.
 ///
-/// `abvh` is build and conversion, which run outside the frame. `abvh and refit` adds the backend's work before rays
-/// can use the record, as the other crates' builds include it.
+/// `abvh` is the build and the conversion to a topology, which run outside the frame. `abvh and refit` adds the work of
+/// the backend before rays can be traced. The other crates' builds include this work.
 fn build_ours(group: &mut Group<'_>, mesh: &Mesh, threads: usize) {
     let pool = pool(threads);
     let positions = mesh.positions(mesh.start());
@@ -96,7 +96,7 @@ fn cost_row(name: &str, [cost, ours]: [f64; 2], nodes: usize) -> Vec<String> {
     vec![name.to_owned(), cost, ratio, nodes.to_string()]
 }
 
-/// Measures conversions of trees to records.
+/// Measures conversions of trees to topologies.
 fn convert(criterion: &mut Criterion, mesh: &Mesh) {
     let mut group = group(criterion, "convert", mesh);
     for threads in thread_counts() {
@@ -114,7 +114,7 @@ fn convert(criterion: &mut Criterion, mesh: &Mesh) {
         format!("{record:.3}"),
         format!("{:.1} %", record / 0.64),
     ];
-    print_table("records", "mesh|bytes a triangle|of 64", vec![row]);
+    print_table("topologies", "mesh|bytes/triangle|of 64 bytes", vec![row]);
 }
 
 /// Measures refits: from new positions to boxes of an unchanged tree.

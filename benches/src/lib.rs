@@ -51,7 +51,7 @@ pub fn words() -> impl Iterator<Item = String> {
 }
 
 /// Prints a table on stderr. `|` separates the columns of `header`.
-#[expect(clippy::print_stderr, reason = "facts for whoever runs the benchmark")]
+#[expect(clippy::print_stderr, reason = "a message to the user")]
 pub fn print_table(title: &str, header: &str, rows: Vec<Vec<String>>) {
     let mut table = Table::new();
     table.set_header(header.split('|')).add_rows(rows);

@@ -76,13 +76,13 @@ pub fn meshes() -> Vec<Mesh> {
 
 fn opened(spec: impl AsRef<str>) -> Option<Mesh> {
     let mesh = Mesh::open(spec.as_ref());
-    mesh.inspect_err(|error| say(&format!("left out: {error}")))
+    mesh.inspect_err(|error| say(&format!("skipped: {error}")))
         .ok()
 }
 
 fn entries() -> Vec<PathBuf> {
     let Some(folder) = std::env::var_os(FOLDER) else {
-        say(&format!("{FOLDER} names no folder of meshes: demos only"));
+        say(&format!("{FOLDER} is not set: only demos are measured"));
         return Vec::new();
     };
     let read = Path::new(&folder).read_dir();
@@ -93,7 +93,7 @@ fn entries() -> Vec<PathBuf> {
     entries
 }
 
-#[expect(clippy::print_stderr, reason = "a remark to whoever measures")]
+#[expect(clippy::print_stderr, reason = "a message to the user")]
 fn say(remark: &str) {
     eprintln!("{remark}");
 }

@@ -9,7 +9,7 @@ use geom::{Aabb, Point, Ray};
 use rayon::ThreadPool;
 use rayon::prelude::*;
 
-/// Converts positions to a record, in memory that is reused.
+/// Builds trees and converts them to topologies, in memory that is reused.
 #[derive(Default)]
 pub struct Ours {
     builder: SahBuilder,
@@ -23,7 +23,7 @@ impl Ours {
     pub fn make(&mut self, mesh: &Mesh, positions: &[Point]) -> &Topology {
         let boxes = boxes(mesh, positions);
         let built = self.builder.build(&boxes, &Cancel::new(), &mut self.tree);
-        built.expect("nobody cancels");
+        built.expect("the build is not cancelled");
         self.convert(mesh)
     }
 
@@ -35,12 +35,12 @@ impl Ours {
         &self.record
     }
 
-    /// Returns the last record made.
+    /// Returns the last topology.
     pub fn record(&self) -> &Topology {
         &self.record
     }
 
-    /// Builds a tree for backend `cpu`, in the caller's pool: a record with eight-wide blocks.
+    /// Builds a tree for backend `cpu`, in the caller's pool: a topology with eight-wide blocks.
     ///
     /// Afterwards [`Self::record`] is empty.
     pub fn make_with_blocks(&mut self, mesh: &Mesh, positions: &[Point]) -> Topology {

@@ -15,7 +15,7 @@ pub trait CrateTree: Send + Sync {
     /// Returns whether the crate can refit, which it does on one thread.
     fn can_refit(&self) -> bool;
 
-    /// Converts `triangles`, which is not measured. They replace those of a tree that is refitted next.
+    /// Stores `triangles` in the crate's format, for the next build or refit. This is not measured.
     fn take(&mut self, triangles: &[Triangle]);
 
     /// Builds a traversable tree from the triangles.
@@ -30,7 +30,7 @@ pub trait CrateTree: Send + Sync {
     /// Returns whether there is any hit in `(0, t_max)`.
     fn blocked(&self, ray: &Ray) -> bool;
 
-    /// Returns the number of rays that hit, by queries for `any` hit or for the closest.
+    /// Returns the number of rays that hit, by any-hit queries if `any` is set, or else by closest-hit queries.
     fn count(&self, rays: &[Ray], any: bool) -> u64 {
         let is_hit = |ray: &&Ray| match any {
             true => self.blocked(ray),
