@@ -29,7 +29,8 @@ fn main() -> Result<()> {
     let files = read(Path::new("wgsl"))?;
     let entries = variants::entries(&files)?;
     let sources = Sources::new(&files, variants::conditions(&entries))?;
-    let (beside, kernels): (Vec<_>, Vec<_>) = entries.iter().partition(|e| e.file == rays::KERNELS);
+    let (ray_kernels, kernels): (Vec<_>, Vec<_>) =
+        entries.iter().partition(|e| e.file == rays::KERNELS);
     let table = |about, constant, some: &[&EntryPoint]| {
         let all = compile_all(&out, &sources, some)?;
         anyhow::Ok(format!(
@@ -38,12 +39,12 @@ fn main() -> Result<()> {
     };
     let kernels = table("Every kernel.", "KERNELS", &kernels)?;
     let about = "Kernels that support [`RAYS`], for trees that a driver builds.";
-    let beside = table(about, "RAY_KERNELS", &beside)?;
+    let ray_kernels = table(about, "RAY_KERNELS", &ray_kernels)?;
     let pipeline = rays::compile(&out, &sources).context(rays::PIPELINE)?;
     let module = variants::module(&sources).context("cannot compose the module")?;
     parse(&module, CAPABILITIES)?;
     std::fs::write(out.join("module.wgsl"), module)?;
-    let all = [kernels, beside, pipeline].concat();
+    let all = [kernels, ray_kernels, pipeline].concat();
     std::fs::write(out.join("kernels.rs"), all).context("kernels.rs")
 }
 

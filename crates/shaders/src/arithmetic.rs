@@ -132,7 +132,7 @@ mod tests {
         all
     }
 
-    /// Verifies results in which word `i` of a part is replaced.
+    /// Verifies results in which word `i` of element `part` of each pair is replaced.
     fn with(part: usize, i: usize, f: fn([f32; 4]) -> u32) -> Result<(Arithmetic, bool), String> {
         let all = operands();
         let mut results = right(&all);

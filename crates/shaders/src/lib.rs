@@ -5,7 +5,8 @@
 //! for hosts that cannot load SPIR-V.
 //!
 //! The kernels are WESL: each file in `wgsl` imports what it uses, and conditions (`@if(EXACT)`) distinguish variants. A
-//! comment above an entry point names the axes of its variants: see `build/variants.rs`. This prints a composed kernel:
+//! comment above an entry point lists the properties in which its variants differ: see `build/variants.rs`. This prints
+//! a composed kernel:
 //!
 //! ```sh
 //! cargo run -p abvh-shaders --example kernel -- trace_camera watertight
@@ -51,8 +52,8 @@ pub struct Kernel {
     pub entry: &'static str,
     /// The kernel's own parameters, if any: a member of `Params` in `wgsl/lib/params.wgsl`.
     pub parameters: Option<&'static str>,
-    /// Whether a frame may need the kernel before its traces. A host loads such kernels with every scene, and the others when
-    /// a trace, a picture or a tree first uses them.
+    /// Whether a frame may run the kernel before it traces rays. A host loads such kernels with every scene, and the others
+    /// when a trace, a picture or a tree first uses them.
     pub precedes_traces: bool,
     /// Names of the intersectors that the kernel serves, with underscores. Empty if it serves all.
     pub intersectors: &'static [&'static str],
@@ -113,7 +114,7 @@ backend::named! {
         MovingRows = "the list of moving rows",
         /// Three vertex indices per triangle.
         Triangles = "the triangles' vertex indices",
-        /// Three finite vertices per triangle, for trees of the driver.
+        /// Three finite vertices per triangle, for trees that the driver builds.
         Cleansed = "cleansed triangles",
         /// The tree's topology, as the host uploads it.
         Topology = "the tree's topology",
@@ -134,7 +135,7 @@ backend::named! {
         Hits = "hits",
         /// Whether rays hit anything, or hits are in shadow.
         Occluded = "shadows",
-        /// Hits or occlusion, as an input of the kernel that counts them.
+        /// Hits or occlusion, as read by the kernel that counts them.
         Answers = "results of rays",
         /// sRGB colour of each triangle: [`backend::Palette::colours`].
         Colours = "the triangles' colours",
@@ -230,6 +231,6 @@ pub fn kernel(entry: &str, intersector: Intersector) -> &'static Kernel {
 /// # Panics
 /// Panics if there is no such kernel.
 pub fn common(entry: &str) -> &'static Kernel {
-    let beside = RAY_KERNELS.iter().find(|k| k.entry == entry);
-    beside.unwrap_or_else(|| kernel(entry, Intersector::Watertight))
+    let ray_kernel = RAY_KERNELS.iter().find(|k| k.entry == entry);
+    ray_kernel.unwrap_or_else(|| kernel(entry, Intersector::Watertight))
 }

@@ -158,7 +158,7 @@ impl Params {
         self
     }
 
-    /// Removes the mark of an unknown range. Rays are then extreme only because of their origins.
+    /// Replaces an unknown range by an ordinary one. Only rays with extreme origins are then extreme.
     pub(crate) fn without_unknown_range(mut self) -> Self {
         if self.is_unknown() {
             self.extreme = 0;
@@ -340,18 +340,18 @@ mod tests {
         same!(INACTIVE_COUNT inactive DEGENERATE_COUNT degenerate HIT_COUNT hits OCCLUDED_COUNT blocked
               ROOT_AREA root_area UNDECIDED_RAYS undecided UNDECIDED_SHADOWS undecided_shadows CANDIDATE_COUNT candidates TILE_COUNT tiles
               LARGE_TRIANGLE_COUNT large TEST_COUNT tests RASTER_INCOMPLETE raster_incomplete FOUND_EXTREME found_extreme SIZE_SPREAD spread);
-        let [undecided, fallback_rays] = ["UNDECIDED_OFFSET", "FALLBACK_OFFSET"].map(word);
+        let [undecided_offset, fallback_offset] = ["UNDECIDED_OFFSET", "FALLBACK_OFFSET"].map(word);
         let counts = [offset_of!(Counts, hits), offset_of!(Counts, blocked)];
         let lists = [
             offset_of!(Counts, undecided),
             offset_of!(Counts, undecided_shadows),
         ];
-        assert_eq!(counts.map(|count| count + undecided), lists);
-        let found_extreme = [
+        assert_eq!(counts.map(|count| count + undecided_offset), lists);
+        let fallback_counts = [
             offset_of!(Counts, fallback_rays),
             offset_of!(Counts, fallback_shadows),
         ];
-        assert_eq!(lists.map(|list| list + fallback_rays), found_extreme);
+        assert_eq!(lists.map(|list| list + fallback_offset), fallback_counts);
     }
 
     #[test]

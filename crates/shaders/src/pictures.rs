@@ -47,7 +47,8 @@ impl Packets {
 
 /// This and the next constants are measured limits of rasterization: see `docs/design/visibility-buffer.md`. Its five
 /// kernels take a minimum time, so small pictures of small trees do not benefit. Large scenes do not benefit either,
-/// because all triangles are projected although most cover no pixel.
+/// because all triangles are projected although most cover no pixel. `LEAST_PIXELS` is for pictures with few pixels per
+/// triangle, `LEAST_PIXELS_OF_MANY` for at least `MANY_TRIANGLES` triangles.
 const LEAST_PIXELS: u64 = 1 << 20;
 const MANY_TRIANGLES: u32 = 450_000;
 const LEAST_PIXELS_OF_MANY: u64 = 1 << 18;
@@ -77,7 +78,7 @@ pub(crate) fn are_packets_faster(params: &Params, how: Packets) -> bool {
         && (how == Packets::BySubgroups || pixels <= SMALL_PICTURE)
 }
 
-/// Returns whether rasterization is faster than single rays, if packets are not. `params` must contain a camera.
+/// Returns whether rasterization is faster than single rays. Packets take precedence. `params` must contain a camera.
 pub(crate) fn is_rasterization_faster(params: &Params, how: Packets) -> bool {
     let (triangles, pixels) = sizes(params);
     let are_dense = pixels < PIXELS_A_TRIANGLE * u64::from(triangles);

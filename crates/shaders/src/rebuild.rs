@@ -4,11 +4,11 @@
 //!
 //! 1. [`sort`] orders the live triangles along a space-filling curve (Lauterbach, Garland, Sengupta, Luebke, Manocha:
 //!    *Fast BVH Construction on GPUs*, 2009), by a stable radix sort of 8 bits per pass.
-//! 2. [`leaves`] computes triangle records and one cluster per leaf, in that order.
+//! 2. [`leaves`] computes triangle records and one cluster per leaf, in the order of the curve.
 //! 3. [`cluster`] merges neighbours bottom-up into `nodes`, including boxes.
 //!
-//! The result can be traced at once, without a refit. It has 64-byte inner nodes and leaves of one or two triangles, as other
-//! trees. But leaves stay in the order of the curve, and there are no treelets.
+//! The result can be traced at once, without a refit. It has 64-byte inner nodes and leaves of one or two triangles, like
+//! other trees. But leaves stay in the order of the curve, and there are no treelets.
 
 mod phases;
 
@@ -38,7 +38,8 @@ const DIGIT_BITS: usize = 8;
 /// Number of partial bounding boxes of the scene: see build/morton.wgsl.
 const PARTS: u32 = 128;
 
-/// Returns the dispatches that sort the triangles of `tree` along a curve, from `vertices` positions to the buffer `sorted`.
+/// Returns the dispatches that sort the triangles of `tree` along a curve into the buffer `sorted`, from `vertices`
+/// positions.
 pub fn sort(mut params: Params, vertices: usize, tree: &Shape) -> Vec<Work> {
     let count = tree.leaf_count;
     if count == 0 {

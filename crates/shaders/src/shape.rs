@@ -94,7 +94,7 @@ fn params_of(leaves: u32) -> Params {
 }
 
 /// Returns the rows of four floats, in the array of all positions, that contain moving vertices, in ascending order.
-/// Returns `None` if too many move for lists to pay ([`StaticParts::pays`]).
+/// Returns `None` if too many rows move for a list to save time ([`StaticParts::pays`]).
 ///
 /// `interpolate` may write only these rows if the positions already hold the first key frame.
 pub fn moving_rows(animation: &Animation) -> Option<Vec<u32>> {

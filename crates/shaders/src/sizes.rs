@@ -38,7 +38,7 @@ pub fn occluded_words(intersector: Intersector, rays: u64) -> u64 {
 }
 
 /// Returns the word of `occluded` where the list of undecided shadow rays begins in kernels that use both lists. Other
-/// kernels use the place of the list of undecided rays.
+/// kernels store it in place of the list of undecided rays.
 pub(crate) fn undecided_shadows_at(rays: u64) -> u64 {
     2 * rays + 2 * candidate_capacity(rays) + STACK_SIZE * u64::from(fallback_workers(rays))
 }
@@ -81,15 +81,15 @@ mod tests {
 
     #[test]
     fn host_constants_match_kernel_sources() {
-        let says = |entry: &str, what: &str| {
+        let has = |entry: &str, text: &str| {
             let wgsl = kernel(entry, Intersector::Exact).code.wgsl;
-            assert!(wgsl.contains(what), "{entry}");
+            assert!(wgsl.contains(text), "{entry} lacks {text}");
         };
-        says(
+        has(
             "fallback_rays",
             &format!("const STACK_SIZE: u32 = {STACK_SIZE}u;"),
         );
-        says(
+        has(
             "trace_rays",
             &format!("var stack: array<u32, {STACK_SIZE}>;"),
         );

@@ -23,8 +23,8 @@ pub struct TreeCounts {
 }
 
 impl TreeCounts {
-    /// Updates the statistics from the counts of a submission. Submissions come in order. `never_active` is the number of
-    /// triangles that are inactive in every key frame and therefore in no tree.
+    /// Updates the statistics from the counts of a submission. Must be called in the order of submissions. `never_active`
+    /// is the number of triangles that are inactive in every key frame and therefore in no tree.
     pub fn update(&mut self, counts: &Counts, tree_stages: TreeStages, never_active: u64) {
         if let Some(uncounted) = tree_stages.uncounted {
             self.inactive = u64::from(counts.inactive) + never_active;

@@ -55,11 +55,11 @@ impl View<'_> {
     /// Fails if the nodes do not form a tree over all leaves.
     pub fn topology(&self) -> Result<Topology, String> {
         let (nodes, levels) = self.nodes()?;
-        let (mut bits, mut named) = (vec![0_u32; nodes.len().div_ceil(32)], Vec::new());
+        let (mut bits, mut leaves) = (vec![0_u32; nodes.len().div_ceil(32)], Vec::new());
         for (i, node) in nodes.iter().enumerate() {
             if let NodeContent::One(place) = node.below {
                 bits[i / 32] |= 1 << (i % 32);
-                named.push(self.triangles[place]);
+                leaves.push(self.triangles[place]);
             }
         }
         let ranks = bits.iter().scan(0, |sum, word| {
@@ -75,7 +75,7 @@ impl View<'_> {
         words.extend(levels);
         words.extend(&bits);
         words.extend(ranks);
-        words.extend(named);
+        words.extend(leaves);
         let topology = Topology::from_words(words);
         topology.map_err(|e| format!("the device's tree is not a valid topology: {e}"))
     }
@@ -133,25 +133,25 @@ impl View<'_> {
 
     /// Returns the node whose box begins at `row`.
     fn node(&self, row: usize) -> Result<DeviceNode, String> {
-        let name = self.rows[row][3];
+        let reference = self.rows[row][3];
         let bounds = StoredBox::Row(row);
-        if name & LEAF != 0 {
-            let below = self.leaf(name, bounds)?;
+        if reference & LEAF != 0 {
+            let below = self.leaf(reference, bounds)?;
             return Ok(DeviceNode { bounds, below });
         }
-        let first = 4 * name as usize;
+        let first = 4 * reference as usize;
         let below = NodeContent::Rows([first, first + 2]);
         if first + 4 > self.rows.len() {
-            return Err(format!("the device's tree has no node {name}"));
+            return Err(format!("the device's tree has no node {reference}"));
         }
         Ok(DeviceNode { bounds, below })
     }
 
     /// Decodes a leaf. If only one of its two triangles can be hit, the leaf holds the place of that triangle.
-    fn leaf(&self, name: u32, own: StoredBox) -> Result<NodeContent, String> {
-        let first = (name & !(LEAF | TWO)) as usize;
+    fn leaf(&self, reference: u32, own: StoredBox) -> Result<NodeContent, String> {
+        let first = (reference & !(LEAF | TWO)) as usize;
         let shares = |place: usize| self.triangles[place] & Treelets::SHARED != 0;
-        let are_two = name & TWO != 0;
+        let are_two = reference & TWO != 0;
         if first + usize::from(are_two) >= self.triangles.len() {
             return Err(format!("the device's tree has no leaf {first}"));
         }
@@ -193,10 +193,12 @@ mod tests {
     use super::*;
 
     /// Reads a tree whose nodes have these references.
-    fn read(names: [u32; 6]) -> Result<Topology, String> {
+    fn read(references: [u32; 6]) -> Result<Topology, String> {
         let view = View {
             built_on_device: true,
-            rows: &names.map(|name| [[0, 0, 0, name], [0; 4]]).concat(),
+            rows: &references
+                .map(|reference| [[0, 0, 0, reference], [0; 4]])
+                .concat(),
             triangles: &[7, 8, 9],
             animation: &Animation::new(vec![vec![[0.0; 3]]], vec![[0; 3]; 10]).unwrap(),
         };
@@ -205,7 +207,7 @@ mod tests {
 
     #[test]
     fn rejects_malformed_trees() {
-        // The root's left child is leaf 1, its right child holds leaves 0 and 2. The second place is unused.
+        // The root's left child is leaf 1, its right child holds leaves 0 and 2. Element 1 is unused.
         let whole = [1, 0, LEAF | 1, 2, LEAF, LEAF | 2];
         assert_eq!(read(whole).unwrap().leaf_triangles(), [8, 7, 9]);
         let broken = |at: usize, link| {

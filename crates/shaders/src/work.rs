@@ -30,7 +30,7 @@ pub struct Work {
     /// Number of workgroups.
     pub groups: Groups,
     /// Whether the dispatch may run concurrently with the previous one, whose results it does not read. For the first
-    /// dispatch of a stage, the previous one is an `interpolate` just before the stage.
+    /// dispatch of a stage, the previous one is an `interpolate` directly before the stage, if any.
     pub alongside: bool,
     /// For traces: index among the traces of the submission, which may run concurrently.
     pub trace_index: usize,
@@ -101,7 +101,7 @@ impl Work {
     /// Returns the number of workgroups along both axes, where an axis may have at most `limit`.
     ///
     /// # Errors
-    /// Returns the number along the longer axis if it exceeds the limit even in rows.
+    /// Returns the number along the longer axis if it exceeds the limit even when divided into rows.
     pub fn group_counts(&self, limit: u32) -> Result<[u32; 2], u32> {
         self.groups.counts(self.kernel.workgroup[0], limit)
     }
@@ -153,7 +153,7 @@ pub fn copy_points(count: usize, [from, to]: [usize; 2]) -> Work {
 /// The dispatches of a trace, and the buffer sizes that they need.
 #[derive(Clone, Debug, Default)]
 pub struct Trace {
-    /// Dispatches that compute hits, or whether there are any.
+    /// Dispatches that compute hits, or whether each ray hits anything.
     pub primary: Vec<Work>,
     /// Dispatches that trace shadow rays, if `primary` does not.
     pub shadow: Option<Vec<Work>>,
@@ -327,13 +327,13 @@ fn search(
     let over = |entry| Work::over(intersector, rays, params.with(own), entry);
     let mut all = vec![over(kernels.search)];
     if intersector == Intersector::Exact {
-        let open = |entry, groups| Work {
+        let with_groups = |entry, groups| Work {
             groups,
             ..over(entry)
         };
         let resolvers = RESOLVERS.min(rays.count().saturating_mul(16));
-        all.push(open(kernels.resolve, Groups::Linear(resolvers)));
-        all.push(open(kernels.fallback, fallback_groups(own)));
+        all.push(with_groups(kernels.resolve, Groups::Linear(resolvers)));
+        all.push(with_groups(kernels.fallback, fallback_groups(own)));
     }
     all
 }

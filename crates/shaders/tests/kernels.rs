@@ -36,8 +36,8 @@ fn variants_are_distinct() {
     }
 }
 
-/// Functions whose operations a driver may fuse. Each has the number of additions, subtractions and multiplications in
-/// the function and in those unlisted loose functions that are always compiled with it.
+/// Functions whose operations a driver may fuse, each with its number of additions, subtractions and multiplications. The
+/// number includes unlisted `loose_` functions that are always compiled with the function.
 const LOOSE: [(&str, usize); 13] = [
     // geometry/ray.wgsl: two products and two sums of vectors.
     ("fn loose_planes(", 4),

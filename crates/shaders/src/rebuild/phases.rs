@@ -7,15 +7,15 @@ use bvh_build::MAX_DEPTH;
 pub(super) const TILE: u32 = 512;
 /// Number of clusters that a tile leaves, except in the last phase.
 const CLUSTERS_LEFT: u32 = 128;
-/// Number of rounds of pairing that reduce a full tile to [`CLUSTERS_LEFT`] clusters.
+/// Number of rounds that merge fixed pairs until a full tile has [`CLUSTERS_LEFT`] clusters.
 const PAIRING: u32 = (TILE / CLUSTERS_LEFT).ilog2();
-/// Number of rounds of pairing that reduce the last tile to the root.
+/// Number of rounds that merge fixed pairs until the last tile has only the root.
 const LAST_PAIRING: u32 = TILE.ilog2();
-/// Maximum number of rounds by nearest neighbours. Further rounds find hardly any merges that pairing would not make.
+/// Maximum number of nearest-neighbour rounds of every phase except the last. Further rounds hardly improve on fixed pairs.
 const MAX_ROUNDS: u32 = 8;
 /// Number of nearest-neighbour rounds that are reserved for the last phase.
 const LAST_ROUNDS: u32 = 16;
-// In every other phase, the first tile is half as long. It still has at least `CLUSTERS_LEFT` clusters.
+// In every second phase, the first tile is half as long. It still has at least `CLUSTERS_LEFT` clusters.
 const _: () = assert!(TILE / 2 >= CLUSTERS_LEFT);
 
 /// A phase: the number of its clusters, and its parameters.
@@ -53,7 +53,7 @@ pub(super) fn of(leaves: u32) -> Vec<Phase> {
         let phase = Phase {
             count: next.count,
             own: PhaseParams {
-                // Alternates between two areas: that of the leaves is free after the first phase.
+                // Alternates between two parts of the buffer. The leaves are not needed after the first phase.
                 target_at: if next.own.source_at == 0 { leaves } else { 0 },
                 tile_offset: phases.len() as u32 % 2 * (TILE / 2),
                 clusters_per_tile: CLUSTERS_LEFT,

@@ -17,13 +17,13 @@ pub(super) enum Extremes {
 /// Number of invocations that search for extreme rays if most rays are not extreme.
 const SEEKERS: u32 = 1 << 16;
 
-/// Returns whether separate kernels answer extreme rays.
+/// Returns whether separate kernels trace extreme rays.
 fn has_extremes(intersector: Intersector) -> bool {
     matches!(intersector, Intersector::Watertight | Intersector::Exact)
 }
 
 impl Extremes {
-    /// Returns how many of the query's rays are extreme, so that only [`work`] traces them.
+    /// Returns how many of the query's rays are extreme. Only [`work`] traces extreme rays.
     pub(super) fn among(input: &TraceInput<'_>) -> Self {
         let params = &input.params;
         match input.rays {
@@ -37,8 +37,9 @@ impl Extremes {
     }
 }
 
-/// Returns the dispatches that answer extreme rays. They must follow those for all other rays, which treat extreme rays as
-/// misses. If it was unknown which rays are extreme, they overwrite earlier answers.
+/// Returns the dispatches that trace extreme rays. They must follow the dispatches for all other rays, which treat extreme
+/// rays as misses. If the range was unknown, those dispatches traced some extreme rays too, and the returned dispatches
+/// overwrite their results.
 pub(super) fn work(input: &TraceInput<'_>, how: Extremes) -> Vec<Work> {
     let TraceInput {
         intersector,
@@ -84,10 +85,11 @@ pub fn range_kernels(intersector: Intersector) -> impl Iterator<Item = &'static 
 }
 
 /// Returns the dispatch that measures the coordinates of a key frame of `vertices` vertices, or `None` if their range is
-/// known or not needed. It writes [`crate::BufferName::Range`], which only the kernels for extreme rays read.
+/// known or not needed. It writes [`crate::BufferName::Range`], which only the kernels for extreme rays
+/// and [`crate::MODULE`] read.
 pub fn measure_range(intersector: Intersector, params: Params, vertices: usize) -> Option<Work> {
-    let is_asked = params.is_unknown() && has_extremes(intersector);
+    let is_needed = params.is_unknown() && has_extremes(intersector);
     let sample_step = CoordinateRange::sample_step(vertices) as u32;
     let params = params.with(MeasureParams { sample_step });
-    is_asked.then(|| Work::linear(common("measure_range"), params, vertices as u32))
+    is_needed.then(|| Work::linear(common("measure_range"), params, vertices as u32))
 }

@@ -14,7 +14,7 @@ const LARGE_CAPACITY: u32 = 4096;
 /// others wait.
 const SHARERS: u32 = 1056;
 
-/// Returns the trace of a camera's closest hits and shadow rays by packets, or `None` if that is slower.
+/// Returns the trace of a camera's closest hits and shadow rays by packets, or `None` if that is slower or impossible.
 pub(super) fn by_packets(
     intersector: Intersector,
     params: Params,
@@ -30,17 +30,18 @@ pub(super) fn by_packets(
     let triangles = params.node_count.div_ceil(2);
     let (tracer, block) = how.tracer();
     let trace = over_blocks(tracer, intersector, params, block);
-    let things = params.wide_lanes + triangles;
-    let project = Work::linear(kernel("project", intersector), params, things);
+    let projected_count = params.wide_lanes + triangles;
+    let project = Work::linear(kernel("project", intersector), params, projected_count);
     Some(Trace {
         primary: vec![project, trace],
         // One row of 16 bytes per lane and two per triangle.
-        cover_bytes: 16 * u64::from(things + triangles),
+        cover_bytes: 16 * u64::from(projected_count + triangles),
         ..Trace::default()
     })
 }
 
-/// Returns the trace of a camera's closest hits by rasterization and of their shadow rays, or `None` if that is slower.
+/// Returns the trace of a camera's closest hits by rasterization and of their shadow rays, or `None` if that is slower or
+/// impossible.
 pub(super) fn by_rasterization(
     intersector: Intersector,
     params: Params,
@@ -58,12 +59,12 @@ pub(super) fn by_rasterization(
     let params = projected(seen, camera)?.with(RasterParams {
         tile_capacity: tiles,
     });
-    let kept = match intersector {
+    let keys = match intersector {
         Intersector::Watertight => 1,
         _ => 2,
     };
     // One more element holds whether rasterization was complete. A row holds two elements.
-    let pairs = kept * pixels / 2 + 1;
+    let pairs = keys * pixels / 2 + 1;
     let none = Params { count: 0, ..params };
     let each = |kernel, groups| Work::new(kernel, none, Groups::Each(groups));
     let (rasterize, most) = how.rasterizers();
@@ -129,10 +130,10 @@ fn projected(params: Params, camera: &Camera) -> Option<Params> {
     // "Depths" in docs/design/packets.md.
     let depth_error = 3.0 * largest * size(depth);
     let is_usual = exponent.abs() < 64.0 && margin < 0.25 && depth_error <= 31.0;
-    let is_seen = scaled.as_flattened().iter().all(|x| x.abs() < 1.0e9);
+    let is_bounded = scaled.as_flattened().iter().all(|x| x.abs() < 1.0e9);
     let is_small = camera.width.max(camera.height) <= LONGEST;
     let [column, row, depth] = scaled;
-    (is_usual && is_seen && is_small).then_some(Params {
+    (is_usual && is_bounded && is_small).then_some(Params {
         column,
         row,
         depth,

@@ -1,5 +1,5 @@
-//! Dispatches for trees of the driver: they replace triangles that are not finite, and count the results of rays. Also
-//! the parameters of rays.
+//! Dispatches for trees that the driver builds: they replace triangles that are not finite, and count the results of
+//! rays. Also the parameters of rays.
 
 use super::{Work, tree::word_of};
 use crate::{AnswerParams, BufferName, Counts, Params, common};
@@ -14,8 +14,8 @@ pub fn cleanse(mut params: Params, triangles: u32, point: Point) -> Work {
     Work::linear(common("cleanse"), params, triangles)
 }
 
-/// Returns the dispatches that count the answers to a closest-hit query of `count_of_rays` rays, each with the buffer to bind as
-/// [`BufferName::Answers`].
+/// Returns the dispatches that count the hits, and the hits in shadow, of a closest-hit query of `count_of_rays` rays.
+/// Each comes with the buffer to bind as [`BufferName::Answers`].
 pub fn count_answers(
     params: Params,
     kind: QueryKind,

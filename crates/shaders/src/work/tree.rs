@@ -33,7 +33,7 @@ impl TreeProgress {
     }
 
     /// Returns the progress of a candidate tree that becomes the current one. The areas of the whole tree are summed again,
-    /// because those of the evaluation belong to other counts.
+    /// because the evaluation added them to another counter.
     #[must_use]
     pub fn promoted(self) -> Self {
         Self {
@@ -157,9 +157,9 @@ fn gather_corners(params: Params, tree: &Shape) -> Work {
     Work::linear(common("gather_corners"), params, 3 * tree.leaf_count)
 }
 
-/// Maximum number of leaves for which `preprocess` blends key frames itself. Up to here, not waiting for positions saves
-/// more time than blending a vertex once per triangle costs. On an H200: 4 us saved at 70K triangles, 0 at 500K, 8 lost
-/// at 1.6M.
+/// Maximum number of leaves for which `preprocess` blends key frames itself. Up to this size, not waiting for positions
+/// saves more time than it costs to blend each vertex once per triangle. On an H200: 4 us saved at 70K triangles, 0 at
+/// 500K, 8 lost at 1.6M.
 const FROM_KEYS: u32 = 1 << 19;
 
 /// Returns whether `preprocess` reads key frames instead of positions.

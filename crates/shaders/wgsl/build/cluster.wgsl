@@ -9,8 +9,8 @@
 // With n leaves, merge m (counted over all phases) makes inner node n - 2 - m, and its two clusters become adjacent children. The
 // last merge makes the root. A cluster is a node that is not stored yet: its box and its traversal reference.
 //
-// Each round adds at most one level to the tree. The host bounds the number of rounds: after params.phase.search_rounds rounds,
-// neighbours merge in pairs.
+// Each round adds at most one level to the tree. To bound the depth, fixed pairs of neighbours merge after
+// params.phase.search_rounds rounds.
 
 import package::geometry::node::{LEAF, TWO_TRIANGLES, child_row};
 import package::lib::buffers::{costs, nodes};
@@ -206,7 +206,7 @@ fn cluster(
     @builtin(num_workgroups) groups: vec3<u32>,
 ) {
     let tile = group.x + group.y * groups.x;
-    // In every other phase, tiles begin half a tile earlier, so that their borders differ.
+    // In every second phase, tiles begin half a tile earlier, so that their borders differ.
     let begin = max(tile * CLUSTER_TILE, params.phase.tile_offset) - params.phase.tile_offset;
     let end = max(min(tile * CLUSTER_TILE + CLUSTER_TILE - params.phase.tile_offset, params.count), begin);
     if begin + local < end { store_cluster(local, fetch_cluster(params.phase.source_at + begin + local)); }

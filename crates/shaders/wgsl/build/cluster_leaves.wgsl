@@ -12,8 +12,6 @@ import package::lib::params::{element_index, params};
 @group(0) @binding(next) var<storage, read> sorted: array<u32>;
 @group(0) @binding(next) var<storage, read_write> clusters: array<vec4<u32>>;
 
-// Triangle states. Rays can only hit triangles in the state HITTABLE.
-
 const HITTABLE: u32 = 0u;
 const INACTIVE: u32 = 1u;
 const DEGENERATE: u32 = 2u;

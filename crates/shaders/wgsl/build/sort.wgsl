@@ -1,4 +1,4 @@
-// Radix sort of keys with eight bits per round: count, scan, scatter.
+// Radix sort of keys with eight bits per pass: count, scan, scatter.
 
 import package::lib::params::params;
 
@@ -15,8 +15,6 @@ import package::lib::params::params;
 @group(0) @binding(next) var<storage, read> digits: array<u32>;
 @else
 @group(0) @binding(next) var<storage, read_write> digits: array<u32>;
-
-// Definitions that several steps share.
 
 // Number of elements that one workgroup sorts: 8 per invocation.
 const TILE: u32 = 2048u;

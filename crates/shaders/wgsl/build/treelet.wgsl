@@ -11,9 +11,10 @@ const LEAF_COUNT_IN_ENTRY: u32 = 1u;
 const INNER_AT_IN_ENTRY: u32 = 2u;
 const INNER_COUNT_IN_ENTRY: u32 = 3u;
 const ROOT_ROW_IN_ENTRY: u32 = 7u;
-// Index of the treelet's parent. Then the number of the treelet's children, followed by the number of its moving
-// children. For the children, these are numbers of siblings.
+// Index of the treelet's parent.
 const PARENT_IN_ENTRY: u32 = 9u;
+// Number of the treelet's children. The next word is the number of its moving children. A child reads from these how
+// many siblings arrive at the treelet.
 const SIBLINGS_IN_ENTRY: u32 = 10u;
 // References within a treelet are below 512. They are also the indices of nodes in workgroup memory.
 const NODE_CAPACITY: u32 = 512u;

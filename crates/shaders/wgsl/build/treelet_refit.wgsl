@@ -55,9 +55,9 @@ fn group_sums(local: u32, x: f32, part: f32) -> vec2<f32> {
     return totals;
 }
 
-// Returns the half areas of the children that this invocation read, and its part of the areas of all other treelets.
-// The second value is computed only for the last treelet. For that treelet, `all` is the number of treelets, otherwise
-// 0. So `sum_costs` is not needed. All invocations of the workgroup must call it.
+// Returns the half areas of the children that this invocation read. For the last treelet, also returns its part of the
+// areas of all other treelets, so that `sum_costs` is not needed. `all` is the number of treelets for the last treelet,
+// else 0. All invocations of the workgroup must call it.
 fn refit_from_roots_below(t: Treelet, treelet_index: u32, local: u32, all: u32) -> vec2<f32> {
     let inner = inner_word(treelet_index, local);
     // Issues all reads before it waits for the first one.

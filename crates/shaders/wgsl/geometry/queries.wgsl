@@ -36,7 +36,6 @@ fn pixel_direction(pixel: vec2<u32>) -> vec3<f32> {
 // Returns the origin of camera rays, in scaled units.
 fn eye() -> vec3<f32> { return params.scaled_eye; }
 
-// Prepares a camera ray.
 fn camera_ray(direction: vec3<f32>, origin: vec3<f32>, root: RelativeRoot) -> PreparedRay {
     return prepare_ray(origin, bitcast<vec3<u32>>(direction), 0u, 0x7f800000u, root);
 }

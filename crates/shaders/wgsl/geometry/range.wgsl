@@ -43,7 +43,7 @@ var<workgroup> finished_groups: u32;
 var<workgroup> valid_samples: atomic<u32>;
 var<workgroup> small_samples: atomic<u32>;
 
-// Returns a size in scaled units, times 2^exponent, in scene units.
+// Converts size * 2^exponent from scaled units to scene units.
 fn in_scene_units(size: u32, exponent: i32) -> u32 { return bitcast<u32>(scale_bits(size, params.scale_exponent + exponent)); }
 
 fn finite_or_zero(size: u32) -> u32 { return select(0u, size, size < INFINITE); }

@@ -50,7 +50,7 @@ fn record_of(triangle: u32, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> Record 
 }
 
 // For `woop`: the rows of Woop's transform. The triangle's index is stored after all rows.
-// The third row is the unit normal. The normal over its squared length would lose small triangles.
+// The third row is the unit normal. Dividing the normal by its squared length instead would lose small triangles.
 
 @if(WOOP)
 fn store_triangle_index(leaf: u32, triangle: u32) {

@@ -2,8 +2,8 @@
 // two words: its leaf, and the next candidate.
 //
 // `occluded` holds one word per ray, the list of undecided rays, the candidates, and the stacks of fallback.wgsl.
-// Any-hit searches fill the list at `undecided_shadows_at`. Kernels that need both lists have this list after the
-// stacks. In other kernels it is the list of undecided rays.
+// Any-hit searches fill the list at `undecided_shadows_at`. Kernels that need both lists store this one after the stacks.
+// Other kernels store it in place of the list of undecided rays.
 
 import package::lib::buffers::{counts, occluded};
 import package::lib::counters::CANDIDATE_COUNT;
@@ -17,7 +17,7 @@ const UNDECIDED: u32 = 0xfffffffeu;
 // In place of the second weight of a hit: the ray is undecided. No weight has these bits.
 const UNDECIDED_HIT: u32 = 0xffffffffu;
 
-// The list of undecided rays has one word per ray, as has the part of `occluded` before it.
+// Candidates follow the results and the list of undecided rays, which have one word per ray each.
 fn candidate_at(candidate: u32) -> u32 { return 2u * params.search.undecided_rays_at + 2u * (candidate - FIRST_CANDIDATE); }
 
 // Returns where ray `k` of both lists is stored in `occluded`: the undecided hits come before the undecided shadows.

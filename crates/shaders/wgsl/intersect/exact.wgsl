@@ -86,7 +86,6 @@ fn append_undecided(i: u32, bound: f32, first_candidate: u32) -> vec4<u32> {
     return vec4<u32>(bitcast<u32>(bound), first_candidate, UNDECIDED_HIT, 0u);
 }
 
-// Returns whether the ray is undecided.
 fn exact_is_undecided(hit: vec4<u32>) -> bool { return hit.z == UNDECIDED_HIT; }
 
 // Any-hit search. If no triangle is certainly hit but some may be, the kernels `resolve_exact_*` resolve the ray from these

@@ -17,8 +17,8 @@ import package::lib::params::params;
 
 // A conservative filter for boxes and triangles of any size, in floats scaled so that the largest is close to 1.
 
-// Returns the largest of `given` and the exponent fields of a point's coordinates, plus `shift`. Zeros are ignored; subnormal
-// numbers have field 1.
+// Returns the largest of `given` and the exponent fields of a point's coordinates, each field plus `shift`. Zeros are ignored.
+// Subnormal numbers have field 1.
 fn max_exponent_field(given: i32, point: vec3<u32>, shift: i32) -> i32 {
     var most = given;
     for (var i = 0u; i < 3u; i += 1u) {
@@ -110,8 +110,7 @@ fn certainly_misses(points: array<vec3<u32>, 3>) -> bool {
     return min(u, min(v, w)) < 0 && max(u, max(v, w)) > 0;
 }
 
-// Hits of extreme rays in integers of any length. Kernels that use this declare `nodes`, `records`, `triangles`, `positions` and
-// `counts`.
+// Hits of extreme rays in integers of any length.
 
 // The first hit so far, exact and with its t rounded once.
 var<private> best: ExactIntersection;

@@ -166,7 +166,6 @@ fn fallback_any(worker: u32, i: u32, ray: PreparedRay, ignore: u32, count: u32) 
     write_any_hit(i, found_any, count);
 }
 
-// Resolves ray `i`.
 @if(fallback_rays)
 fn fallback_ray(worker: u32, i: u32) {
     set_line_of_query(i);

@@ -20,7 +20,7 @@ import package::lib::params::params;
 // Any-hit search for one ray by a workgroup of 64. Each invocation processes one node at a time. A single invocation per ray would
 // wait for memory at every node. On an H200 with a few hundred rays, the workgroup takes less than half of that time.
 
-// Replaces the first candidate: a triangle is certainly hit.
+// In place of a candidate's index: a triangle is certainly hit.
 const CERTAIN_HIT: u32 = 0xfffffffdu;
 // Capacity of the queue of nodes to visit.
 const QUEUE_CAPACITY: u32 = 1024u;
@@ -129,7 +129,6 @@ fn load_ray(at: u32, local: u32) -> u32 {
     return workgroupUniformLoad(&current_ray);
 }
 
-// Returns the hit of ray `i`.
 fn load_hit(i: u32, local: u32) -> vec4<u32> {
     if local == 0u { current_hit = hits[i]; }
     return workgroupUniformLoad(&current_hit);

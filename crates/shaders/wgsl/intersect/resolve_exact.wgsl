@@ -96,7 +96,7 @@ fn resolve_exact_closest(i: u32, is_decided: bool) {
     atomicAdd(&counts[HIT_COUNT], 1u);
 }
 
-// The list of rays with undecided closest hits, shared by `group_count` workgroups.
+// Resolves the list of undecided closest hits, which `group_count` workgroups share.
 
 fn resolve_exact_hits(local: u32, group_index: u32, group_count: u32) {
     let undecided_count = load_undecided_count(local, UNDECIDED_RAYS);
@@ -130,7 +130,7 @@ fn set_line_of_any_hit_query(i: u32) { set_line_of_query(i); }
 @else
 fn set_line_of_any_hit_query(i: u32) { set_line_of_segment(shadow_segment_of_hit(hits[i], query_ray(i).origin)); }
 
-// The list of undecided any-hit queries, shared by `group_count` workgroups.
+// Resolves the list of undecided any-hit queries, which `group_count` workgroups share.
 //
 // Word `count` of `counts` counts hits. Word `count + UNDECIDED_OFFSET` is the number of undecided queries.
 fn resolve_exact_any_hits(local: u32, group_index: u32, group_count: u32, count: u32) {

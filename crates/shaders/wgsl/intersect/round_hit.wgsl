@@ -10,8 +10,8 @@ import package::lib::double_float::{
 import package::lib::ieee::{add, division_remainder, divisor, mul, sub};
 import package::lib::params::params;
 
-// Whether the triangle's plane is surely hit beside the triangle, and whether the triangle is surely hit and its hit rounded.
-// `t` is in scaled units, and is valid with `hit`.
+// `is_rounded`: the triangle is surely hit, and `hit` and `t` are rounded once. `is_missed`: the line surely passes beside the
+// triangle. `t` is in scaled units.
 struct RoundedHit { hit: vec4<u32>, t: f32, is_rounded: bool, is_missed: bool }
 
 // 2^-44: bounds the error of an edge function, relative to the magnitudes of its two products.

@@ -54,7 +54,6 @@ fn rounded_t(intersection: ExactIntersection) -> u32 {
     return select(magnitude | (words[intersection.numerator] << 31u), 0u, magnitude == 0u);
 }
 
-// Doubles a magnitude.
 fn double_magnitude(at: u32, len: u32) {
     var carry = 0u;
     for (var i = at + 1u; i <= at + len; i += 1u) {

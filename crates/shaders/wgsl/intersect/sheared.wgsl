@@ -85,7 +85,7 @@ fn undivided_hit(edges: Edges) -> UndividedHit {
     return solve_hit(flushed(edges.u), flushed(edges.v), flushed(edges.w), edges.a.z, edges.b.z, edges.c.z);
 }
 
-// The test of a triangle's own box, without a division where that suffices: see "Own boxes" in docs/design/hits.md.
+// The test of a triangle's own box, which avoids divisions where possible: see "Own boxes" in docs/design/hits.md.
 
 // The device's own reciprocal suffices. Hits use `rounded_inverse` instead.
 fn sheared_inverse_for(ray: PreparedRay) -> vec3<f32> { return 1.0 / each_away_from_zero(ray.direction); }

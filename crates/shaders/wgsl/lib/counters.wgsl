@@ -7,10 +7,10 @@ const OCCLUDED_COUNT: u32 = 3u;
 const ROOT_AREA: u32 = 5u;
 const UNDECIDED_RAYS: u32 = 7u;
 const UNDECIDED_SHADOWS: u32 = 8u;
-// Added to HIT_COUNT or OCCLUDED_COUNT: the number of undecided queries of that kind.
+// HIT_COUNT or OCCLUDED_COUNT plus this is the word for undecided queries of that kind.
 const UNDECIDED_OFFSET: u32 = 5u;
 const CANDIDATE_COUNT: u32 = 9u;
-// Added to a number of undecided queries: the number that candidates do not decide, which `fallback_*` resolves.
+// The word for undecided queries plus this is the word for those that candidates do not decide: see fallback.wgsl.
 const FALLBACK_OFFSET: u32 = 3u;
 const TILE_COUNT: u32 = 12u;
 const LARGE_TRIANGLE_COUNT: u32 = 13u;

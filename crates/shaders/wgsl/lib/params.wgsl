@@ -77,7 +77,7 @@ struct PhaseParams {
     // Where the clusters begin before and after the phase.
     source_at: u32,
     target_at: u32,
-    // Number of clusters by which each tile begins before a multiple of the tile size.
+    // Tile k begins at cluster k * CLUSTER_TILE - tile_offset, or at 0.
     tile_offset: u32,
     // Number of clusters to which each tile is reduced.
     clusters_per_tile: u32,
@@ -119,11 +119,11 @@ struct Params {
     // Row of the first box of the level where a workgroup's search starts, and the number of boxes of the level.
     start_row: u32,
     start_count: u32,
-    // `extreme`: 1 if all rays are extreme, 2 if only the buffer `range` holds whether they are.
+    // `extreme`: 1 if all rays are extreme, 2 if kernels read from the buffer `range` which rays are.
     // `tiny`: 1 if rays that start near the origin are extreme (geometry/units.wgsl).
     extreme: u32,
     tiny: u32,
-    // 1 if coordinates differ in size by a factor so large that boxes of inner nodes are padded by their own distance.
+    // 1 if coordinates have very different sizes. Inner boxes are then padded in proportion to their own distance.
     spread: u32,
     // The eye in scaled units.
     scaled_eye: vec3<f32>,

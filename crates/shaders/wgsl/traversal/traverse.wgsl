@@ -48,8 +48,8 @@ fn traverse_node(ray: PreparedRay, node: u32, best: f32, stack: ptr<function, ar
     return select(select(NO_NODE, right_row.w, hits_right), left_row.w, hits_left);
 }
 
-// Each iteration of this one loop visits at most two nodes and one triangle. Iterations of one kind of work each (Aila, Laine
-// 2009: "if-if") were a tenth slower. Descending to a leaf before any triangle test was slower still.
+// Each iteration of this loop visits at most two nodes and one triangle. A loop whose iterations visit either a node or a
+// triangle (Aila, Laine 2009: "if-if") was a tenth slower. Descending to a leaf before any triangle test was slower still.
 fn find_closest(ray: PreparedRay) -> BestHit {
     var best = initial_best(ray);
     var stack: array<u32, 64>;

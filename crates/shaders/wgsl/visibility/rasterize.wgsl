@@ -60,8 +60,8 @@ fn test_pixel(leaf: u32, pixel: vec2<u32>, root: RelativeRoot) {
     atomicMin(&visibility[pixel.y * params.width + pixel.x], key);
 }
 
-// Tests a pixel's ray, and stores its hit if it is one of the first two. The greater operand of each atomic minimum on the first
-// key is passed to the second one. So every key except the least reaches the second one.
+// Tests a pixel's ray, and stores its hit if it is one of the first two. Each atomic minimum on the first
+// key passes its greater operand to the second key. So every key except the least reaches the second key.
 @else
 fn test_pixel(leaf: u32, pixel: vec2<u32>, root: RelativeRoot) {
     let ray = camera_ray(pixel_direction(pixel), eye(), root);

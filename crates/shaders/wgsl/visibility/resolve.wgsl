@@ -74,7 +74,8 @@ fn resolve_pixel(i: u32, ray: PreparedRay, is_complete: bool, origin: vec3<f32>)
     store_occluded(i, is_occluded(shadow_segment(a, b, c, hit, origin), triangle), OCCLUDED_COUNT);
 }
 
-// Writes the hit and the shadow of ray `i`. The first leaf has the hit if the hit can be rounded and is before all others begin.
+// Writes the hit and the shadow of ray `i`. The leaf of the first key has the hit if that can be rounded and precedes the t of
+// the second key. Otherwise the ray traverses the tree.
 @if(EXACT)
 fn resolve_pixel(i: u32, ray: PreparedRay, is_complete: bool, origin: vec3<f32>) {
     var best = initial_best(ray);
@@ -96,7 +97,8 @@ fn resolve_pixel(i: u32, ray: PreparedRay, is_complete: bool, origin: vec3<f32>)
     write_hit_and_shadow(i, hit, best, origin);
 }
 
-// Writes the hit and the shadow of ray `i`. The first leaf has the hit if it is hit before all others begin.
+// Writes the hit and the shadow of ray `i`. The leaf of the first key has the hit if it is hit before the t of the second key.
+// Otherwise the ray traverses the tree.
 @if(MOLLER_TRUMBORE || WOOP)
 fn resolve_pixel(i: u32, ray: PreparedRay, is_complete: bool, origin: vec3<f32>) {
     var best = initial_best(ray);

@@ -1,6 +1,5 @@
 // Computes pixels from hits: face normals, a colour per triangle, one lamp with shadows, a sky. Module `shading` of
-// crate `abvh`
-// computes the same bits on the host; docs/design/pictures.md explains why they are equal.
+// crate `abvh` computes the same bits on the host; docs/design/pictures.md explains why they are equal.
 
 import package::geometry::queries::pixel_direction;
 import package::geometry::triangle::points_of;
