@@ -90,14 +90,14 @@ fn buffer(own: &OwnDevice, contents: &[f32]) -> wgpu::Buffer {
 
 /// Reads the number that the shader counted. Only this call waits for the device.
 fn read(own: &OwnDevice, near: &wgpu::Buffer) -> Result<u32, Box<dyn Error>> {
-    let (said, heard) = std::sync::mpsc::channel();
+    let (sender, receiver) = std::sync::mpsc::channel();
     let OwnDevice { device, queue, .. } = own;
     wgpu::util::DownloadBuffer::read_buffer(device, queue, &near.slice(..), move |bytes| {
         let count = bytes.map(|b| bytemuck::pod_read_unaligned::<u32>(&b));
-        said.send(count).expect("somebody listens");
+        sender.send(count).expect("the receiver exists");
     });
     device.poll(wgpu::PollType::wait_indefinitely())?;
-    Ok(heard.recv()??)
+    Ok(receiver.recv()??)
 }
 
 fn main() -> Result<(), Box<dyn Error>> {

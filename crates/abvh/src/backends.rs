@@ -8,7 +8,7 @@
         dead_code,
         unreachable_pub,
         unused_imports,
-        reason = "only the program needs all of it"
+        reason = "only the command-line program uses every item"
     )
 )]
 
@@ -97,7 +97,7 @@ impl BackendEntry<'_> {
     /// the host use `threads` threads.
     ///
     /// # Errors
-    /// In one line, the reason why it cannot run, or that no adapter matches or several do.
+    /// The backend cannot run, or not exactly one adapter matches. The message is one line.
     pub fn open(&self, adapter: Option<&str>, threads: usize) -> Result<Box<dyn Backend>, String> {
         let absent = |e| format!("backend {} cannot run: {e}", self.name);
         let index = match adapter {

@@ -56,13 +56,13 @@ impl TracerBuilder {
         }
     }
 
-    /// Sets the number of host threads that trace or, if a GPU traces, build trees. With [`Update::Async`] and a GPU,
-    /// one thread less builds, but at least one.
+    /// Sets the number of host threads, `n`. If the host traces, `n` threads trace. With [`Update::Async`], `n / 4`
+    /// more threads build trees at the same time. If a GPU traces, `n` threads build trees, or `n - 1` with
+    /// [`Update::Async`]. At least one thread builds.
     ///
-    /// By default, the host traces with one thread per core. For a GPU, one thread per two cores builds trees, which
-    /// leaves cores for the program. If a host with at least four cores traces and builds at the same time, a
-    /// quarter of the cores builds and the others trace. If the number is set here and the host traces, all of these
-    /// threads trace, and a quarter of this number of additional threads builds.
+    /// By default, a host that traces uses one thread per core. With [`Update::Async`] and at least four cores, a
+    /// quarter of these threads builds and the others trace. For a GPU, one thread per two cores builds trees, which
+    /// leaves cores for the program.
     #[must_use]
     pub fn threads(self, threads: usize) -> Self {
         let threads = Some(threads.max(1));
@@ -102,7 +102,6 @@ impl TracerBuilder {
         })
     }
 
-    /// Returns the options of the driver.
     pub(crate) fn options(&self, update: Update) -> DriverOptions {
         DriverOptions {
             intersector: self.intersector,

@@ -69,7 +69,7 @@ fn has_nvidia_library() -> bool {
     files.any(|file| file.exists())
 }
 
-/// Diagnoses the adapters that Vulkan and wgpu list, or their error, together with the driver's files.
+/// Diagnoses a machine from its list of adapters, or the error of listing them, and from the driver's files.
 fn diagnose(adapters: &Adapters, nodes: &[(PathBuf, bool)], has_nvidia_library: bool) -> Diagnosis {
     let listed = |gpus: bool| -> Vec<String> {
         let listed = adapters.as_deref().unwrap_or_default().iter();

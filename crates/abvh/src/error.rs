@@ -102,6 +102,7 @@ impl Error {
         }
     }
 
+    /// Converts the error of reading a key frame.
     pub(crate) fn of_reading(e: geom::KeyFrameError) -> Self {
         Self::KeyFrame(e.0)
     }
@@ -131,6 +132,7 @@ impl Error {
         })
     }
 
+    /// Converts the error of key frames that cannot be joined or streamed.
     pub(crate) fn of_keys(e: geom::KeyFrameError) -> Self {
         Self::Mesh(e.to_string())
     }

@@ -19,7 +19,7 @@
 //! let buffer = tracer.external_buffer(size_of_val(&points) as u64)?;
 //! let semaphore = tracer.external_semaphore()?;
 //! // For `cudaImportExternalMemory` and `cudaImportExternalSemaphore`, which take the descriptors over.
-//! let (memory, moment) = (buffer.fd()?, semaphore.fd()?);
+//! let (memory, timeline) = (buffer.fd()?, semaphore.fd()?);
 //! for frame in 0..100 {
 //!     // CUDA waits for 2 * frame, writes vertices, and signals 2 * frame + 1.
 //!     let mut step = tracer.step(0.0);

@@ -12,6 +12,7 @@ use gpu_vulkan::{ExternalRun, LentRays, VulkanDevice};
 use std::sync::Arc;
 
 impl ExternalRays<'_> {
+    /// Passes the buffers to the device, for the next query.
     fn lend(&self, gpu: &mut VulkanDevice, query: Query) -> Result<()> {
         let lent = |buffer: &ExternalBuffer, each: usize| {
             let bytes = (each as u64).saturating_mul(self.count as u64);
@@ -54,9 +55,13 @@ impl ResidentScene {
         Ok(())
     }
 
-    /// Copies vertices that only the device has from `before`. The scenes differ in mesh `but` only.
-    pub(crate) fn take_external_vertices(&mut self, before: &mut Self, but: usize) -> Result<()> {
-        for mesh in (0..self.joined.meshes.len()).filter(|&mesh| mesh != but) {
+    /// Copies vertices that only the device has from `before`. The scenes differ in mesh `replaced` only.
+    pub(crate) fn take_external_vertices(
+        &mut self,
+        before: &mut Self,
+        replaced: usize,
+    ) -> Result<()> {
+        for mesh in (0..self.joined.meshes.len()).filter(|&mesh| mesh != replaced) {
             let run = before.joined.range_of(mesh);
             let Some(gpu) = before.vulkan() else {
                 return Ok(());
@@ -65,10 +70,11 @@ impl ResidentScene {
                 copy_in_parallel(self.joined.vertices_of(mesh), &points);
             }
         }
+        // No later step submits the pending signals of `before`.
         before.signal()
     }
 
-    /// Submits the semaphore signals that follow the work submitted so far.
+    /// Submits the pending signals of external semaphores, after all work submitted so far.
     pub(crate) fn signal(&mut self) -> Result<()> {
         match self.vulkan() {
             Some(gpu) => gpu.signal().map_err(Error::of_backend),

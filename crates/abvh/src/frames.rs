@@ -45,8 +45,8 @@ impl<'a> LitView<'a> {
 }
 
 impl Tracer {
-    /// Starts to compile the kernels for such frames, on separate threads. Returns `true` if pixels are selected and
-    /// the device computes them. If the host shades the pixels, [`FrameOutputs`] also holds hits.
+    /// Starts to compile the kernels for [`Tracer::render_frames`] on separate threads. Returns `true` if pixels are
+    /// selected and the device computes them. If the host shades the pixels, [`FrameOutputs`] also holds hits.
     ///
     /// # Errors
     /// [`Error::Device`].

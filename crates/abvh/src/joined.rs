@@ -25,7 +25,7 @@ pub(crate) struct JoinedScene {
     pub(crate) numbering: Arc<Numbering>,
     /// Vertices of the next step, if vertices arrive while the scene is traced. Otherwise empty.
     next: PointBuffer,
-    /// For each mesh, whether its vertices need no copy to `next`: they are there, or only the device has them.
+    /// For each mesh, true if its newest vertices are in `next`, or only on the device.
     is_fresh: Vec<bool>,
     #[cfg(any(feature = "vulkan", feature = "wgpu"))]
     pub(crate) on_device: DeviceVertices,
@@ -100,11 +100,11 @@ impl JoinedScene {
         self.animation.key(last).map_err(Error::of_reading)
     }
 
-    /// Copies vertices from another scene, for all meshes that steps move. The scenes differ in mesh `but` only.
-    pub(crate) fn copy_moved_from(&mut self, other: &[Point], but: usize) {
-        for mesh in (0..self.meshes.len()).filter(|&mesh| mesh != but) {
+    /// Copies vertices from another scene, for all meshes that steps move. The scenes differ in mesh `replaced` only.
+    pub(crate) fn copy_moved_from(&mut self, other: &[Point], replaced: usize) {
+        for mesh in (0..self.meshes.len()).filter(|&mesh| mesh != replaced) {
             if self.meshes[mesh].motion.is_moved_by_steps() {
-                let first = if mesh < but {
+                let first = if mesh < replaced {
                     self.vertices[mesh]
                 } else {
                     // The distance from the end is the same in both scenes.
@@ -184,7 +184,7 @@ impl JoinedScene {
         if self.is_streamed() {
             let first = self.animation.first();
             self.next = copy_of(first, backend)?;
-            // Besides the kept key frames, the tree builder may read two, and a copy in progress one.
+            // The animation keeps `KEPT` key frames. The tree builder may read two more, and a copy in progress one.
             let spare = match self.next {
                 PointBuffer::Shared(_) => Animation::KEPT + 3,
                 PointBuffer::List(_) => 0,
@@ -268,12 +268,12 @@ fn copy_of(points: &[Point], backend: &mut dyn Backend) -> Result<PointBuffer> {
 /// Returns whether vertices arrive while the scene is traced: from steps, or from a moving animation that is joined
 /// with other meshes.
 fn is_streamed(meshes: &[Mesh]) -> bool {
-    let is_read = |motion: &MeshMotion| {
+    let is_joined_animation = |motion: &MeshMotion| {
         let is_animated = matches!(motion, MeshMotion::Animated(_));
         is_animated && !motion.is_fixed() && meshes.len() > 1
     };
     let mut all = meshes.iter().map(|mesh| &*mesh.motion);
-    all.any(|motion| motion.is_moved_by_steps() || is_read(motion))
+    all.any(|motion| motion.is_moved_by_steps() || is_joined_animation(motion))
 }
 
 /// Creates one animation of all meshes. `triangles` holds vertex indices among the vertices of all meshes.

@@ -44,7 +44,7 @@ pub(crate) struct ResidentScene {
     pub(crate) joined: JoinedScene,
     pub(crate) update: Update,
     pub(crate) builders: BuilderThreads,
-    /// One query of each kind that was traced so far.
+    /// Forms of the queries traced so far, one for each set of kernels.
     pub(crate) traced_forms: Vec<QueryForm>,
     /// Number of trees of the scenes before this one.
     trees_before: u64,
@@ -173,13 +173,14 @@ impl ResidentScene {
         Ok(())
     }
 
-    /// Continues from the state of `before`, a scene that differs in mesh `but` only.
-    pub(crate) fn follow(&mut self, before: &mut Self, but: usize) -> Result<()> {
-        self.joined.copy_moved_from(&before.newest_vertices()?, but);
+    /// Continues from the state of `before`, a scene that differs in mesh `replaced` only.
+    pub(crate) fn follow(&mut self, before: &mut Self, replaced: usize) -> Result<()> {
+        self.joined
+            .copy_moved_from(&before.newest_vertices()?, replaced);
         #[cfg(feature = "wgpu")]
-        self.take_wgpu_vertices(before, but)?;
+        self.take_wgpu_vertices(before, replaced)?;
         #[cfg(feature = "vulkan")]
-        self.take_external_vertices(before, but)?;
+        self.take_external_vertices(before, replaced)?;
         self.traced_forms.clone_from(&before.traced_forms);
         self.trees_before = before.trees_before + before.driver.generation().0;
         self.last = before.last;
@@ -209,8 +210,8 @@ impl ResidentScene {
             self.finish()?;
         }
         let started = self.start(time, queries).inspect_err(|_| {
-            // Backends keep reports of a limited number of submissions, and a refused submission counts. So read all
-            // reports now.
+            // A backend drops a report after a limited number of later submissions, even if it refused them. So read
+            // all reports now.
             let _ = self.finish_all();
         });
         let ticket = started?;
@@ -237,6 +238,7 @@ impl ResidentScene {
         Ok(ticket)
     }
 
+    /// Passes the changes of meshes to the driver and submits queries, without recording the submission.
     fn submit(&mut self, time: f64, queries: &[Query<'_>]) -> Result<Ticket> {
         #[cfg(feature = "wgpu")]
         self.abandon_dropped();
@@ -271,6 +273,7 @@ impl ResidentScene {
         }
     }
 
+    /// Adds the form of a query to `traced_forms`, if it is new.
     fn note(&mut self, query: Query<'_>) {
         let camera = match query.rays {
             Rays::Camera(camera) => Some(*camera),
@@ -341,7 +344,7 @@ impl ResidentScene {
         }
     }
 
-    /// Makes the backend retain the traces of all available results.
+    /// Makes the backend retain the hits and pictures of all `results`.
     fn retain_traces(&mut self) {
         let mut tickets: Vec<_> = self.results.iter().map(|result| result.ticket).collect();
         tickets.dedup();

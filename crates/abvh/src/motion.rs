@@ -33,7 +33,7 @@ impl MeshMotion {
         }
     }
 
-    /// Returns the number of key frames that are copied when meshes are joined.
+    /// Returns the number of key frames that [`Self::key`] can return. An animation provides only its first.
     pub(crate) fn key_count(&self) -> usize {
         match self {
             Self::Keys(keys) => keys.len(),
@@ -63,7 +63,6 @@ impl MeshMotion {
     }
 }
 
-/// Transforms a vertex by a matrix.
 pub(crate) fn transform(m: &Matrix, v: Point) -> Point {
     m.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2] + row[3])
 }

@@ -19,7 +19,7 @@ pub use gpu_wgpu::{required_features, useful_features};
 pub use wgpu;
 
 /// A wgpu device with its queue and adapter information. Buffers and encoders must belong to the same wgpu instance.
-/// Otherwise wgpu panics or uses another object of its own. It also panics if the queue belongs to another device.
+/// Otherwise wgpu panics or uses a wrong buffer or encoder. It also panics if the queue belongs to another device.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct OwnDevice {
     /// The device. Its error and device-lost callbacks are not changed.

@@ -169,8 +169,8 @@ impl TracerState {
         let (newest, time) = (current.joined.newest()?, current.joined.time);
         let forms = current.traced_forms.clone();
         let threads = match current.update {
-            // With this policy, builder threads use all cores, because steps wait for them. Here, steps need cores at
-            // the same time.
+            // With this policy, the builder threads use all cores, because steps wait for them. No step waits for a
+            // replacement, so leave cores for steps.
             Update::Refit => builder.builders(self.kind, Update::Async)?,
             _ => current.builders.clone(),
         };

@@ -182,7 +182,7 @@ impl TracerBuilder {
         let update = self.policy(&scene.meshes);
         let (device, kind) = (device_name(backend.as_ref()), backend.device().kind);
         let builders = self.builders(kind, update)?;
-        // Step numbers of different tracers never meet: each tracer has 2^40.
+        // Each tracer has 2^40 step numbers of its own, so no two tracers have a step number in common.
         let steps = TRACERS.fetch_add(1, Ordering::Relaxed) << 40;
         let state = TracerState {
             current: ResidentScene::new(scene.meshes, backend, self.options(update), builders)?,

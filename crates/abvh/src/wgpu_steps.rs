@@ -16,8 +16,8 @@ impl ResidentScene {
         let index = mesh.index();
         let expected = self.joined.range_of(index).len() * size_of::<Point>();
         Error::check_count(mesh, "bytes", expected, from.size() as usize)?;
-        let is_copied = from.buffer().usage().contains(wgpu::BufferUsages::COPY_SRC);
-        if !is_copied || from.offset() % wgpu::COPY_BUFFER_ALIGNMENT != 0 {
+        let can_copy = from.buffer().usage().contains(wgpu::BufferUsages::COPY_SRC);
+        if !can_copy || from.offset() % wgpu::COPY_BUFFER_ALIGNMENT != 0 {
             let why = "a buffer of vertices needs the usage COPY_SRC and an offset of whole floats";
             return Err(Error::Misuse(why.into()));
         }
@@ -60,13 +60,13 @@ impl ResidentScene {
     /// Checks that a step with these queries can be encoded, as one submission.
     fn check_encode(&mut self, queries: &[DeferredQuery]) -> Result<()> {
         let all: Vec<_> = queries.iter().map(DeferredQuery::query).collect();
-        let is_one = self.driver.can_batch(&all);
+        let is_one_submission = self.driver.can_batch(&all);
         self.wgpu().ok_or_else(no_wgpu)?;
         if !self.has_tree() {
             let why = "there is no tree yet: call `Tracer::warm_up` before `Step::encode`";
             return Err(Error::Misuse(why.into()));
         }
-        let why = match (self.update, is_one) {
+        let why = match (self.update, is_one_submission) {
             // The builder may need positions that the device computes only after the program has submitted the encoder.
             (Update::Rebuild | Update::Lockstep(_), _) => {
                 "steps that wait for a tree from the host cannot be encoded"
@@ -92,15 +92,15 @@ impl ResidentScene {
         }
     }
 
-    /// Takes over vertices that only the device has from `before`. The scenes differ in mesh `but` only.
-    pub(crate) fn take_wgpu_vertices(&mut self, before: &mut Self, but: usize) -> Result<()> {
+    /// Takes over vertices that only the device has from `before`. The scenes differ in mesh `replaced` only.
+    pub(crate) fn take_wgpu_vertices(&mut self, before: &mut Self, replaced: usize) -> Result<()> {
         before.abandon_dropped();
         let backend = before.wgpu();
         if backend.is_some_and(|backend| backend.gpu().has_encoded()) {
             // The program must have submitted the commands that write these vertices.
             before.finish_all()?;
         }
-        for mesh in (0..self.joined.meshes.len()).filter(|&mesh| mesh != but) {
+        for mesh in (0..self.joined.meshes.len()).filter(|&mesh| mesh != replaced) {
             let run = before.joined.range_of(mesh);
             let Some(backend) = before.wgpu() else {
                 return Ok(());
@@ -142,10 +142,10 @@ impl Step<'_> {
     ///
     /// A step without queries updates the scene for the program's shaders ([`shader_module`](crate::shader_module)).
     ///
-    /// The program must submit encoded steps in their order. While a step is not submitted, [`Tracer::hits`] of
-    /// this step fails, and the second step after this step cannot be encoded. If the encoder or its commands are
-    /// dropped instead, this step has no results, nor do later steps that were begun before the drop. Vertices that
-    /// only the device had are then lost, and steps return [`Error::VerticesLost`] until they are passed again.
+    /// The program must submit encoded steps in their order. Until it submits this step, [`Tracer::hits`] of this step
+    /// fails, and at most one more step can be encoded. If the encoder or its commands are dropped instead, this step has
+    /// no results, nor do later steps that were begun before the drop. Vertices that only the device had are then lost,
+    /// and steps return [`Error::VerticesLost`] until they are passed again.
     ///
     /// wgpu validates commands only when the encoder is finished. It may refuse them, for example because the encoder
     /// belongs to another device or has an open pass. Then [`Tracer::hits`] of this step or the second step after it

@@ -14,21 +14,21 @@
 //! exact values, each rounded once to the nearest float.
 //!
 //! A hit depends only on the ray, the triangle and the intersector. A single distant vertex, up to `2^40` from the
-//! origin, changes no hits of triangles that do not use it. In lists, it slows down only rays that hit the triangles
-//! that use it. Pictures may take longer, because their rays are then traced one by one.
-//! The next section describes larger distances.
+//! origin, changes no hits of triangles that do not use it. In a list of rays, it slows down only those that hit its
+//! triangles. Camera queries may take longer, because their rays are then traced one by one. The next section describes
+//! larger distances.
 //!
 //! # Far away
 //!
-//! `Watertight` decides exactly whether a slightly different ray hits. That ray differs from the given ray by rounding
-//! errors in single precision, at the distance of the triangle. At a distance of `1e12`, the spacing of floats is
-//! 65,536. So a ray may hit a triangle that it misses by a few such steps. A direction component below `2^-37` of the
-//! largest component counts as 0. `Exact` has no such error.
+//! The answer of `Watertight` is exact for a ray close to the given ray. At the triangle, the two rays are a few
+//! rounding errors of single precision apart. At a distance of `1e12`, the spacing of floats is 65,536. So
+//! `Watertight` may report a hit of a triangle that the ray misses by a few times 65,536. A direction component below
+//! `2^-37` of the largest component counts as 0. `Exact` has no such error.
 //!
 //! A ray is *extreme* if it starts `2^40` (`1.1e12`) or more from the origin along some axis, or if some vertex is
 //! farther away than this. A ray that starts within `2^-24` of the origin is also extreme if two vertices are within
-//! `2^-32` of the origin, other than at the origin itself. If the scene is scaled (see below), these limits apply to
-//! the scaled coordinates.
+//! `2^-32` of the origin but not at it. If the scene is scaled (see below), these limits apply to the scaled
+//! coordinates.
 //!
 //! The error of single precision is unbounded for extreme rays. Both intersectors trace them in exact arithmetic, which
 //! is slow: a ray from very far away is tested against all triangles. So results of `Watertight` may change where rays
