@@ -59,7 +59,7 @@ fn facts(
     let times: Vec<f64> = workload.frames.iter().map(|f| f.time).collect();
     let rays = workload.rays;
     let threads = settings.share(device, Policy::Async);
-    // Options of `rebuild`, to estimate the memory of trees that the device builds.
+    // Options with `device-rebuild`, to estimate the memory of trees that the device builds.
     let options = DriverOptions {
         intersector: settings.intersector,
         update: Policy::DeviceRebuild,

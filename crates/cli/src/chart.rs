@@ -224,11 +224,11 @@ impl<'a> ChartRun<'a> {
         }
     }
 
-    /// Traces scenes of mixed range.
+    /// Counts the wrong answers of one method in scenes of mixed range.
     fn count_hard_rays(&mut self, tests: &[StabilityTest], method: HitMethod) {
         let opened = DeviceSettings::of(method.backend).open();
         let counted = opened.and_then(|mut b| hard::count(b.as_mut(), method.intersector, tests));
-        self.log.progress.step(&format!("hard rays {method}"));
+        self.log.progress.step(&format!("mixed range {method}"));
         let is_of = |entry: &ChartEntry<'_>| HitMethod::of(&entry.run.contender) == Some(method);
         match counted {
             Err(error) => self.fail(&error, is_of),

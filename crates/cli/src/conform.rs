@@ -28,7 +28,7 @@ pub(crate) struct ConformSettings {
     #[arg(long, value_name = "LIST", value_delimiter = ',', hide_possible_values = true,
         value_parser = PossibleValuesParser::new(property_names()))]
     property: Vec<String>,
-    /// Test only the case of this number
+    /// Test only the case with this number
     #[arg(long, value_name = "N")]
     case: Option<u32>,
 }
@@ -65,7 +65,7 @@ impl RunCommand for ConformSettings {
 }
 
 impl ConformSettings {
-    /// Tests every property on every backend, against the host on one thread.
+    /// Tests the selected properties on every backend, against the reference backend.
     fn test_properties(
         &self,
         backends: &mut [Box<dyn Backend>],
@@ -183,7 +183,7 @@ impl ConformReport {
             let property = ("property", property.replace('_', " "));
             [property].into_iter().chain(held).collect()
         };
-        // In the order of the tests.
+        // Each property once, in the order of the tests.
         let mut seen = BTreeSet::new();
         let properties = self
             .rows

@@ -31,9 +31,9 @@ pub(crate) fn columns() -> Option<usize> {
     if !io::stdout().is_terminal() {
         return None;
     }
-    let said = std::env::var("COLUMNS").ok().and_then(|c| c.parse().ok());
+    let requested = std::env::var("COLUMNS").ok().and_then(|c| c.parse().ok());
     let own = || terminal_size::terminal_size_of(io::stdout()).map(|(width, _)| width.0.into());
-    said.or_else(own).filter(|&columns| columns > 0)
+    requested.or_else(own).filter(|&columns| columns > 0)
 }
 
 /// Prints a remark to standard error, and ignores write errors.
@@ -60,15 +60,15 @@ fn is_unseen(c: char) -> bool {
     )
 }
 
-/// Escapes control characters and invisible characters, except those in `but`. Names and values can come from untrusted
-/// sources, and terminals execute control sequences.
-pub(crate) fn plain<'a>(text: &'a str, but: &[char]) -> Cow<'a, str> {
-    let is_command = |c: char| (c.is_control() || is_unseen(c)) && !but.contains(&c);
-    if !text.contains(is_command) {
+/// Escapes control characters and invisible characters, except those in `kept`. Names and values can come from
+/// untrusted sources, and terminals execute control sequences.
+pub(crate) fn plain<'a>(text: &'a str, kept: &[char]) -> Cow<'a, str> {
+    let is_escaped = |c: char| (c.is_control() || is_unseen(c)) && !kept.contains(&c);
+    if !text.contains(is_escaped) {
         return Cow::Borrowed(text);
     }
     let escape = |mut escaped: String, c: char| {
-        if is_command(c) {
+        if is_escaped(c) {
             escaped.extend(c.escape_default());
         } else {
             escaped.push(c);

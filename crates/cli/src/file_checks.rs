@@ -91,8 +91,8 @@ impl<'a> CommandFiles<'a> {
 
 /// Returns the absolute path of a file. Returns `None` for devices and pipes, which several options may share.
 fn place(file: &Path) -> Option<PathBuf> {
-    let about = fs::metadata(file).ok();
-    let is_special = about.is_some_and(|about| !about.is_file() && !about.is_dir());
+    let metadata = fs::metadata(file).ok();
+    let is_special = metadata.is_some_and(|metadata| !metadata.is_file() && !metadata.is_dir());
     (!is_special).then(|| absolute(file))
 }
 

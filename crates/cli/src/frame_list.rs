@@ -256,7 +256,7 @@ impl EvenFrames {
             (_, 0.0) => 1,
             _ if is_demo => DEMO_FRAMES,
             // One per key frame, up to a limit.
-            (_, keys) => (keys.min(MOST_FRAMES as f64) as usize + 1).clamp(2, MOST_FRAMES),
+            (_, length) => (length.min(MOST_FRAMES as f64) as usize + 1).clamp(2, MOST_FRAMES),
         };
         Self { count, range }
     }

@@ -1,6 +1,5 @@
 //! Facts about this program and this machine for the results.
 
-/// Version of the program.
 pub(crate) const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// Returns the processor's name, if the system reports it.
@@ -11,7 +10,6 @@ pub(crate) fn cpu_model() -> Option<String> {
     Some(name.trim().to_owned())
 }
 
-/// Returns the command line of this process.
 pub(crate) fn command_line() -> Vec<String> {
     std::env::args_os()
         .map(|a| a.to_string_lossy().into_owned())

@@ -71,7 +71,6 @@ pub(crate) struct MeasureSettings {
     pub(crate) quiet: bool,
 }
 
-/// Returns the rival with this name.
 fn known_rival(name: String) -> RivalName {
     RivalName::named(&name).expect("the parser admits names of rivals only")
 }
@@ -248,7 +247,7 @@ impl LoadedScene {
 }
 
 impl MeasureSettings {
-    /// Measures every run over one scene, and returns the runs that succeed. If the scene could not be opened, all fail.
+    /// Measures every run over one scene, and returns the runs that succeed. If `scene` is an error, all runs fail.
     pub(crate) fn measure<'r>(
         &self,
         title: &str,
@@ -323,14 +322,14 @@ pub(crate) struct MeasuredRow {
     /// Warm-up of the device after the first frame.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) warm_up: Option<Warmed>,
-    /// Medians by name: of [`TIMES`] and [`MORE`].
+    /// Medians of the quantities in [`TIMES`] and [`MORE`], by name.
     #[serde(flatten)]
     medians: BTreeMap<&'static str, Option<f64>>,
     /// Millions of primary and shadow rays per second of tracing time.
     pub(crate) mrays_per_s: Option<f64>,
     pub(crate) trees: usize,
-    /// Number of built trees that were dropped: they cost no less than the current tree, or a newer tree would have
-    /// arrived before their time of use.
+    /// Number of trees that were built but not adopted. Such a tree costs no less than the current tree, or a newer
+    /// tree would arrive before its time of use.
     rejected: usize,
     /// Milliseconds of the first frame, which waits for the first tree.
     first_ms: Option<f64>,
@@ -415,7 +414,7 @@ impl MeasuredRow {
     }
 }
 
-/// Returns device memory by use, in total and per triangle.
+/// Returns the device memory of each use, in bytes and in bytes per triangle.
 fn device_memory(held: DeviceBytes, triangles: usize) -> Value {
     let parts = [held.tree, held.scratch, held.scene, held.frames];
     let named = |[tree, scratch, scene, frames]: [Value; 4]| json!({ "tree": tree, "scratch": scratch, "scene": scene, "frames": frames });

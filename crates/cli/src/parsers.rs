@@ -35,7 +35,7 @@ pub(crate) fn scene() -> impl TypedValueParser<Value = String> {
     })
 }
 
-/// Value of an option that leaves the choice to the program.
+/// Option value that leaves the choice to the program.
 pub(crate) const AUTO: &str = "auto";
 
 /// Parses the name of a backend. `auto` becomes `None`; `help` is the description of `auto`.

@@ -43,7 +43,7 @@ pub(crate) struct RenderSettings {
     #[command(flatten)]
     pub(crate) tracer: TracerSettings,
     /// Frames: N spread evenly over the time range, both ends included. Or the key times A..B, without B. Or a list of
-    /// key times, such as 1,4,10-20x2 (10 to 20 in steps of 2). Files of key times are numbered by key time, others
+    /// key times, such as 1,4,10-20x2 (10 to 20 in steps of 2). Frames at key times are numbered by key time, others
     /// from 0000 [default: 48 for a demo, else one per key frame up to 96]
     #[arg(long, value_name = "N|A..B|LIST")]
     frames: Option<FrameChoice>,
@@ -118,7 +118,7 @@ impl RenderSettings {
         self.video.is_some() || self.y4m.is_some()
     }
 
-    /// Refuses to write files that would overwrite others or that cannot be written.
+    /// Fails if an output would overwrite an input or another output, or cannot be written.
     fn check_files(&self) -> Result<(), CliError> {
         let pictures = (!self.no_images).then(|| ("--out", self.out.clone()));
         let hits = self.hits.clone().map(|dir| ("--hits", dir));

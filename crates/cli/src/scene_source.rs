@@ -83,7 +83,7 @@ pub(crate) fn may_have_clip(scene: &str) -> bool {
 }
 
 /// Describes a scene and its source. `live` is the number of triangles that are active in some key frame. `moving` is
-/// the number of live triangles that move. All others are interpolated, preprocessed and refitted only once.
+/// the number of live triangles that move. Other live triangles are interpolated, preprocessed and refitted only once.
 pub(crate) fn scene_facts(scene: &Scene) -> Value {
     let (animation, facts) = (&scene.animation, &scene.facts);
     json!({

@@ -3,10 +3,11 @@
 use crate::error::CliError;
 use std::sync::atomic::{AtomicI32, Ordering};
 
-/// The signal that arrived. Before a signal: [`WAITS`] if the run handles the first signal, or [`ENDS`] if a signal
-/// ends the program at once.
+/// The signal that arrived. Before a signal, [`WAITS`] or [`ENDS`].
 static ARRIVED: AtomicI32 = AtomicI32::new(ENDS);
+/// The run handles the first signal.
 const WAITS: i32 = 0;
+/// The first signal ends the program at once.
 const ENDS: i32 = -1;
 
 /// Handles SIGINT and SIGTERM: removes incomplete files and exits with the signal's exit code. If no thread can be

@@ -55,7 +55,7 @@ impl RunCommand for StabilitySettings {
             return self.record_rates(&mut backends, file);
         }
         let mut intersectors = Intersector::ALL.to_vec();
-        intersectors.retain(|by| self.intersector.contains(by));
+        intersectors.retain(|intersector| self.intersector.contains(intersector));
         let report = StabilityReport {
             tested,
             seed: self.seed,
@@ -117,9 +117,9 @@ impl StabilitySettings {
             let test = StabilityTest::new(family, &plan);
             for backend in &mut *backends {
                 let name = backend.device().backend;
-                for &by in intersectors {
+                for &intersector in intersectors {
                     let begun = Instant::now();
-                    let cell = test.run(backend.as_mut(), by)?;
+                    let cell = test.run(backend.as_mut(), intersector)?;
                     rows.push(StabilityRow {
                         backend: name,
                         cell,
@@ -214,16 +214,16 @@ impl StabilityReport {
         cell: &dyn Fn(&StabilityRow) -> String,
     ) -> String {
         let row = |family: Family| {
-            let of = |by: &Intersector| {
-                let this = (backend, family, *by);
+            let of = |intersector: &Intersector| {
+                let this = (backend, family, *intersector);
                 let is_this =
                     |r: &&StabilityRow| (r.backend, r.cell.family, r.cell.intersector) == this;
                 let found = self.rows.iter().find(is_this);
-                (by.name(), found.map_or("-".to_owned(), cell))
+                (intersector.name(), found.map_or("-".to_owned(), cell))
             };
             let cells: Vec<_> = intersectors.iter().map(of).collect();
-            let says = cells.iter().any(|(_, c)| !c.is_empty() && c != "-");
-            says.then(|| [vec![(what, family.name().to_owned())], cells].concat())
+            let has_text = cells.iter().any(|(_, c)| !c.is_empty() && c != "-");
+            has_text.then(|| [vec![(what, family.name().to_owned())], cells].concat())
         };
         let rows: Vec<_> = Family::ALL.into_iter().filter_map(row).collect();
         if rows.is_empty() {
@@ -235,7 +235,7 @@ impl StabilityReport {
 
     /// Returns the counts outside their bounds, and the command that reproduces them.
     fn complaint(&self, row: &StabilityRow) -> String {
-        let (backend, by) = (row.backend, row.cell.intersector);
+        let (backend, intersector) = (row.backend, row.cell.intersector);
         let out = row.cell.measured.iter().filter(|m| !m.is_ok());
         let out = out.map(|m| {
             let expected = match m.bound {
@@ -250,7 +250,7 @@ impl StabilityReport {
         let out = out.collect::<Vec<_>>().join("; ");
         let (family, seed, rays) = (row.cell.family, self.seed, self.rays);
         format!(
-            "{backend} {by} {family}: {out}\n    abvh stability --backend {backend} --intersector {by} --seed {seed} --rays {rays}\n"
+            "{backend} {intersector} {family}: {out}\n    abvh stability --backend {backend} --intersector {intersector} --seed {seed} --rays {rays}\n"
         )
     }
 }

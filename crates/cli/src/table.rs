@@ -60,6 +60,7 @@ pub(crate) fn ms(x: f64) -> String {
     format!("{x:.3}")
 }
 
+/// Formats an integer with thousands separators.
 pub(crate) fn grouped(n: usize) -> String {
     plot::count(n as u64)
 }

@@ -38,7 +38,7 @@ fn send_worker(worker_senders: &[Sender<ThreadBuilder>], worker: ThreadBuilder) 
     handed.map_err(|_| io::ErrorKind::BrokenPipe.into())
 }
 
-/// Starts up to `wanted` threads. Each waits for a rayon worker to run, and ends if its sender is dropped. If the
+/// Starts up to `wanted` threads. Each receives a rayon worker and runs it, or ends if its sender is dropped. If the
 /// system refuses a thread, keeps only half of the threads, so that other code can start some.
 fn worker_senders(
     wanted: usize,

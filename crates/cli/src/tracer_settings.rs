@@ -62,12 +62,12 @@ impl TracerSettings {
     /// Returns the policy that the options determine without an open backend. If the policy is left to `auto`, returns
     /// `async`, which [`crate::auto`] may replace.
     pub(crate) fn policy(&self) -> ChosenPolicy {
-        let at_pace = self.lockstep.map_or(Policy::Async, Policy::Lockstep);
+        let concurrent = self.lockstep.map_or(Policy::Async, Policy::Lockstep);
         let (policy, why) = match self.update {
-            Some(named) if named.builds_concurrently() => (at_pace, None),
+            Some(named) if named.builds_concurrently() => (concurrent, None),
             Some(named) => (named, None),
-            None if self.is_policy_auto() => (at_pace, Some("it suits most scenes that deform")),
-            None => (at_pace, Some("--lockstep requires it")),
+            None if self.is_policy_auto() => (concurrent, Some("it suits most scenes that deform")),
+            None => (concurrent, Some("--lockstep requires it")),
         };
         let why = why.map(str::to_owned);
         ChosenPolicy { policy, why }

@@ -1,4 +1,4 @@
-//! The program prints its version. Cargo builds the program for this test; tests of other crates run it too.
+//! Tests the program's version. Because of this test, cargo builds the program, which tests of other crates run.
 
 use std::process::Command;
 

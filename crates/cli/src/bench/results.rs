@@ -38,7 +38,7 @@ pub(super) fn csv(results: &Results) -> Result<String, CliError> {
     csv_table(columns(), rows).map_err(CliError::failed)
 }
 
-/// Returns one row per run, the reasons of failures, and the device of each backend.
+/// Returns a table with one row per run, then failures, devices, runs with unsteady times, and differing hits.
 pub(super) fn text(results: &Results) -> String {
     let (rows, failures) = (&results.rows, &results.failures);
     let adapter = |r: &MeasuredRow| format!("{}: {}\n", r.setup.backend, r.setup.adapter);
@@ -95,7 +95,7 @@ fn cells(r: &MeasuredRow) -> Cells<'static> {
     ]
 }
 
-/// Returns the row of a combination that failed: its names without numbers. The columns are those of `row`.
+/// Returns the row of a combination that failed, with `-` instead of numbers. The columns are those of `row`.
 fn failed_cells(failure: &Failure, row: &MeasuredRow) -> Cells<'static> {
     let intersector = failure.intersector.clone() + &rays_text(failure.rays, ", ");
     let [scene, backend, update] =
@@ -108,8 +108,8 @@ fn failed_cells(failure: &Failure, row: &MeasuredRow) -> Cells<'static> {
 }
 
 /// Returns the kind of rays after a separator, or an empty string for a camera's.
-fn rays_text(rays: Option<&str>, after: &str) -> String {
-    rays.map_or(String::new(), |rays| format!("{after}{rays} rays"))
+fn rays_text(rays: Option<&str>, separator: &str) -> String {
+    rays.map_or(String::new(), |rays| format!("{separator}{rays} rays"))
 }
 
 /// Returns the name of a run within its scene.

@@ -25,9 +25,9 @@ struct AnsweredBatch {
     rays: Vec<Ray>,
     /// Whether the rays are aimed at edges and vertices.
     is_aimed: bool,
-    /// Triangles by exact arithmetic.
+    /// Closest triangle of each ray, by exact arithmetic.
     closest: Vec<Option<u32>>,
-    /// Shadows by the reference: 1 where the hit is in shadow. Empty for aimed rays.
+    /// For each ray, 1 if `exact` on the host finds its hit in shadow, else 0. Empty for aimed rays.
     blocked: Vec<u8>,
 }
 
@@ -246,7 +246,7 @@ mod tests {
         assert!(rays.len() == 1250 && rays.iter().all(Ray::is_valid));
         let from_eye = rays.iter().filter(|r| r.origin == view.eye);
         assert_eq!(from_eye.count(), 500);
-        assert!(rays == rays_at(a, &view, 1.5, 1000).concat(), "made again");
+        assert!(rays == rays_at(a, &view, 1.5, 1000).concat(), "same seed");
     }
 
     #[test]

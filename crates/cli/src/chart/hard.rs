@@ -1,4 +1,4 @@
-//! Rays in scenes of mixed range, for every method.
+//! Counts wrong answers in scenes of mixed range.
 
 use crate::error::CliError;
 use backend::{Backend, Intersector};

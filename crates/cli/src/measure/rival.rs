@@ -23,7 +23,7 @@ pub(crate) const OWN: &str = "own";
 pub(crate) struct RivalSettings {
     pub(crate) rival: RivalName,
     pub(crate) tree_update: TreeUpdate,
-    /// Of these, only the adapter and the number of rendering threads apply to rivals.
+    /// Only its adapter and its number of rendering threads apply to rivals.
     pub(crate) device: DeviceSettings,
 }
 

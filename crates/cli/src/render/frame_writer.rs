@@ -98,7 +98,7 @@ impl<'a> FrameWriter<'a> {
     pub(super) fn new(rendered: Rendered<'a>, log: FrameLog<'a>) -> Self {
         let (returned, free) = channel();
         for _ in 0..rendered.frames_in_flight() {
-            // The receiver is alive.
+            // Sending cannot fail, because the receiver exists.
             let _ = returned.send(FrameBuffers::default());
         }
         Self {
