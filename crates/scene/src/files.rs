@@ -30,7 +30,7 @@ pub fn files(spec: &str) -> Result<Vec<PathBuf>> {
 fn of_input(spec: &str, all: &mut Vec<PathBuf>) -> Result<()> {
     let path = &path(spec);
     match fs::metadata(path) {
-        Ok(about) if about.is_dir() => in_folder(path, all),
+        Ok(metadata) if metadata.is_dir() => in_folder(path, all),
         Ok(_) => with_companions(path, all),
         Err(_) if is_pattern(spec) => {
             let files = matches(spec)?.filter_map(Result::ok);
@@ -72,7 +72,7 @@ fn with_companions(file: &Path, all: &mut Vec<PathBuf>) -> Result<()> {
     Ok(())
 }
 
-/// Returns the text after each `mtllib`. Splits lines as the OBJ reader does, but joins no continued lines.
+/// Returns the text after each `mtllib`. Splits lines as the OBJ reader does, but does not join continued lines.
 fn material_statements(obj: &Path) -> std::io::Result<Vec<String>> {
     let mut names = Vec::new();
     for part in BufReader::new(fs::File::open(obj)?).split(b'\n') {

@@ -25,7 +25,7 @@ pub(crate) struct Input<'a> {
     pub(crate) place: Option<InputPlacement>,
 }
 
-/// Maps a point `p` to `p * scale + at`. Each operation rounds once. Even for the identity, -0 becomes +0.
+/// Maps a point `p` to `p * scale + at`. Each operation rounds once. The identity also maps -0 to +0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct InputPlacement {
     at: Position,
@@ -81,8 +81,8 @@ fn first_input<'a>(spec: &'a str, exists: &dyn Fn(&str) -> bool) -> (&'a str, Op
     (&spec[..end], spec.get(end + 1..))
 }
 
-/// Splits a placement off an input. A text that exists is a name without placement. An invalid placement is an error
-/// only if the name before it exists.
+/// Splits a placement off an input. A text that names an existing input has no placement. An invalid placement is an
+/// error only if the name before it exists.
 fn input<'a>(text: &'a str, exists: &dyn Fn(&str) -> bool) -> Result<Input<'a>> {
     let placed = text.rsplit_once(AT).filter(|_| !exists(text));
     let (spec, place) = match placed.map(|(spec, at)| (spec, at, parse(at))) {
@@ -121,13 +121,13 @@ fn join(spec: &str, inputs: &[Input<'_>], options: &SceneOptions) -> Result<Scen
     if !inputs.iter().any(|i| has_clips(i.spec)) {
         refuse_clip(spec, options)?;
     }
-    let still = SceneOptions {
+    let without_clip = SceneOptions {
         clip: None,
         ..options.clone()
     };
     let open = |input: &Input<'_>| {
         let has_clips = has_clips(input.spec);
-        open_one(input.spec, if has_clips { options } else { &still })
+        open_one(input.spec, if has_clips { options } else { &without_clip })
     };
     let scenes = inputs.iter().map(open).collect::<Result<Vec<_>, _>>()?;
     let animations = || scenes.iter().map(|s| &s.animation);
@@ -170,8 +170,8 @@ fn join(spec: &str, inputs: &[Input<'_>], options: &SceneOptions) -> Result<Scen
     })
 }
 
-/// Adapts the placements, because each input was recentred by an offset of its own. Returns the common offset of the
-/// joined scene: the centre of the first input after its placement.
+/// Makes all placements relative to one offset, because each input was recentred by its own. Returns that offset: the
+/// centre of the first input after its placement.
 fn recentre(places: &mut [InputPlacement], scenes: &[Scene]) -> Position {
     let mut common = None;
     for (place, scene) in places.iter_mut().zip(scenes) {
@@ -227,6 +227,7 @@ mod tests {
     use crate::testing::{open_in, put, refused};
     use tempfile::TempDir;
 
+    /// Names of existing inputs.
     const THERE: [&str; 6] = ["a.obj", "b.glb", "a+b.obj", "b@1,2,3", "c+", "demo:hall"];
 
     /// Name of an input, and its placement as translation and scale.
@@ -309,7 +310,7 @@ mod tests {
         assert_eq!((scene.name.as_str(), scene.colours.len()), ("still+two", 2));
         let facts = &scene.facts;
         assert_eq!((facts.files.len(), facts.format.as_str()), (3, "obj"));
-        // The -0 in the file would otherwise count as motion.
+        // Joining maps the file's -0 to +0. A -0 would count as motion, because interpolation changes it.
         assert_eq!(a.static_parts().triangles, [true, false]);
     }
 
@@ -339,7 +340,7 @@ mod tests {
 
     #[test]
     fn splits_many_inputs_in_linear_time() {
-        let asked = |count: usize, folder: &str| {
+        let exists_calls = |count: usize, folder: &str| {
             let names: Vec<String> = (0..count).map(|i| format!("{folder}{i}.obj")).collect();
             let calls = std::cell::Cell::new(0);
             let exists = |name: &str| {
@@ -351,7 +352,7 @@ mod tests {
             calls.get()
         };
         for folder in ["", "some/folder/"] {
-            let (few, many) = (asked(200, folder), asked(800, folder));
+            let (few, many) = (exists_calls(200, folder), exists_calls(800, folder));
             assert!(many <= 6 * few, "{folder}: {few} calls, then {many}");
         }
     }

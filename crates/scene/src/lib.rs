@@ -63,7 +63,7 @@ pub struct Facts {
     /// Seconds between key frames, if the source specifies them.
     pub seconds_per_key: Option<f64>,
     /// The point that was subtracted from all coordinates, in the units of the files. `None` if
-    /// [`SceneOptions::recentre`] is not set, and for a demo that is not joined with other inputs.
+    /// [`SceneOptions::recentre`] is not set, or if the scene is a single demo without a placement.
     pub offset: Option<[f64; 3]>,
     /// Remarks for the user: data that was skipped, assumed or missing.
     pub notes: Vec<String>,
@@ -87,9 +87,9 @@ pub struct SceneOptions {
     /// Maximum size in bytes of an animation whose key frames are all held in memory. A larger animation is paged: it
     /// holds a few key frames, and reads or computes the others during playback.
     pub key_bytes: u64,
-    /// Bytes that the caller needs in addition to the scene. They must be free as well.
+    /// Bytes that the caller needs in addition to the scene. Opening fails if they are not free.
     pub more_bytes: u64,
-    /// Bytes that the caller needs per triangle, for example for trees. They must be free as well.
+    /// Bytes that the caller needs per triangle, for example for trees. Opening fails if they are not free.
     pub triangle_bytes: u64,
 }
 
@@ -195,9 +195,9 @@ mod testing {
     #[track_caller]
     pub(crate) fn refused<T>(tried: Result<T>, says: &[&str]) {
         let message = tried.err().expect("it is refused").to_string();
-        let told = says.iter().all(|part| message.contains(part));
+        let has_all = says.iter().all(|part| message.contains(part));
         assert!(
-            told && !message.contains('\n'),
+            has_all && !message.contains('\n'),
             "{says:?} is not in {message:?}"
         );
     }

@@ -1,5 +1,5 @@
-//! Contents of a mesh file of any format: vertices, faces and colours. Later key frames are checked for the faces of
-//! the first.
+//! Contents of a mesh file of any format: vertices, faces and colours. Later key frames must have the faces of the
+//! first.
 
 use crate::paging::{check_counts, reserve};
 use crate::rounding::Position;
@@ -15,7 +15,7 @@ pub(crate) struct PolygonMesh {
     pub(crate) notes: Vec<String>,
 }
 
-/// Vertices and faces as numbered in the file. Faces with fewer than three vertices are dropped.
+/// Faces with vertices as numbered in the file. Faces with fewer than three vertices are dropped.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(crate) struct Polygons {
     /// Number of vertices in the file, used or not.
@@ -77,7 +77,7 @@ impl Polygons {
         self.corners.len() - 2 * self.ends.len()
     }
 
-    /// Checks that all indices fit their types and that there is at least one triangle.
+    /// Checks that there is at least one triangle, and not too many vertices or triangles.
     pub(crate) fn check(&self, path: &Path) -> Result<()> {
         let hint = match self.vertices {
             0 => String::new(),

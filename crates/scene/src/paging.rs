@@ -40,8 +40,8 @@ impl KeySize {
         if self.keys as u64 <= most {
             return self.keys;
         }
-        let window = (most / 2).clamp(HELD_KEYS[0], HELD_KEYS[1]);
-        self.keys.min(window as usize)
+        let held = (most / 2).clamp(HELD_KEYS[0], HELD_KEYS[1]);
+        self.keys.min(held as usize)
     }
 }
 
@@ -52,10 +52,10 @@ pub(crate) fn animation(
     triangles: Vec<[u32; 3]>,
     options: &SceneOptions,
 ) -> Result<Animation> {
-    let (keys, window) = (size.keys, size.held(options));
-    if window < keys {
+    let (keys, held) = (size.keys, size.held(options));
+    if held < keys {
         let source = Arc::new(source);
-        return Ok(Animation::paged(source, keys, window, triangles)?);
+        return Ok(Animation::paged(source, keys, held, triangles)?);
     }
     let read = (0..keys).into_par_iter().map(source);
     // Collects all results before checking them. Otherwise the reported key frame would depend on thread timing.
@@ -87,8 +87,8 @@ pub(crate) fn check_counts(
     Ok(())
 }
 
-/// Refuses an animation that would exceed the memory limit, before its key frames are allocated. Counts the key frames
-/// that are held at once and the memory that the caller needs.
+/// Refuses an animation if too little memory is free, before its key frames are allocated. Counts the key frames that
+/// are held at once and the memory that the caller needs.
 pub(crate) fn check_keys(
     place: impl AsRef<Path>,
     size: KeySize,

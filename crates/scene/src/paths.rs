@@ -111,8 +111,8 @@ mod tests {
             assert_eq!(path(&encode_path(name)).as_os_str(), name);
         }
         assert_eq!(encode_path(OsStr::from_bytes(b"a\xff.obj")), "a\0ff.obj");
-        for none in ["a\0", "a\0zz", "a\x0041"] {
-            assert_eq!(path(none), Path::new(none));
+        for malformed in ["a\0", "a\0zz", "a\x0041"] {
+            assert_eq!(path(malformed), Path::new(malformed));
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Triangulation of polygons into n - 2 triangles per polygon of n vertices, in the order of the faces.
 //!
-//! If the fan from a polygon's first vertex contains no flipped triangle, the polygon becomes that fan. Convex polygons
-//! always do. So do polygons without area and polygons with more than [`MAX_CLIPPED`] vertices. All other polygons are
+//! A polygon becomes the fan from its first vertex if that fan contains no flipped triangle. Convex polygons always
+//! become fans. So do polygons without area and polygons with more than [`MAX_CLIPPED`] vertices. All others are
 //! triangulated by ear clipping in their plane. Both methods keep the polygon's orientation.
 
 use crate::mesh::Polygons;

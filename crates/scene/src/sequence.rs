@@ -16,6 +16,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, OnceLock};
 use std::time::SystemTime;
 
+/// Reads a mesh file of either format. An OBJ file has no pattern.
 fn read(path: &Path) -> Result<Ply> {
     match extension(path).as_str() {
         "obj" => Ok(Ply {
@@ -162,10 +163,10 @@ impl Sequence {
     /// Checks that the size and time of a file match its stamp. `alike` is valid only for an unchanged file.
     fn check_unchanged(&self, key: usize) -> Result<()> {
         let path = &self.files[key];
-        let about = fs::metadata(path).map_err(|e| SceneError::unreadable(path, e))?;
+        let metadata = fs::metadata(path).map_err(|e| SceneError::unreadable(path, e))?;
         let found = Stamp {
-            bytes: about.len(),
-            modified: about.modified().ok(),
+            bytes: metadata.len(),
+            modified: metadata.modified().ok(),
         };
         if *self.stamps[key].get_or_init(|| found) == found {
             return Ok(());

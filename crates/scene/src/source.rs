@@ -12,14 +12,14 @@ pub(crate) fn open_one(spec: &str, options: &SceneOptions) -> Result<Scene> {
     }
     let path = &path(spec);
     match fs::metadata(path) {
-        Ok(about) if about.is_dir() => directory(path, options),
+        Ok(metadata) if metadata.is_dir() => directory(path, options),
         Ok(_) => file(path, options),
         Err(_) if is_pattern(spec) => pattern(spec, options),
         Err(e) => Err(SceneError::unreadable(path, e)),
     }
 }
 
-/// Returns an error if `options` name a clip, for sources without clips.
+/// Returns an error if `options` name a clip. Used for sources without clips.
 pub(crate) fn refuse_clip(place: impl AsRef<Path>, options: &SceneOptions) -> Result<()> {
     options.clip.as_ref().map_or(Ok(()), |asked| {
         let cause = format!("no clip {asked:?}: only .gltf and .glb files have clips");
@@ -83,9 +83,9 @@ fn frames(
     mut files: Vec<PathBuf>,
     options: &SceneOptions,
 ) -> Result<Scene> {
-    let of = |kind: &str| files.iter().filter(|f| extension(f) == kind).count();
+    let count_of = |kind: &str| files.iter().filter(|f| extension(f) == kind).count();
     let bad = |cause: String| Err(SceneError::unusable(place, cause));
-    let kind = match (of("obj"), of("ply")) {
+    let kind = match (count_of("obj"), count_of("ply")) {
         (0, 0) => {
             let gltf = files.iter().find(|f| is_gltf(f));
             let hint = gltf.map(|f| format!("; name {} itself to open it", f.display()));
@@ -128,6 +128,7 @@ mod tests {
         folder
     }
 
+    /// Returns the x coordinate of the first vertex of each key frame.
     fn firsts(scene: &Scene) -> Vec<f32> {
         let keys = scene.animation.all_keys().unwrap();
         keys.iter().map(|key| key[0][0]).collect()
@@ -184,8 +185,8 @@ mod tests {
 
     #[test]
     fn first_key_frame_determines_triangulation() {
-        // Vertex 2 forms a notch in the first key frame but not in the second.
-        let with = |y: u32, faces: &str| format!("v 2 2 0\nv 0 {y} 0\nv -2 2 0\nv 0 0 0\n{faces}");
+        // The second vertex forms a notch at y = 1 but not at y = 3.
+        let arrow = |y: u32, faces: &str| format!("v 2 2 0\nv 0 {y} 0\nv -2 2 0\nv 0 0 0\n{faces}");
         let ply = |y: u32, face: &str| {
             format!(
                 "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
@@ -211,7 +212,7 @@ mod tests {
                 (3, 1, [[0, 1, 2], [0, 2, 3]]),
             ] {
                 let face = "f 1 2 3 4\n";
-                let obj = opened("obj", with(first, face), &with(later, face), key_bytes);
+                let obj = opened("obj", arrow(first, face), &arrow(later, face), key_bytes);
                 let face = "4 0 1 2 3\n";
                 let ply = opened("ply", ply(first, face), &ply(later, face), key_bytes);
                 for scene in [obj.unwrap(), ply.unwrap()] {
@@ -221,8 +222,8 @@ mod tests {
                 }
             }
             // Equal triangles from different polygons are not the same topology.
-            let triangles = with(3, "f 1 2 3\nf 1 3 4\n");
-            let other = opened("obj", with(3, "f 1 2 3 4\n"), &triangles, key_bytes);
+            let triangles = arrow(3, "f 1 2 3\nf 1 3 4\n");
+            let other = opened("obj", arrow(3, "f 1 2 3 4\n"), &triangles, key_bytes);
             refused(other, &["1.obj", "face 0 joins other vertices"]);
         }
     }
@@ -254,8 +255,8 @@ mod tests {
             refused(open_in(&folder, name, &options), &["Git LFS pointer"]);
         }
         let scene = open_in(&folder, "materials.obj", &options).unwrap();
-        let is_told = |n: &String| n.contains("m.mtl") && n.contains("Git LFS pointer");
-        assert!(scene.facts.notes.iter().any(is_told));
+        let names_pointer = |n: &String| n.contains("m.mtl") && n.contains("Git LFS pointer");
+        assert!(scene.facts.notes.iter().any(names_pointer));
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Parsing of text from other programs: three kinds of line ends, non-finite numbers, and refused encodings.
+//! Parsing of text from other programs: all kinds of line ends, non-finite numbers, and a check of the encoding.
 
 use crate::SceneError;
 use std::path::Path;
@@ -26,8 +26,8 @@ impl LineError {
     }
 }
 
-/// Splits `bytes` into lines that end in LF, CR or CR LF. The last line may lack a line end. A final line end starts no
-/// empty line.
+/// Splits `bytes` into lines that end in LF, CR or CR LF. The last line may lack a line end. A final line end does
+/// not start an empty line.
 pub(crate) fn lines(bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
     bytes.split_inclusive(|b| *b == b'\n').flat_map(|line| {
         let line = line.strip_suffix(b"\n").unwrap_or(line);

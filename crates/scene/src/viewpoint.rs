@@ -44,13 +44,13 @@ impl Viewpoint {
         let extent = PyramidExtent::of(animation, centre, [right, up, back], tan);
         let shift = extent.shift();
         let middle = centre + (right * shift.x + up * shift.y);
-        let aside = right * -0.62 + (UP * 0.95 + back * 0.80);
+        let to_light = right * -0.62 + (UP * 0.95 + back * 0.80);
         Self {
             eye: narrow(middle + back * extent.distance(tan, size)),
             look_at: narrow(middle),
             up: narrow(UP),
             fov_degrees,
-            light: narrow(centre + unit(aside) * (1.15 * size)),
+            light: narrow(centre + unit(to_light) * (1.15 * size)),
         }
     }
 

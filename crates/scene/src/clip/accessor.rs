@@ -204,6 +204,7 @@ impl<'a> Elements<'a> {
         span.rows(self.file).map(Some)
     }
 
+    /// Returns the index and the bytes of each element that `sparse` replaces.
     fn replaced(&self, sparse: &Sparse) -> Result<Vec<(usize, &'a [u8])>, String> {
         let (length, count) = (sparse.count.0, self.accessor.count.0);
         if length == 0 {
@@ -215,7 +216,7 @@ impl<'a> Elements<'a> {
                 "sparse indices are {kind:?}, but must be U8, U16 or U32"
             ));
         }
-        let places = ElementSpan {
+        let indices = ElementSpan {
             view: sparse.indices.buffer_view,
             offset: sparse.indices.byte_offset,
             count: length,
@@ -227,10 +228,10 @@ impl<'a> Elements<'a> {
             count: length,
             size: self.size(),
         };
-        let (places, values) = (places.rows(self.file)?, values.rows(self.file)?);
+        let (indices, values) = (indices.rows(self.file)?, values.rows(self.file)?);
         let mut least = 0;
-        let replaced = places.zip(values).map(|(place, value)| {
-            let index = kind.read(place) as usize;
+        let replaced = indices.zip(values).map(|(index, value)| {
+            let index = kind.read(index) as usize;
             if index < least || index >= count {
                 return Err(format!(
                     "sparse index {index} is out of order or beyond the last of {count} elements"

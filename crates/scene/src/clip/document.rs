@@ -48,7 +48,7 @@ const NEUTRAL: [&str; 15] = [
     "xmp",
 ];
 
-/// Returns whether an extension needs no remark, because it is supported or does not affect the result.
+/// Returns whether an extension is supported or does not affect the result.
 fn is_complete_with(name: &str) -> bool {
     let (_, own_name) = name.split_once('_').unwrap_or_default();
     GEOMETRY.contains(&name) || NEUTRAL.iter().any(|start| own_name.starts_with(start))
@@ -230,7 +230,7 @@ impl fmt::Display for Version {
     }
 }
 
-/// Refuses unsupported extensions that are required, and returns remarks on those that are only used.
+/// Refuses unsupported extensions that are required, and returns remarks on those that are optional.
 fn extensions(document: &Document) -> Result<Vec<String>, String> {
     let mut required = document.extensions_required.iter();
     if let Some(name) = required.find(|name| !is_complete_with(name)) {

@@ -44,6 +44,7 @@ impl ClipMotion {
         Ok(motion)
     }
 
+    /// Returns whether the clip animates the node.
     pub(super) fn moves(&self, node: usize) -> bool {
         let own = self
             .tracks
@@ -198,6 +199,7 @@ impl Track {
         Ok(())
     }
 
+    /// Returns the number of rows per time.
     fn each(&self) -> usize {
         match self.interpolation {
             Interpolation::CubicSpline => 3,

@@ -17,8 +17,9 @@ pub(super) struct Rig {
 
 struct Joint {
     parent: Option<usize>,
-    /// Transforms without animation, as the file specifies them and decomposed.
+    /// Transform without animation.
     matrix: DMat4,
+    /// The same transform, decomposed.
     transform: Transform,
 }
 
@@ -59,7 +60,7 @@ impl Rig {
             let mut reached = order;
             reached.sort_unstable();
             let lost = (0..).zip(&reached).take_while(|(i, r)| i == *r).count();
-            // The ancestors of a node without a root lead to a cycle. After this many steps, the node is in the cycle.
+            // A node that no root reaches leads to a cycle of parents. After this many steps, `node` is in the cycle.
             let cyclic = (0..nodes.len()).fold(lost, |node, _| parents[node].unwrap_or(node));
             return Err(file.wrong(("node", cyclic), "the node is its own ancestor"));
         }
@@ -98,6 +99,7 @@ impl Rig {
         world
     }
 
+    /// Returns the transform of a node relative to its parent.
     fn own(&self, node: usize, motion: &ClipMotion, time: f64) -> DMat4 {
         let Joint {
             matrix, transform, ..

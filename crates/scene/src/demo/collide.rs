@@ -180,8 +180,8 @@ fn splinter(index: u64) -> DemoPart {
         mesh,
         move |_| colour,
         move |time| {
-            let ridden = at(time.min(CONTACT[0])) - start;
-            DAffine3::from_translation(ridden)
+            let shift = at(time.min(CONTACT[0])) - start;
+            DAffine3::from_translation(shift)
                 * trajectory.pose((time - CONTACT[0]).max(0.0) * SECONDS)
         },
     )

@@ -116,21 +116,21 @@ fn place(limb: Limb, side: f64, stride: Stride) -> DAffine3 {
     let swing = TAU * (stride.phase + if side < 0.0 { 0.5 } else { 0.0 });
     let (sin, cos) = (libm::sin(swing), libm::cos(swing));
     let knee = 0.16 + 0.85 * cos.max(0.0) * cos.max(0.0);
-    let above = |limb| place(limb, side, stride);
+    let parent = |limb| place(limb, side, stride);
     match limb {
         Limb::Pelvis => spine * joint(DVec3::new(0.0, 0.1, 0.0), 0.0),
         Limb::Chest => spine * joint(DVec3::new(0.0, 0.44, 0.0), 0.0),
         Limb::Head => spine * joint(DVec3::new(0.03, 0.76, 0.0), -lean),
         Limb::Hair => spine * joint(DVec3::new(0.005, 0.79, 0.0), -lean - 0.5),
         Limb::UpperArm => spine * joint(DVec3::new(0.0, 0.47, 0.215 * side), -0.5 * sin),
-        Limb::Forearm => above(Limb::UpperArm) * joint(DVec3::NEG_Y * 0.28, 0.4 - 0.2 * sin),
+        Limb::Forearm => parent(Limb::UpperArm) * joint(DVec3::NEG_Y * 0.28, 0.4 - 0.2 * sin),
         Limb::Thigh => spine * joint(DVec3::new(0.0, 0.0, 0.1 * side), 0.42 * sin + 0.1 - lean),
-        Limb::Shin => above(Limb::Thigh) * joint(DVec3::NEG_Y * THIGH, -knee),
+        Limb::Shin => parent(Limb::Thigh) * joint(DVec3::NEG_Y * THIGH, -knee),
         Limb::Foot => {
             // The foot is flat while it carries weight, and its toes point down while it swings.
             let level = knee - 0.42 * sin - 0.1;
             let angle = level * (1.0 - 0.45 * cos.max(0.0)) + 1.57;
-            above(Limb::Shin) * joint(DVec3::new(-0.03, -SHIN, 0.0), angle)
+            parent(Limb::Shin) * joint(DVec3::new(-0.03, -SHIN, 0.0), angle)
         }
     }
 }

@@ -21,7 +21,7 @@ use std::sync::Arc;
 /// Maximum number of triangles of a demo. Beyond it, key frames alone exceed about 10 GB.
 const MOST_TRIANGLES: usize = 100_000_000;
 
-/// Lower bound of the bytes per triangle in all key frames, for every demo.
+/// Minimum size of all key frames together, in bytes per triangle, for every demo.
 const LEAST_BYTES: u64 = 96;
 
 /// Demo: name, function from a triangle count to parts, default triangle count, and number of key frames.
@@ -39,13 +39,13 @@ const DEMOS: [Demo; 5] = [
 /// Opens the demo named by the text after `demo:`, such as `shatter` or `grove:5000`.
 pub(crate) fn open(name: &str, options: &SceneOptions) -> Result<Scene> {
     let mut parts = name.splitn(2, ':');
-    let (name, asked) = (parts.next().unwrap_or_default(), parts.next());
+    let (name, requested) = (parts.next().unwrap_or_default(), parts.next());
     let Some(&(name, build, default, keys)) = DEMOS.iter().find(|d| d.0 == name) else {
         let names = DEMOS.map(|d| d.0).join(", ");
         let unknown = format!("unknown demo {name:?}; there are {names}");
         return Err(SceneError(unknown));
     };
-    let budget = asked.map_or(Ok(default), |text| triangles(name, text))?;
+    let budget = requested.map_or(Ok(default), |text| triangles(name, text))?;
     let bytes = with_more(budget as u64 * LEAST_BYTES, budget, options);
     let what = format!("{budget} triangles");
     check_memory(format!("demo:{name}"), what, bytes)?;

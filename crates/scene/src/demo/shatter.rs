@@ -44,13 +44,13 @@ fn cells_along(budget: usize) -> u32 {
     libm::round(ideal).min(most).max(1.0) as u32
 }
 
-/// Returns the number of squares along a piece's edge. Pieces have one of two successive numbers, mixed so that the
-/// total meets the budget.
+/// Returns the number of squares along a piece's edge: one of two successive numbers. They are mixed so that all
+/// pieces together meet the budget.
 fn cuts_of(piece: u64, pieces: u64, budget: u64) -> u32 {
     let small = (budget / (12 * pieces)).isqrt().max(1);
     let missing = budget.saturating_sub(12 * pieces * small * small);
     let large = (missing / (12 * (2 * small + 1))).min(pieces);
-    // Distributes large pieces evenly: the rounded-down running count increases at each large piece.
+    // Distributes large pieces evenly: the integer `i * large / pieces` increases after each large piece `i`.
     let rises = (piece + 1) * large / pieces > piece * large / pieces;
     (small + u64::from(rises)) as u32
 }

@@ -163,11 +163,11 @@ fn bounce(mut height: f64, mut speed: f64, mut seconds: f64) -> f64 {
     const GRAVITY: f64 = 9.81;
     for _ in 0..6 {
         let landing_speed = (speed * speed + 2.0 * GRAVITY * height).sqrt();
-        let trajectory = (speed + landing_speed) / GRAVITY;
-        if seconds < trajectory {
+        let flight = (speed + landing_speed) / GRAVITY;
+        if seconds < flight {
             return (height + (speed - 0.5 * GRAVITY * seconds) * seconds).max(0.0);
         }
-        (height, speed, seconds) = (0.0, 0.4 * landing_speed, seconds - trajectory);
+        (height, speed, seconds) = (0.0, 0.4 * landing_speed, seconds - flight);
     }
     0.0
 }

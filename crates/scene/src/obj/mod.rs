@@ -180,7 +180,8 @@ impl Statements {
     }
 }
 
-/// Returns the part before the backslash if the line continues in the next one. A comment ends with its line.
+/// Returns the part before the backslash if the line continues in the next one. A backslash in a comment does not
+/// continue the line.
 fn continued(line: &str) -> Option<&str> {
     before_comment(line).trim_end().strip_suffix('\\')
 }
@@ -247,8 +248,8 @@ mod tests {
         let [a, b, c, d] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
         let found: Vec<_> = surface.triangles.iter().map(|t| t.map(at)).collect();
         assert_eq!(found, [[a, b, c], [a, c, d], [d, c, a], [b, c, d]]);
-        let is_told = |n: &String| n.contains("line 11") && n.contains("'l'");
-        assert!(mesh.notes.iter().any(is_told), "{:?}", mesh.notes);
+        let names_line = |n: &String| n.contains("line 11") && n.contains("'l'");
+        assert!(mesh.notes.iter().any(names_line), "{:?}", mesh.notes);
     }
 
     #[test]

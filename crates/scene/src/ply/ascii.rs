@@ -31,41 +31,45 @@ impl<'a> AsciiBody<'a> {
         }
     }
 
-    pub(super) fn element(&mut self, of: &ElementDef, index: usize) -> Result<Element, LineError> {
+    pub(super) fn element(
+        &mut self,
+        definition: &ElementDef,
+        index: usize,
+    ) -> Result<Element, LineError> {
         self.skip_blanks();
-        if let Some(element) = self.whole_line(of) {
+        if let Some(element) = self.whole_line(definition) {
             return Ok(element);
         }
         self.text.clear();
         let mut first_line = None;
-        for property in of.properties.values() {
-            let word = self.word(of, index)?;
+        for property in definition.properties.values() {
+            let word = self.word(definition, index)?;
             first_line.get_or_insert(self.line);
             push_number(&mut self.text, &word);
             if matches!(property.data_type, PropertyType::List(..)) {
                 let length = word.parse::<usize>().map_err(|_| {
                     let cause = format!("{word:?} is not the length of a list");
-                    self.bad(of, index, &cause)
+                    self.bad(definition, index, &cause)
                 })?;
                 for _ in 0..length {
-                    let word = self.word(of, index)?;
+                    let word = self.word(definition, index)?;
                     push_number(&mut self.text, &word);
                 }
             }
         }
         let is_line = first_line == Some(self.line) && self.last_line < self.line;
         if !is_line && self.unaligned.is_none() {
-            let (name, line) = (&of.name, first_line.unwrap_or(self.line));
+            let (name, line) = (&definition.name, first_line.unwrap_or(self.line));
             self.unaligned = Some(format!("'{name}' {index} in line {line}"));
         }
         self.last_line = self.line;
-        parse(&self.text, of).map_err(|cause| self.bad(of, index, &cause))
+        parse(&self.text, definition).map_err(|cause| self.bad(definition, index, &cause))
     }
 
     /// Reads an element that occupies exactly one line, without copying its words. Returns `None` if the line does not
     /// match the element or the parser's grammar.
-    fn whole_line(&mut self, of: &ElementDef) -> Option<Element> {
-        // Avoids quadratic time: a long line with many elements is searched for its end only once.
+    fn whole_line(&mut self, definition: &ElementDef) -> Option<Element> {
+        // Does not search a line for its end twice, since a line with many elements would take quadratic time.
         if self.last_line == self.line {
             return None;
         }
@@ -75,7 +79,7 @@ impl<'a> AsciiBody<'a> {
         let line = str::from_utf8(line).ok()?;
         let words = || line.split_ascii_whitespace();
         let mut needed = 0_usize;
-        for property in of.properties.values() {
+        for property in definition.properties.values() {
             if matches!(property.data_type, PropertyType::List(..)) {
                 let length = words().nth(needed)?.parse().ok()?;
                 needed = needed.checked_add(length)?;
@@ -85,14 +89,14 @@ impl<'a> AsciiBody<'a> {
         if words().count() != needed || !words().all(is_plain) {
             return None;
         }
-        let element = parse(line, of).ok()?;
+        let element = parse(line, definition).ok()?;
         self.rest = rest;
         self.last_line = self.line;
         Some(element)
     }
 
-    /// Skips trailing blanks. If some element did not occupy exactly one line, checks that nothing follows. A leftover
-    /// number then means that an extra number has shifted the elements after it.
+    /// Skips trailing blanks. If some element did not occupy exactly one line, checks that nothing follows. A number
+    /// that is left over means that an earlier extra number has shifted the elements.
     pub(super) fn check_end(&mut self) -> Result<(), LineError> {
         self.skip_blanks();
         if self.unaligned.is_some() && !self.rest.is_empty() {
@@ -101,10 +105,10 @@ impl<'a> AsciiBody<'a> {
         Ok(())
     }
 
-    fn word(&mut self, of: &ElementDef, index: usize) -> Result<Cow<'a, str>, LineError> {
+    fn word(&mut self, definition: &ElementDef, index: usize) -> Result<Cow<'a, str>, LineError> {
         self.skip_blanks();
         if self.rest.is_empty() {
-            let (name, count) = (&of.name, of.count);
+            let (name, count) = (&definition.name, definition.count);
             let cause =
                 format!("the file is cut short: {count} '{name}' are declared, {index} are there");
             return Err(self.error(&cause));
@@ -125,8 +129,8 @@ impl<'a> AsciiBody<'a> {
         }
     }
 
-    fn bad(&self, of: &ElementDef, index: usize, cause: &str) -> LineError {
-        self.error(&format!("bad '{}' {index}: {cause}", of.name))
+    fn bad(&self, definition: &ElementDef, index: usize, cause: &str) -> LineError {
+        self.error(&format!("bad '{}' {index}: {cause}", definition.name))
     }
 
     /// Returns an error in the current line. It also names the first element that does not occupy exactly one line,
@@ -139,9 +143,9 @@ impl<'a> AsciiBody<'a> {
 }
 
 /// Parses an element. Its text is checked first, because the parser allocates up to 24 bytes per byte of text.
-fn parse(text: &str, of: &ElementDef) -> Result<Element, String> {
+fn parse(text: &str, definition: &ElementDef) -> Result<Element, String> {
     host::check_memory(24 * text.len() as u64).map_err(|e| e.to_string())?;
-    let read = Parser::new().read_ascii_element(text, of);
+    let read = Parser::new().read_ascii_element(text, definition);
     read.map_err(|_| cause(text))
 }
 

@@ -60,7 +60,7 @@ impl PlyHeader {
     }
 }
 
-/// Returns the length of the header in bytes, including the last line end. `None` without a full `end_header` line.
+/// Returns the header's length in bytes, with the last line end. `None` if `end_header` or its line end is missing.
 ///
 /// If lines end in a carriage return only, a line feed after the header belongs to the data.
 fn length(bytes: &[u8]) -> Option<usize> {

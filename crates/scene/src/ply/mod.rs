@@ -18,8 +18,8 @@ pub(crate) use pattern::Pattern;
 /// Contents of a file.
 pub(crate) struct Ply {
     pub(crate) mesh: PolygonMesh,
-    /// Bytes by which a later key frame of equal topology is recognized without parsing it. `None` for files that
-    /// do not support this.
+    /// Bytes by which a later key frame of equal topology is recognized without parsing it. `None` for text files and
+    /// for files that do not begin with their vertices.
     pub(crate) pattern: Option<Pattern>,
 }
 

@@ -124,8 +124,8 @@ impl<'a> PlyFile<'a> {
             };
             if let Some(name) = used {
                 let place = (name, index);
-                let taken = self.take(place, element);
-                taken.map_err(|cause| self.wrong(place, cause))?;
+                let stored = self.take(place, element);
+                stored.map_err(|cause| self.wrong(place, cause))?;
             }
         }
         if definition.name == "vertex" {
@@ -154,6 +154,7 @@ impl<'a> PlyFile<'a> {
         })
     }
 
+    /// Stores an element of the kind `place.0`.
     fn take(&mut self, place: Location, element: Element) -> Result<(), String> {
         let colour = element.colour();
         match place.0 {
@@ -181,8 +182,8 @@ impl<'a> PlyFile<'a> {
         }
     }
 
-    /// Returns the vertices of a face, or of strips separated by [`RESTART`]. Checks that all other indices exist,
-    /// except in lists of fewer than three corners, which are skipped.
+    /// Returns the vertices of a face, or of strips separated by [`RESTART`]. Checks that these vertices exist.
+    /// Lists of fewer than three corners are not checked, because they are skipped.
     fn corners(&self, element: Element) -> Result<Vec<u32>, String> {
         let corners = element.corners.ok_or(NEGATIVE)??;
         let vertices = self.header.element("vertex").map_or(0, |e| e.count);

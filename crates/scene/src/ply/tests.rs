@@ -143,13 +143,13 @@ fn truncated_binary_files_are_rejected() {
     for end in 0..whole.len() {
         refused(parse(&whole[..end]), &[]);
     }
-    let (negative, none) = ([0, 1, -2], "face 0: a vertex index is negative");
+    let (negative, refusal) = ([0, 1, -2], "face 0: a vertex index is negative");
     let too_few = "'face' 0 of 1: List length cannot be negative";
     for (bytes, says) in [
         (whole[..whole.len() - 1].to_vec(), "'face' 1 of 2"),
         (binary(true, &[(-1, &[])]), too_few),
         (binary(true, &[(i32::MAX, &[0, 1, 2])]), "cut short"),
-        (binary(false, &[(3, &negative)]), none),
+        (binary(false, &[(3, &negative)]), refusal),
     ] {
         refused(parse(bytes), &[says]);
     }

@@ -36,7 +36,8 @@ fn reads_buffers_from_uris_and_files() {
     }
 }
 
-/// Checks that each change fails. Lines contain: old text, new text, part of the message. `HUGE` means 2^64 - 1.
+/// Checks that the file cannot be opened after any of the changes. Each line has the old text, the new text and a part
+/// of the message. `HUGE` means 2^64 - 1.
 pub(super) fn refuse(file: &str, bin: &Bin, changes: &str) {
     for change in changes.trim().lines() {
         let mut parts = change.split(" | ").map(str::trim);
@@ -107,8 +108,8 @@ fn rejects_files_shorter_than_declared() {
     let whole = glb(&bin.json(&rest, ""), &bin.bytes);
     let most = "4294967295 bytes are declared";
     for (length, says) in [(5, "within its header"), (u32::MAX, most)] {
-        let lies = [&whole[..8], &length.to_le_bytes(), &whole[12..]].concat();
-        refused(read_with(&lies, &SceneOptions::default()), &[says]);
+        let altered = [&whole[..8], &length.to_le_bytes(), &whole[12..]].concat();
+        refused(read_with(&altered, &SceneOptions::default()), &[says]);
     }
 }
 
