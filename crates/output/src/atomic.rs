@@ -219,7 +219,7 @@ fn remove_abandoned(dir: &Path) -> io::Result<()> {
 /// Removes a link, a pipe or a device at `path`. A following write then creates a regular file there.
 pub fn remove_special_file(path: &Path) -> Result<(), OutputError> {
     match fs::symlink_metadata(path) {
-        Ok(about) if !about.is_file() && !about.is_dir() => {
+        Ok(metadata) if !metadata.is_file() && !metadata.is_dir() => {
             fs::remove_file(path).map_err(|e| OutputError::writing(path, e))
         }
         _ => Ok(()),

@@ -1,4 +1,4 @@
-//! Manifest and journals of a run into a folder.
+//! Manifest and journals of a run that writes into a folder.
 //!
 //! The manifest `abvh-run.json` determines whether a later run may continue the run. The journal `abvh-run.jsonl` has
 //! one line at the start of each run, and one line per finished frame with the digests of its files.
@@ -52,8 +52,8 @@ impl Manifest {
             text => text.map_err(|e| OutputError::reading(&file, e))?,
         };
         serde_json::from_slice(&text).map(Some).map_err(|e| {
-            let no = format!("{} is not the manifest of a run: {e}", file.display());
-            OutputError(format!("{no}; use --overwrite to start a new run"))
+            let problem = format!("{} is not the manifest of a run: {e}", file.display());
+            OutputError(format!("{problem}; use --overwrite to start a new run"))
         })
     }
 
@@ -68,13 +68,13 @@ impl Manifest {
     #[must_use]
     pub fn difference(&self, other: &Self) -> Option<String> {
         let (mine, theirs) = (self.named(), other.named());
-        let of = |all: &[(String, Value)], name: &str| {
+        let value_of = |all: &[(String, Value)], name: &str| {
             let found = all.iter().find(|(n, _)| n == name);
             found.map_or("absent".to_owned(), |(_, value)| value.to_string())
         };
         let mut names = mine.iter().chain(&theirs).map(|(name, _)| name);
         names.find_map(|name| {
-            let [a, b] = [&mine, &theirs].map(|all| of(all, name));
+            let [a, b] = [&mine, &theirs].map(|all| value_of(all, name));
             (a != b).then(|| format!("its {name} is {a}, here it is {b}"))
         })
     }
@@ -131,8 +131,8 @@ pub fn digests(files: &[PathBuf]) -> Result<Vec<NamedDigest>, OutputError> {
 #[derive(Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum JournalLine {
-    /// Numbers of the frames of all shards, and the run's statistics except those of frames. Frames that are complete
-    /// already are listed too.
+    /// Numbers of the frames of all shards, including frames that are already complete. `stats` are the run's
+    /// statistics without those of its frames.
     Run { list: Vec<u64>, stats: Value },
     Frame {
         files: Vec<NamedDigest>,
@@ -145,7 +145,7 @@ enum JournalLine {
 pub struct JournalContents {
     /// Numbers of the frames of all runs, in ascending order without duplicates.
     pub list: Vec<u64>,
-    /// Statistics of the last run that recorded any, except those of frames.
+    /// Statistics of the last run that recorded any, without those of its frames.
     pub stats: Option<Value>,
     frames: BTreeMap<u64, (Vec<NamedDigest>, FrameRecord)>,
 }
@@ -192,8 +192,8 @@ impl JournalContents {
     }
 }
 
-/// Returns whether all names are plausible outputs of a run. Files that a manipulated journal lists must not be
-/// removed.
+/// Returns whether all names are those of frame files in the folder itself. With other names, a manipulated journal
+/// could make [`clear_run`] remove other files.
 fn are_ours(files: &[NamedDigest]) -> bool {
     files.iter().all(|(name, _)| {
         let is_plain = Path::new(name).file_name() == Some(name.as_ref());
@@ -201,7 +201,7 @@ fn are_ours(files: &[NamedDigest]) -> bool {
     })
 }
 
-/// Returns whether a run may write a frame's file of this name.
+/// Returns whether a run may give this name to a file of a frame.
 #[must_use]
 pub fn is_frame_file(name: &str) -> bool {
     name.starts_with("frame_") || name.starts_with("hits_")
@@ -250,7 +250,7 @@ fn open_locked(path: &Path) -> Result<File, OutputError> {
     // Opening a pipe for writing would block until it has a reader, so `host::open` refuses it first.
     match host::open(path) {
         Err(e) if e.kind() == ErrorKind::NotFound => {}
-        there => drop(there.map_err(cannot)?),
+        opened => drop(opened.map_err(cannot)?),
     }
     let file = File::options().append(true).create(true).open(path);
     let file = file.map_err(cannot)?;

@@ -133,8 +133,8 @@ pub fn mrays(count: f64, ms: f64) -> Option<f64> {
 pub fn memory(frames: &[FrameRecord]) -> String {
     let most = |(name, of): &(&str, FrameQuantity)| {
         let most = frames.iter().filter_map(of).reduce(f64::max)?;
-        let (whose, mib) = (name.trim_end_matches("_bytes"), most / f64::from(1 << 20));
-        Some(format!("{whose} memory: at most {mib:.1} MiB\n"))
+        let (owner, mib) = (name.trim_end_matches("_bytes"), most / f64::from(1 << 20));
+        Some(format!("{owner} memory: at most {mib:.1} MiB\n"))
     };
     BYTES.iter().filter_map(most).collect()
 }

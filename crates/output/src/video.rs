@@ -27,7 +27,7 @@ pub struct VideoFiles<'a> {
     pub y4m: Option<&'a Path>,
 }
 
-/// Writes videos on a separate thread from frames `F` that contain [`VideoPlanes`].
+/// Writes videos on a separate thread. The frames `F` contain [`VideoPlanes`].
 ///
 /// Dropping an unfinished video waits for the thread and discards the unfinished files.
 #[derive(Debug)]
@@ -201,8 +201,8 @@ impl Sink {
 /// Returns whether a non-empty regular file exists at the temporary path. The encoder may have replaced the file that
 /// was created there.
 fn holds_any(file: &UnfinishedFile) -> bool {
-    let about = fs::symlink_metadata(file.path());
-    about.is_ok_and(|about| about.is_file() && about.len() > 0)
+    let metadata = fs::symlink_metadata(file.path());
+    metadata.is_ok_and(|metadata| metadata.is_file() && metadata.len() > 0)
 }
 
 /// File extensions with the format names of `ffmpeg`.
@@ -271,11 +271,11 @@ impl Encoder {
     fn failed(mut self, why: &str) -> OutputError {
         // The process must end first, because its last message may contain the cause.
         let _ = self.child.wait();
-        let mut said = Vec::new();
+        let mut messages = Vec::new();
         let read = self.complaints.rewind();
-        let _ = read.and_then(|()| self.complaints.read_to_end(&mut said));
-        let said = String::from_utf8_lossy(&said);
-        let last = said.lines().rfind(|line| !line.trim().is_empty());
+        let _ = read.and_then(|()| self.complaints.read_to_end(&mut messages));
+        let messages = String::from_utf8_lossy(&messages);
+        let last = messages.lines().rfind(|line| !line.trim().is_empty());
         let why = last.unwrap_or(why);
         OutputError(format!("--video: ffmpeg ended early: {why}"))
     }

@@ -72,7 +72,7 @@ const COLOURS: [RGBColor; BackendName::ALL.len()] = [
     RGBColor(0x56, 0xb4, 0xe9),
     RGBColor(0xd5, 0x5e, 0x00),
 ];
-/// Colours of other names, such as those of rivals.
+/// Colours of other names, such as those of other ray tracers.
 const OTHERS: [RGBColor; 5] = [
     RGBColor(0x00, 0x9e, 0x73),
     RGBColor(0xcc, 0x79, 0xa7),
@@ -97,7 +97,7 @@ fn pair<T: Copy, const N: usize>(
 /// Returns the value of a name in a list, or `other` for an unknown name.
 fn find<T: Copy>(list: &[(&str, T)], name: &str, other: T) -> T {
     let found = list.iter().find(|(known, _)| *known == name);
-    found.map_or(other, |(_, stands)| *stands)
+    found.map_or(other, |(_, value)| *value)
 }
 
 /// Returns the appearance for three names. An unknown name uses the corresponding value of [`PLAIN`].

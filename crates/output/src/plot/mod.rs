@@ -52,7 +52,7 @@ pub struct Failure {
     pub backend: String,
     pub intersector: String,
     pub update: String,
-    /// Kind of rays, unless they are a camera's.
+    /// Kind of rays. `None` for camera rays.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rays: Option<&'static str>,
     /// Reason for the failure.

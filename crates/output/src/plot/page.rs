@@ -44,8 +44,8 @@ pub fn svg(chart: &Chart) -> Result<String> {
             let (area, below) = rest.split_vertically(panel.height);
             rest = below;
             let places = panel.draw(&area)?;
-            let told = panel.marks.iter().zip(places);
-            for (mark, (x, y)) in told.filter(|(m, _)| !m.about.is_empty()) {
+            let placed = panel.marks.iter().zip(places);
+            for (mark, (x, y)) in placed.filter(|(m, _)| !m.about.is_empty()) {
                 // Writing to a string cannot fail.
                 let _ = writeln!(
                     targets,
@@ -131,7 +131,7 @@ fn heading(chart: &Chart, scene: &ChartScene, drawn: usize) -> String {
 /// Rates of wrong answers of one family of rays.
 struct RayFamily<'a> {
     name: &'a str,
-    /// One for each point of the chart, where known.
+    /// Rate of each point of the chart, if known.
     rates: Vec<Option<Rate>>,
 }
 
@@ -158,15 +158,16 @@ fn hard_rays(chart: &Chart) -> Option<Panel> {
     let methods: Vec<_> = methods.collect();
     let mut marks = Vec::new();
     for (nth, (intersector, backend)) in methods.iter().enumerate() {
-        let beside = 0.8 * ((nth as f64 + 0.5) / methods.len() as f64 - 0.5);
+        let shift = 0.8 * ((nth as f64 + 0.5) / methods.len() as f64 - 0.5);
         for (at, family) in families.iter().enumerate() {
-            let of = points.iter().zip(&family.rates);
-            let of = of.filter(|(p, _)| p.backend == *backend && p.intersector == *intersector);
-            let rates = of.filter_map(|(_, &rate)| rate);
+            let measured = points.iter().zip(&family.rates);
+            let measured =
+                measured.filter(|(p, _)| p.backend == *backend && p.intersector == *intersector);
+            let rates = measured.filter_map(|(_, &rate)| rate);
             // The highest rate of all measurements.
             let worst = rates.max_by(|a, b| a.value.total_cmp(&b.value));
             marks.extend(worst.map(|rate| Mark {
-                at: [at as f64 + beside, rate.value],
+                at: [at as f64 + shift, rate.value],
                 bars: [[0.0; 2], [rate.low, rate.high]],
                 style: of_names([backend, intersector, ""]),
                 about: String::new(),

@@ -59,8 +59,8 @@ impl Axis {
         if low > high {
             (low, high) = (0.0, 1.0);
         }
-        let wider = (0.5 * (LEAST_DECADES - (high - low))).max(0.04 * (high - low));
-        (low, high) = (low - wider, high + wider);
+        let padding = (0.5 * (LEAST_DECADES - (high - low))).max(0.04 * (high - low));
+        (low, high) = (low - padding, high + padding);
         let mut ticks = log_ticks(low, high);
         let zero = low - 0.08 * (high - low);
         if has_zero {
@@ -107,8 +107,8 @@ impl Ranged for Axis {
     }
 
     fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
-        let is_named = !hint.weight().allow_light_points();
-        let ticks = self.ticks.iter().filter(|_| is_named);
+        let is_bold = !hint.weight().allow_light_points();
+        let ticks = self.ticks.iter().filter(|_| is_bold);
         ticks.map(|t| t.0).collect()
     }
 
@@ -170,8 +170,8 @@ pub(crate) struct Panel {
 impl Panel {
     /// Draws the panel into `area`. Returns the pixel positions of the marks on the page.
     pub(crate) fn draw(&self, area: &Area<'_>) -> Result<Vec<(i32, i32)>> {
-        let beside = if self.legend.is_empty() { 0 } else { LEGEND };
-        let (area, legend) = area.split_horizontally(WIDTH - beside);
+        let legend_width = if self.legend.is_empty() { 0 } else { LEGEND };
+        let (area, legend) = area.split_horizontally(WIDTH - legend_width);
         self.draw_legend(&legend)?;
         let [x, y] = &self.axes;
         let mut chart = ChartBuilder::on(&area)

@@ -99,9 +99,9 @@ fn cells(chart: &Chart, point: &ChartPoint, is_on_front: bool) -> Vec<(String, S
     ];
     let mut cells = fixed.map(|(name, cell)| (name.to_owned(), cell)).to_vec();
     for family in chart.families() {
-        let of = point.mixed_range.iter().find(|f| f.family == family);
-        cells.push((format!("rays_of_{family}"), plain(of.map(|f| f.rays))));
-        cells.push((format!("wrong_of_{family}"), plain(of.map(|f| f.wrong))));
+        let counts = point.mixed_range.iter().find(|f| f.family == family);
+        cells.push((format!("rays_of_{family}"), plain(counts.map(|f| f.rays))));
+        cells.push((format!("wrong_of_{family}"), plain(counts.map(|f| f.wrong))));
     }
     cells
 }

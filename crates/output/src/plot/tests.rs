@@ -26,10 +26,10 @@ fn invented(scenes: usize) -> Chart {
             size: [1280, 800],
             frames: 32,
         });
-        chart.points.extend((0..36).map(|way| {
-            let (backend, slow) = BACKENDS[way / 12];
-            let (intersector, cost, wrong) = INTERSECTORS[way / 3 % 4];
-            let (update, waits) = UPDATES[way % 3];
+        chart.points.extend((0..36).map(|method| {
+            let (backend, slow) = BACKENDS[method / 12];
+            let (intersector, cost, wrong) = INTERSECTORS[method / 3 % 4];
+            let (update, waits) = UPDATES[method % 3];
             let ms = f64::from(slower) * slow * cost * waits;
             ChartPoint {
                 backend: backend.to_owned(),
@@ -148,7 +148,7 @@ fn rates_have_confidence_intervals() {
         assert!(off.map(|(a, b)| (a - b).abs()).all(|d| d < 10.0), "{r:?}");
     }
     assert_eq!(Rate::of(0, 0), None);
-    // A count of wrong answers above the number tested counts as all wrong.
+    // If more answers are wrong than were tested, all count as wrong.
     let r = Rate::of(9, 3).unwrap();
     assert!(r.value == 1e6 && r.high == 1e6 && r.low > 2e5 && r.low < 1e6);
 }
@@ -188,7 +188,10 @@ fn better_points_are_lower_left() {
     // Equal ratios are equal distances, up to pixel rounding.
     let gap = |a: usize, b: usize| (places[b].0 - places[a].0, places[b].1 - places[a].1);
     assert!((gap(0, 1).0 - gap(2, 3).0).abs() <= 1 && (gap(0, 1).1 - gap(1, 2).1).abs() <= 1);
-    assert_eq!(places[3].1, places[4].1, "none wrong is one place");
+    assert_eq!(
+        places[3].1, places[4].1,
+        "points without wrong answers have one position"
+    );
     let document = Document::parse(&picture).unwrap();
     let has_line = |a: (i32, i32), b: (i32, i32)| {
         let ends = |n| ["x1", "y1", "x2", "y2"].map(|name| number_of::<i32>(n, name));
@@ -275,8 +278,8 @@ fn counts_points_that_are_not_drawn() {
     let picture = checked(&chart);
     assert_eq!(places(&picture).len(), 1);
     let note = "(1 not drawn for lack of a time)";
-    let told = texts(&picture);
-    assert!(told.iter().any(|t| t.ends_with(note)), "{told:?}");
+    let drawn = texts(&picture);
+    assert!(drawn.iter().any(|t| t.ends_with(note)), "{drawn:?}");
     checked(&Chart::default());
 }
 
