@@ -94,7 +94,7 @@ pub(crate) fn answers(
         })
 }
 
-/// Describes ray `i`, with its kind or pixel.
+/// Describes ray `i`, with its index or pixel.
 pub(crate) fn named_ray(rays: Rays<'_>, i: usize) -> String {
     match rays {
         Rays::List(list) => {

@@ -1,14 +1,14 @@
 //! Counts how often rays cross a body.
 //!
-//! Rays that continue behind a hit cannot distinguish crossings at the same `t`. Therefore crossings are counted in
-//! parts of the body in which no two triangles share a vertex, and summed.
+//! A ray that continues behind a hit skips all other crossings at the same `t`. So the body is split into parts in
+//! which no two triangles share a vertex, and the crossings of all parts are added.
 
 use crate::stage::{open, record_refit, trace_and_wait, vertices};
 use backend::{Backend, Intersector, QueryKind, Rays, Result};
 use geom::{Animation, Ray};
 use std::sync::Arc;
 
-/// Maximum number of crossings that are counted per part. Rays cross every body less often.
+/// Maximum number of crossings that are counted per part. No ray crosses a body as often as this.
 const MOST: u32 = 64;
 
 /// Returns how often each ray crosses a static body.
@@ -22,7 +22,7 @@ pub(crate) fn crossings(
     let points = vertices(body, 0.0);
     for part in parts(body.triangles(), body.vertex_count()) {
         let part = Animation::new(vec![points.clone()], part);
-        let part = Arc::new(part.expect("a part names the whole's vertices"));
+        let part = Arc::new(part.expect("a part uses the body's vertices"));
         open(subject, &part, 0.0, intersector)?;
         record_refit(subject, &part, 0.0)?;
         march(subject, rays, &mut counts)?;

@@ -59,7 +59,7 @@ impl Disagreement {
     }
 }
 
-/// The size of a case, and its text.
+/// The smallest failing case: its size and its text.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Minimal {
     /// Number of triangles.

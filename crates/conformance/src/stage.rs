@@ -17,21 +17,21 @@ const HELD: &str = "key frames are held";
 /// Time limit for a copy of positions after its submission is done.
 const TIME_LIMIT: Duration = Duration::from_secs(30);
 
-/// Returns the vertices at a time, by the blend formula of `geom`.
+/// Returns the vertices at `time`, by the blend formula of `geom`.
 pub fn vertices(animation: &Animation, time: f64) -> Vec<Point> {
     let moment = animation.at(time).expect(HELD);
     let all = 0..animation.vertex_count() as u32;
     all.map(|v| moment.vertex(v)).collect()
 }
 
-/// Returns the triangles at a time.
+/// Returns the triangles at `time`.
 pub fn triangles(animation: &Animation, time: f64) -> Vec<Triangle> {
     let moment = animation.at(time).expect(HELD);
     let all = 0..animation.triangle_count() as u32;
     all.map(|t| moment.corners(t)).collect()
 }
 
-/// Returns whether every backend must test a ray from `origin` in exact arithmetic at a time: see
+/// Returns whether every backend must test a ray from `origin` at `time` in exact arithmetic: see
 /// [`geom::CoordinateRange`].
 pub(crate) fn is_extreme(animation: &Animation, time: f64, origin: Point) -> bool {
     let unit = f64::from(-animation.scale_exponent()).exp2();
@@ -47,7 +47,7 @@ pub fn tree_over(animation: &Animation, vertices: &[Point]) -> Topology {
         vertices,
     };
     let built = SahBuilder::default().build(&boxes, &Cancel::new(), &mut tree);
-    built.expect("nobody cancels");
+    built.expect("the build is not cancelled");
     let record = Converter::default().convert(&tree, animation.triangle_count(), Spare::default());
     record.with_moving(animation.static_parts())
 }

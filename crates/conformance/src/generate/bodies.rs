@@ -51,14 +51,14 @@ impl RaySort {
 pub(crate) struct ClosedBody {
     pub(crate) name: &'static str,
     pub(crate) shape: fn() -> IndexedMesh,
-    /// Maps an angle and a point of the cube `-1..1` to a point that stays inside even if all coordinates are off by a
-    /// few hundredths.
+    /// Maps an angle and a point of the cube `-1..1` to a point inside the body. The point stays inside if coordinates
+    /// change by a few hundredths.
     inner: fn(f64, [f64; 3]) -> [f64; 3],
     /// Upper bound of the distance of vertices from the origin.
     pub(crate) radius: f64,
 }
 
-/// Bodies that are round, not convex, with coplanar faces, and thin.
+/// A round body, a concave one, one with coplanar faces, and a thin one.
 pub(crate) const BODIES: &[ClosedBody] = &[
     ClosedBody {
         name: "icosphere",
@@ -188,7 +188,7 @@ impl PlacedBody {
     /// Returns the static body as an animation.
     pub(crate) fn animation(&self) -> Arc<Animation> {
         let animation = Animation::new(vec![self.points.clone()], self.triangles.clone());
-        Arc::new(animation.expect("bodies name their own vertices"))
+        Arc::new(animation.expect("bodies use only their own vertices"))
     }
 
     /// Returns the described ray at the body.

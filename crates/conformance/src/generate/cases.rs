@@ -45,7 +45,7 @@ pub struct Case {
     pub(crate) body_rays: Vec<BodyRay>,
 }
 
-/// Triangles and rays that are printed of a case.
+/// Maximum number of triangles and of rays that are printed per case.
 const PRINTED: usize = 8;
 
 /// Prints the size of a case, and the numbers of its first triangles and rays.
@@ -103,7 +103,7 @@ struct CaseDescription {
     place: ScenePlacement,
     times: VisitTimes,
     rays: Vec<RayDescription>,
-    /// Light and eye, in the unit scene.
+    /// Random point from which the eye is computed, and the light if it is not hard.
     anywhere: Point,
     light: LightDescription,
     trees: Vec<TreeDescription>,
@@ -224,7 +224,7 @@ fn some((keys, triangles): MovingMesh, kept: &[u32]) -> MovingMesh {
     )
 }
 
-/// Three times between key frames, one of which may be a key frame.
+/// Three random times, one of which may be replaced by a key frame.
 #[derive(Clone, Copy, Debug)]
 struct VisitTimes {
     all: [f64; 3],
@@ -249,7 +249,7 @@ fn times() -> impl Strategy<Value = VisitTimes> {
 impl VisitTimes {
     /// Returns the times, but not beyond key frame `end`.
     fn up_to(self, end: usize) -> [f64; 3] {
-        // Simple times are key frames, or eighths between them.
+        // Low precision rounds times to key frames or to eighths.
         let mut times = self.all.map(|time| match self.precision {
             Precision::Eighths => time.round(),
             Precision::ThreeBits => (8.0 * time).round() / 8.0,
@@ -283,7 +283,7 @@ fn lights() -> impl Strategy<Value = LightDescription> {
 }
 
 impl LightDescription {
-    /// Returns the light, if it is hard and the scene has a place for it.
+    /// Returns the position, if the light is hard and the scene has a suitable triangle.
     fn hard(self, animation: &Animation, time: f64) -> Option<Point> {
         let count = animation.triangle_count() as u32;
         if count == 0 || !self.is_hard {
@@ -369,7 +369,7 @@ impl ScenePlacement {
 mod tests {
     use super::*;
 
-    /// Returns the smallest case with a number.
+    /// Returns the smallest case to which case `number` shrinks.
     fn smallest(number: u32) -> Case {
         let mut tree = tree(&cases(number), &mut runner(1, number, 0));
         while tree.simplify() {}

@@ -6,7 +6,6 @@ use bvh_layout::Topology;
 use geom::Animation;
 use proptest::prelude::*;
 
-/// A command to a backend.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum BackendCommand {
     /// Traces the case's rays and reads all results. Computes boxes first if they are stale.
@@ -25,12 +24,11 @@ pub(crate) enum BackendCommand {
     Adopt(AdoptedTree),
 }
 
-/// A tree to adopt.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum AdoptedTree {
     /// Built at one of the case's first three times, with lists of moving treelets.
     Built(usize),
-    /// Built in the same way, without lists.
+    /// Built at one of the case's first three times, without these lists.
     Plain(usize),
     /// Split at random, with lists. The number decides its shape.
     Random(u64),

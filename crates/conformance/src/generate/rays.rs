@@ -76,11 +76,11 @@ pub(crate) struct RayDescription {
     weights: [f64; 2],
     /// Vertex or edge of the triangle.
     part: usize,
-    /// A random choice, used by kind of ray. A ray that starts on the boundary of a triangle starts at a vertex if set.
+    /// A random choice that depends on the kind of ray, such as a vertex instead of an edge.
     is_vertex: bool,
     /// Points around the scene.
     points: [[f64; 3]; 2],
-    /// Multiples of a triangle's edge vectors, which lead from its first vertex to a start in its plane.
+    /// Start of an in-plane ray, as multiples of the edge vectors at the triangle's first vertex.
     walk: [i32; 2],
     /// Binary exponent of the distance at which a [`RayKind::Beyond`] ray starts, in units of the scene's radius.
     exponent: i32,
@@ -249,7 +249,7 @@ impl Aims {
                 let [x, y, _] = ray.points[0].map(|x| 4.0 * x);
                 [within(triangle, [x, y]), self.target(Target::Inside, ray)]
             }
-            // From a lattice point of the triangle's parallelogram or beyond.
+            // From a lattice point in the triangle's plane.
             RayKind::InPlaneExactly => {
                 let from = within(triangle, ray.walk.map(f64::from));
                 [from, within(triangle, halves(rim, ray.part))]
@@ -293,7 +293,7 @@ impl Aims {
         within(self.triangle(ray.triangles[0]), weights)
     }
 
-    /// Returns the nearest multiple of a power of two between 1/32 and 1/16 of the scene's radius.
+    /// Rounds to a multiple of the largest power of two up to 1/16 of the scene's radius.
     fn snapped(&self, x: f64) -> f64 {
         let step = f64::from_bits((self.radius / 16.0).to_bits() & EXPONENT);
         if step > 0.0 {

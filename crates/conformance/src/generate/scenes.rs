@@ -23,7 +23,7 @@ backend::named! {
         Flakes = "flakes",
         /// A regular grid in one plane, tilted so that its coordinates stay exact.
         Plane = "plane",
-        /// Needles and flakes.
+        /// Triangles a thousand to ten million times as long as wide.
         Slivers = "slivers",
         /// Equal triangles, and coplanar ones that overlap.
         Stack = "stack",
@@ -37,7 +37,7 @@ backend::named! {
         Grown = "grown",
         /// Coordinates that are zeros of either sign, or small numbers.
         Zeros = "zeros",
-        /// Mostly or entirely static separate triangles, some joined to moving ones, of no area or inactive.
+        /// Separate triangles, most or all of which are static. Some are joined to moving ones, degenerate or inactive.
         Resting = "resting",
         /// A body that moves over a large static sheet, so that few of many treelets move.
         Hall = "hall",

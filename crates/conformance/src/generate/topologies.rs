@@ -21,14 +21,14 @@ impl LeafSplit {
     pub(crate) const ALL: [Self; 3] = [Self::LeftChain, Self::RightChain, Self::Random];
 
     fn left(self, leaves: usize, depth: u32, rng: &mut fastrand::Rng) -> usize {
-        // Each child has at most `room` leaves, because the depth of trees is limited.
-        let room = 1_usize << (MAX_DEPTH - depth - 1).min(40);
+        // Each child has at most `limit` leaves, because the depth of trees is limited.
+        let limit = 1_usize << (MAX_DEPTH - depth - 1).min(40);
         let wanted = match self {
             Self::LeftChain => leaves - 1,
             Self::RightChain => 1,
             Self::Random => rng.usize(1..leaves),
         };
-        wanted.clamp(leaves.saturating_sub(room).max(1), room.min(leaves - 1))
+        wanted.clamp(leaves.saturating_sub(limit).max(1), limit.min(leaves - 1))
     }
 }
 

@@ -79,7 +79,7 @@ impl Oracle {
         }
     }
 
-    /// Returns the triangles of which one is the closest hit, if there is a hit.
+    /// Returns all triangles that may be the closest hit.
     fn candidates(&self, ray: &Ray) -> Vec<NearTriangle> {
         let (mut bound, mut candidates) = (f64::INFINITY, Vec::new());
         self.each_candidate(ray, |index, found| {
@@ -103,8 +103,8 @@ impl Oracle {
         self.settle(ray, maybe.into_iter())
     }
 
-    /// Calls `visit` for every triangle that the ray may hit, until the bound that `visit` returns (see
-    /// [`CullTree::near`]).
+    /// Calls `visit` for every triangle that the ray may hit, up to the bound that `visit` returns: see
+    /// [`CullTree::near`].
     fn each_candidate(&self, ray: &Ray, mut visit: impl FnMut(u32, HitBounds) -> f64) {
         if ray.is_valid() {
             self.boxes.near(ray, |i| {
@@ -114,7 +114,7 @@ impl Oracle {
         }
     }
 
-    /// Decides candidates in integers.
+    /// Tests candidates in integers. Returns the hits, ordered by exact `t`, then by index.
     fn settle(&self, ray: &Ray, candidates: impl Iterator<Item = u32>) -> Vec<ExactHit> {
         let crossed = |i| Some((i, cross(ray, &self.corners[i as usize])?));
         let mut hits: Vec<(u32, Crossing)> = candidates.filter_map(crossed).collect();

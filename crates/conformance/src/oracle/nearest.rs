@@ -17,7 +17,7 @@ pub(super) fn is_nearest_below(t: &BigRational, limit: f32) -> bool {
 
 /// Returns the float nearest to `t`, where a zero is positive.
 pub(super) fn nearest(t: &BigRational) -> f32 {
-    // Rounding twice may result in a neighbour of the nearest float, at most.
+    // Rounding twice results in the nearest float or in one of its neighbours.
     let near = t.to_f64().map_or(f32::INFINITY, |t| t as f32);
     let upper = if is_nearest_above(t, near) {
         near.next_up()

@@ -12,8 +12,8 @@ use std::sync::Arc;
 /// scale exponent 0.
 const DISTANCES: [f32; 5] = [1e3, 1e5, 1e6, 1e8, 1e9];
 
-/// Traces a scene, a stray triangle, and both together. Tests that each ray's hit in both together is, bit for bit,
-/// the closer of its two separate hits.
+/// Traces a scene, a stray triangle, and a scene of both. Tests that each ray's hit in the scene of both is, bit for
+/// bit, the closer of its two separate hits.
 pub(super) fn apart(c: &mut Check<'_>) -> Result<()> {
     let case = c.case;
     let points = vertices(&case.animation, case.times[1]);
@@ -72,7 +72,6 @@ fn closer(near: &Hit, far: &Hit, count: u32) -> Hit {
     if far.is_before(near) { far } else { *near }
 }
 
-/// A static scene.
 struct StaticScene(Arc<Animation>);
 
 impl StaticScene {

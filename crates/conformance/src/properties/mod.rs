@@ -74,14 +74,12 @@ impl<'a> Check<'a> {
         self.trace_and_wait(self.rays(), QueryKind::Closest)
     }
 
-    /// Returns the case's rays.
     fn rays(&self) -> Rays<'a> {
         let case: &'a Case = self.case;
         Rays::List(&case.rays)
     }
 }
 
-/// Returns every intersector.
 fn all(_: &Check<'_>) -> Vec<Intersector> {
     Intersector::ALL.into()
 }
@@ -91,7 +89,6 @@ fn usual(_: &Check<'_>) -> Vec<Intersector> {
     vec![Intersector::Watertight]
 }
 
-/// Returns the exact intersector.
 fn exact(_: &Check<'_>) -> Vec<Intersector> {
     vec![Intersector::Exact]
 }

@@ -137,7 +137,7 @@ fn memory(streamed: &Animation, rng: &mut Rng) -> PointBuffer {
     spare.unwrap_or_else(|| vec![[0.0; 3]; streamed.vertex_count()].into())
 }
 
-/// A key frame on one side of a bound.
+/// A key frame with coordinates near a bound of [`geom::CoordinateRange`], or with special values.
 struct BoundFrame {
     about: &'static str,
     points: Vec<Point>,
@@ -150,11 +150,11 @@ pub(super) fn measured(c: &mut Check<'_>) -> Result<()> {
         return Ok(());
     }
     let frames = frames(&first, c.case.chance);
-    let [unseen, seen] = [false, true].map(|looks| {
+    let [unseen, seen] = [false, true].map(|is_known| {
         let marks = vec![false; first.len()];
         let triangles = c.case.animation.triangles().to_vec();
         let streamed = Animation::streamed(first.clone(), &marks, triangles).map(Arc::new)?;
-        if looks {
+        if is_known {
             // The host computes the range of each key frame before the device does.
             play(c, &streamed, &frames, |pose| {
                 streamed.range(pose);
@@ -169,7 +169,7 @@ pub(super) fn measured(c: &mut Check<'_>) -> Result<()> {
     Ok(())
 }
 
-/// Checks the results of two queries.
+/// Checks that the results of both queries are equal.
 fn same(found: &[Traced; 2], expected: &[Traced; 2]) -> Result<()> {
     for (found, expected) in found.iter().zip(expected) {
         let (hits, right) = (&found.hits, &expected.hits);
@@ -216,7 +216,7 @@ const FAR: f32 = geom::CoordinateRange::FAR;
 /// Upper bound of the coordinates of a tiny triangle, in a scene that is not scaled.
 const NEAR: f32 = 1.0 / 4_294_967_296.0;
 
-/// Returns key frames on both sides of each bound.
+/// Returns key frames on both sides of each bound, and key frames with special values.
 fn frames(first: &[Point], chance: u64) -> Vec<BoundFrame> {
     let mut rng = Rng::with_seed(chance);
     let size = |p: &Point| p.iter().fold(0.0, |m: f32, x| m.max(x.abs()));

@@ -98,8 +98,8 @@ pub struct Sampling {
 
 /// Measures every family on a device.
 ///
-/// Intersectors that do not depend on the device's arithmetic are measured only on devices that round every operation
-/// once. `progress` receives each family when it is finished.
+/// Intersectors that do not depend on the device's arithmetic are measured only on devices with [`Arithmetic::IEEE`].
+/// `progress` receives each family when it is finished.
 ///
 /// # Errors
 /// The subject failed.
@@ -136,7 +136,8 @@ pub fn record(
     })
 }
 
-/// Returns one entry per measure of the same cell over all seeds, without events that must never happen.
+/// Returns one entry per measure, summed over `cells`, which differ only in their seeds. Omits events that must never
+/// happen.
 fn of_cells(cells: &[StabilityCell]) -> Vec<RateEntry> {
     let measures = cells.first().map_or(0, |first| first.measured.len());
     let all = (0..measures).map(|i| cells.iter().map(|c| c.measured[i]).collect());

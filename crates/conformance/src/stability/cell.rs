@@ -72,7 +72,7 @@ impl MeasuredRate {
 }
 
 impl StabilityCell {
-    /// Sets the bounds of counts to those for an intersector on a device with this arithmetic.
+    /// Creates a cell, and sets the bounds of its counts for a device with this arithmetic.
     ///
     /// Wrong answers must be the first count.
     pub fn new(
@@ -120,14 +120,14 @@ const STEPS: u32 = 60;
 /// Returns the bounds of the rate in `rays` rays.
 fn interval(known: &RateEntry, rays: u64) -> [f64; 2] {
     let rate = known.count as f64 / known.of.max(1) as f64;
-    let before = LIMIT * known.spread / known.of.max(1) as f64;
-    let now = LIMIT * known.spread / (rays as f64).max(1.0);
+    let true_limit = LIMIT * known.spread / known.of.max(1) as f64;
+    let observed_limit = LIMIT * known.spread / (rays as f64).max(1.0);
     // First the bounds of the true rate, then those of the observed rate.
-    let least = edge(rate, 0.0, |p| divergence(rate, p) <= before);
-    let most = edge(rate, 1.0, |p| divergence(rate, p) <= before);
+    let least = edge(rate, 0.0, |p| divergence(rate, p) <= true_limit);
+    let most = edge(rate, 1.0, |p| divergence(rate, p) <= true_limit);
     [
-        edge(least, 0.0, |q| divergence(q, least) <= now),
-        edge(most, 1.0, |q| divergence(q, most) <= now),
+        edge(least, 0.0, |q| divergence(q, least) <= observed_limit),
+        edge(most, 1.0, |q| divergence(q, most) <= observed_limit),
     ]
 }
 

@@ -6,7 +6,7 @@
 //!
 //! `exact` must have zero counts, and `watertight` no leaks or double hits. All other rates must match the measured
 //! ones ([`baseline`]), within chance. A rate above its bounds is a fault. A rate below them is a fault too, because
-//! then an intersector is not the one it is named after.
+//! the backend then traces with another intersector.
 
 pub mod baseline;
 mod cell;
@@ -56,7 +56,7 @@ backend::named! {
         /// Closed bodies, moved by ten million along each axis. Coordinates are integers there, and bodies are visibly
         /// deformed.
         Far1e7 = "far-1e7",
-        /// Equal triangles, rotated, reversed, and coplanar ones that overlap.
+        /// Copies of triangles, some rotated or reversed, and coplanar triangles that overlap.
         Stacks = "stacks",
         /// Rays at edges of closed bodies.
         Edges = "edges",

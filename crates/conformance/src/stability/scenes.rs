@@ -44,7 +44,6 @@ impl StabilityScene {
     }
 }
 
-/// Returns a value of a strategy.
 fn drawn<S: Strategy>(strategy: S, rng: &mut Rng) -> S::Value {
     sample(&strategy, rng.u64(..))
 }
@@ -67,7 +66,7 @@ fn one(family: Family, number: usize, rays: usize, rng: &mut Rng) -> StabilitySc
     let body = |offset: f32, aim: Option<Aim>, rng: &mut Rng| {
         let placed = placed_body(&BODIES[number % BODIES.len()], offset, false);
         let placed = drawn(placed, rng);
-        // The first scenes of all bodies start with the first sort of rays, the next ones with the second.
+        // After each round over all bodies, scenes start with the next sort of rays.
         let sorts = number / BODIES.len()..;
         closed(&placed, aim, sorts.take(rays), rng)
     };
@@ -115,7 +114,7 @@ fn closed(
     }
 }
 
-/// Returns a scene without rays of a family that has no closed bodies.
+/// Returns a scene of a family that has no closed bodies. The scene has no rays yet.
 fn free(family: Family, rng: &mut Rng) -> StabilityScene {
     let plump = |rng: &mut Rng| drawn(soup(64, 0.4, PLUMP), rng);
     let scaled = |exponents, rng: &mut Rng| {
@@ -180,7 +179,7 @@ fn valid(ray: impl FnMut() -> Ray) -> Ray {
 /// Creates a scene without rays, whose tree is built at the first of two times and which is traced at the second.
 fn scene(keys: Vec<Vec<Point>>, triangles: Vec<[u32; 3]>, times: [f64; 2]) -> StabilityScene {
     let animation = Animation::new(keys, triangles);
-    let animation = animation.expect("meshes name their own vertices");
+    let animation = animation.expect("meshes use only their own vertices");
     StabilityScene::new(Arc::new(animation), times)
 }
 
@@ -194,7 +193,7 @@ fn moving(keys: Vec<Vec<Point>>, time: f64) -> StabilityScene {
     scene(keys, triangles, [0.0, time])
 }
 
-/// Returns a scene that grows from unit size to a million times that, or shrinks.
+/// Returns a scene that grows by a factor of a million from unit size, or shrinks to unit size.
 fn extreme(small: Vec<Triangle>, large: Vec<Triangle>, rng: &mut Rng) -> StabilityScene {
     let mut keys = vec![small.concat(), meshes::scaled(&large, 1e6).concat()];
     let time = drawn(meshes::power([-7.0, -0.01]), rng);
@@ -222,7 +221,7 @@ fn broken(triangles: &[Triangle], rng: &mut Rng) -> StabilityScene {
     moving(keys, [0.0, 0.5, 1.0][rng.usize(..3)])
 }
 
-/// Adds a triangle that hardly any ray hits to a scene with a closed body.
+/// Adds an outlying triangle to a scene with a closed body. Hardly any ray hits this triangle.
 fn beside_outlier(body: StabilityScene, rng: &mut Rng) -> StabilityScene {
     let mut points = vertices(&body.animation, 0.0);
     let mut triangles = body.animation.triangles().to_vec();
@@ -233,7 +232,7 @@ fn beside_outlier(body: StabilityScene, rng: &mut Rng) -> StabilityScene {
     StabilityScene { animation, ..body }
 }
 
-/// Returns a sheet that is static, or moving, or has one vertex far away.
+/// Returns a sheet of which one vertex is at rest, moving or far away at the traced time.
 fn exploding(rng: &mut Rng) -> StabilityScene {
     let (points, triangles) = drawn(meshes::sheet(16, 8), rng);
     let mut far = points.clone();

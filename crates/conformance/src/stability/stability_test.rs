@@ -94,8 +94,8 @@ impl AnsweredScene {
         let of = inside.iter().filter(|&&i| i).count();
         let leaks = |i: usize| inside[i] && !found[i].is_hit();
         counts.push(share(Measure::Leaks, of, &leaks));
-        // `exact` is not counted: its triangles include their edges, so two triangles may both be hit at a shared
-        // edge.
+        // Double hits of `exact` are not counted: its triangles include their edges, so a ray may hit two triangles
+        // at a shared edge.
         if intersector != Intersector::Exact {
             let crossed = crossings(subject, intersector, &scene.animation, &scene.rays)?;
             let is_double = |i: usize| (crossed[i] % 2 == 1) != inside[i];

@@ -31,6 +31,7 @@ struct Seen {
     traces_since_refit: u32,
     loads: u32,
     taken: Option<Vec<Point>>,
+    /// Positions that are returned even after another scene is loaded.
     old_copy: Option<Vec<Point>>,
     pose: Option<Pose>,
     /// True if the host has not computed the range of the key frames.
@@ -39,7 +40,7 @@ struct Seen {
     is_spread: bool,
     /// Pose interpolated before `pose`, in the same scene.
     pose_before: Option<Pose>,
-    /// Tree made last.
+    /// Tree that `rebuild` built last.
     made: Option<Topology>,
     /// First tree that was uploaded in advance.
     brought: Option<Topology>,

@@ -64,9 +64,9 @@ fn verdict_in(
 
 /// Checks that every property detects each of its faults. Returns the properties without any.
 fn notices(properties: &[Property], noticed: &'static str) -> Vec<&'static str> {
-    let mut idle: Vec<_> = properties.iter().map(|l| l.name).collect();
+    let mut idle: Vec<_> = properties.iter().map(|p| p.name).collect();
     for (property, faults) in noticed.lines().filter_map(|line| line.split_once(": ")) {
-        idle.retain(|l| *l != property);
+        idle.retain(|name| *name != property);
         for fault in faults.split(", ") {
             let found = verdict(properties, property, fault).expect_err(fault);
             assert!(!found.what.contains("panicked"), "{fault}: {found}");
@@ -102,7 +102,7 @@ fn shrunk(property: &str, fault: &'static str) -> Disagreement {
     verdict_in(PROPERTIES, property, fault, &cases).expect_err(fault)
 }
 
-/// Properties, each with faults that shrink: of boxes, of hits and of streamed vertices.
+/// Properties, each with faults that must shrink to small cases.
 const SHRUNK: &str = "
 frames_equal_the_reference_after_any_commands: last box too large, boxes of the moment before
 hits_equal_the_reference: weights swapped, ties go to the first leaf
@@ -123,7 +123,7 @@ fn faults_shrink_to_small_cases() {
             let sizes = [small.triangles, small.keys, small.rays];
             let is_small = sizes.iter().zip(SMALL).all(|(&size, most)| size <= most);
             assert!(is_small, "{sizes:?}: {found}");
-            // The number of the case is enough to see it again.
+            // The number of the case reproduces the fault.
             let alone = Cases::new(1, found.case..=found.case);
             let again = verdict_in(PROPERTIES, property, fault, &alone).unwrap_err();
             assert_eq!((again.case, again.held), (found.case, 0));
