@@ -51,7 +51,7 @@ const fn format(
 impl Format {
     /// Loads `bytes` from a temporary file of this format. They may be valid or not.
     pub fn load_bytes(self, bytes: &[u8]) {
-        let folder = TempDir::new().expect("a temporary folder can be had");
+        let folder = TempDir::new().expect("a temporary folder is available");
         let path = folder.path().join("case").with_extension(self.extension);
         fs::write(&path, bytes).expect("a case can be written");
         self.load(&path).ok();
@@ -62,7 +62,7 @@ impl Format {
     pub fn load(self, path: &Path) -> Result<(), String> {
         let loaded = (self.load)(path);
         if let Err(why) = &loaded {
-            assert!(!why.trim().is_empty(), "refused without a word");
+            assert!(!why.trim().is_empty(), "refused without a message");
         }
         loaded
     }
@@ -85,7 +85,7 @@ fn scene(path: &Path) -> Result<(), String> {
     let name = path.to_str().ok_or("not UTF-8")?;
     let scene = scene::open(name, &scene::SceneOptions::default()).map_err(|e| e.to_string())?;
     let triangles = scene.animation.triangles().len();
-    assert_eq!(scene.colours.len(), triangles, "a colour a triangle");
+    assert_eq!(scene.colours.len(), triangles, "one colour per triangle");
     Ok(())
 }
 
@@ -106,10 +106,10 @@ fn command(path: &Path) -> Result<(), String> {
     let mut command = Command::new(program);
     command.args(words).arg("--help").current_dir(folder);
     let output = command.output().expect("the program starts");
-    let (told, said) = (!output.stdout.is_empty(), !output.stderr.is_empty());
+    let (has_out, has_err) = (!output.stdout.is_empty(), !output.stderr.is_empty());
     match output.status.code() {
-        Some(0) if told && !said => Ok(()),
-        Some(2) if !told && is_refusal(&output) => Err(String::from_utf8_lossy(&output.stderr)
+        Some(0) if has_out && !has_err => Ok(()),
+        Some(2) if !has_out && is_refusal(&output) => Err(String::from_utf8_lossy(&output.stderr)
             .trim_end()
             .to_owned()),
         _ => panic!("neither printed help nor refused the command line: {output:?}"),

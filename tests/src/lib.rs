@@ -27,7 +27,8 @@ pub fn share(full: usize) -> usize {
     if is_full() { full } else { full / 4 }
 }
 
-/// Tests that may run in parallel. NVIDIA's driver 580 loses devices if 17 threads open devices and compile kernels.
+/// Maximum number of tests that run in parallel. NVIDIA's driver 580 loses devices if 17 threads open devices and
+/// compile kernels.
 const MOST_THREADS: usize = 8;
 
 /// Parses the harness's command line. By default there is one thread more than cores, so that another test runs while

@@ -7,7 +7,7 @@ use std::sync::OnceLock;
 
 /// Returns the folder of this profile's artefacts, such as `target/debug`.
 fn profile_dir() -> PathBuf {
-    let test = std::env::current_exe().expect("a test knows where it lies");
+    let test = std::env::current_exe().expect("a test knows its own path");
     let mut folders = test.ancestors().skip(1);
     let deps = folders.find(|p| p.file_name() == Some(OsStr::new("deps")));
     let profile = deps.and_then(Path::parent);
@@ -21,7 +21,7 @@ pub fn target_dir() -> PathBuf {
 }
 
 /// Returns the path of the program, built with this test's profile. Cargo passes binary paths only to tests of the same
-/// package. So the first call has cargo build such a test, with the features of all tests together: nothing is built
+/// package. So the first call has cargo build such a test. It uses the features of all tests, so that nothing is built
 /// twice.
 pub fn abvh() -> &'static Path {
     static PROGRAM: OnceLock<PathBuf> = OnceLock::new();

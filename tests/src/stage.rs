@@ -18,7 +18,7 @@ pub struct Stage {
 impl Stage {
     /// Creates backend `cpu-ref` with `threads` threads, and loads the animation.
     pub fn new(animation: &Arc<Animation>, intersector: Intersector, threads: usize) -> Self {
-        let backend = cpu_ref::CpuBackend::new(Some(threads)).expect("threads can be had");
+        let backend = cpu_ref::CpuBackend::new(Some(threads)).expect("threads are available");
         Self::over(Box::new(backend), animation, intersector)
     }
 
@@ -76,7 +76,7 @@ pub fn vast_camera() -> Camera {
     Camera {
         width: u32::MAX,
         height: u32::MAX,
-        ..Camera::look_at(pose, [2, 2]).expect("it looks somewhere")
+        ..Camera::look_at(pose, [2, 2]).expect("eye and target differ")
     }
 }
 

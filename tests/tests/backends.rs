@@ -109,9 +109,9 @@ fn trials_of((name, requirement, open): (&'static str, &str, Open)) -> Vec<Trial
     let opened = open();
     let absent = opened.as_ref().err().map(|e| format!("absent: {e}"));
     let is_ignored = absent.is_some() && !is_required(requirement);
-    let host = CpuBackend::new(Some(1)).expect("one thread can be had");
+    let host = CpuBackend::new(Some(1)).expect("one thread is available");
     let reference = Reference::new(Box::new(host));
-    // The number is that of the complaints reported so far. It starts at 0, to include complaints while opening.
+    // The number counts the complaints that were reported. It starts at 0 to include complaints while opening.
     let shared = Arc::new(Mutex::new((opened, reference, 0)));
     // A software driver would take minutes to compile all kernels again. `vulkan` uses the same ones.
     let is_narrowed = requirement == "wgpu" && !is_full();
@@ -155,8 +155,8 @@ fn trials_of((name, requirement, open): (&'static str, &str, Open)) -> Vec<Trial
     PROPERTIES.iter().filter_map(trial).collect()
 }
 
-/// Returns the number of cases: by default one for each kind of scene, and fewer for backends that differ from another
-/// one only in device, kernel variant or preference. The full tier has more.
+/// Returns the number of cases: by default one for each kind of scene, and fewer for `wgpu`, because `vulkan` tests
+/// the same kernels. The full tier has more.
 fn cases(name: &str) -> u32 {
     let default = match name {
         _ if is_full() => 36,

@@ -10,7 +10,7 @@ use std::panic;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// Limits the memory of loading. Allocations beyond it fail.
+/// Limits the memory of loading. Allocations beyond the limit fail.
 #[global_allocator]
 static MEMORY: Cap<System> = Cap::new(System, 1 << 30);
 
@@ -42,8 +42,8 @@ fn load_mutated(format: Format, full: usize) {
     for bytes in cases(format, count(500.min(full / 40), full)) {
         let start = Instant::now();
         std::fs::write(&path, bytes).unwrap();
-        let whole = panic::catch_unwind(|| format.load(&path)).is_ok();
-        assert!(whole, "a panic over {}", path.display());
+        let returned = panic::catch_unwind(|| format.load(&path)).is_ok();
+        assert!(returned, "a panic over {}", path.display());
         let took = start.elapsed();
         assert!(took < PATIENCE, "{took:?} over {}", path.display());
     }
@@ -55,8 +55,8 @@ fn seeds_are_valid() {
     for format in READ.into_iter().chain([COMMAND]) {
         for (path, _) in format.seeds() {
             let found = format.load(&path);
-            let is_whole = !path.to_string_lossy().contains("regression");
-            assert_eq!(found.is_ok(), is_whole, "{}: {found:?}", path.display());
+            let is_valid = !path.to_string_lossy().contains("regression");
+            assert_eq!(found.is_ok(), is_valid, "{}: {found:?}", path.display());
         }
     }
 }

@@ -18,7 +18,9 @@ const SHEET: [[f32; 3]; 3] = [[-1.0, 0.0, -1.0], [1.0, 0.0, -1.0], [0.0, 0.0, 1.
 enum End {
     Read,
     Unread,
+    /// Dropped after its queries.
     Dropped,
+    /// Dropped before its first query.
     Begun,
     Refused,
 }

@@ -42,7 +42,7 @@ impl Mutator {
         bytes
     }
 
-    /// Removes, doubles or replaces a number, a line, an entry of text without lines, or some bytes.
+    /// Removes, doubles or replaces a number, a line, an entry of JSON, or some bytes.
     fn mutate(&mut self, bytes: &mut Vec<u8>) {
         let rng = &mut self.rng;
         let is_text = rng.u8(..10) < 6;
@@ -88,7 +88,7 @@ fn runs(bytes: &[u8], inside: impl Fn(u8) -> bool) -> Vec<Range<usize>> {
     stretches.filter(|run| inside(bytes[run.start])).collect()
 }
 
-/// Corrects the lengths within a GLB or NPY file, from the end of its text.
+/// Corrects the lengths in a GLB or NPY file, which follow from the end of its JSON or header.
 fn fix_lengths(bytes: &mut Vec<u8>) {
     if bytes.starts_with(b"glTF") && bytes.len() > 20 {
         fix_glb_lengths(bytes);

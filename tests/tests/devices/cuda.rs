@@ -244,8 +244,8 @@ pub(crate) fn shares_rays_and_hits_with_cuda() {
     check_shared_rays::<Cuda>();
 }
 
-/// Checks that neither waits on the host. CUDA overwrites the vertices before each write, so a missing wait is
-/// detected.
+/// Checks that steps and CUDA wait for each other on the device only. CUDA overwrites the vertices before each write,
+/// so a missing wait is detected.
 pub(crate) fn steps_and_cuda_synchronize() {
     let mut shared = Shared::<Cuda>::open(Update::Async);
     let mut expected = OnHost::open(Update::Async);

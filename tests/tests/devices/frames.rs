@@ -32,7 +32,7 @@ pub(crate) fn stages_are_timed_in_milliseconds(backend: &mut dyn Subject) {
     }
     let wall_ms = since.elapsed().as_secs_f64() * 1e3;
     assert!(device_ms <= wall_ms, "{device_ms} {wall_ms}");
-    // Nothing ran.
+    // This submission has no stages.
     assert_eq!(report(backend).times.refit_ms, None);
 }
 
@@ -61,7 +61,7 @@ pub(crate) fn device_memory_is_counted_and_freed(backend: &mut dyn Subject) {
         let about = bytes >= least && bytes < least + least / 10;
         assert!(about, "{with:?}: {bytes} of {least}");
     }
-    // The staging memory of a topology is smaller.
+    // The staging memory of a topology takes less than 10 bytes per triangle.
     assert!(with.scratch < 20_000 * 10, "{with:?}");
     assert!(before.total() < 1 << 20, "{before:?}");
     assert_eq!((after.scene, after.tree), (before.scene, before.tree));
@@ -134,14 +134,14 @@ pub(crate) fn range_is_measured_after_refused_query(backend: &mut dyn Subject) {
     let scene = swarm(50);
     let mut far = scene.first().to_vec();
     far[7] = [1e30, 0.0, 0.0];
-    let found = [false, true].map(|looks| {
+    let found = [false, true].map(|is_known| {
         let marks = vec![false; far.len()];
         let triangles = scene.triangles().to_vec();
         let live = Animation::streamed(scene.first().to_vec(), &marks, triangles);
         let live = Arc::new(live.unwrap());
         open(backend, &live);
         let time = live.push(far.clone()).unwrap();
-        if looks {
+        if is_known {
             live.range(live.pose(time));
         }
         record_refit(backend, &live, time);
@@ -230,7 +230,7 @@ pub(crate) fn dropping_a_busy_backend_is_safe(mut backend: Box<dyn Subject>) {
     subject.request_positions().unwrap();
 }
 
-/// Checks that there is memory for few key frames, in any order of playback. A property test checks the positions.
+/// Checks that the device holds only few key frames, in any order of playback. A property checks the positions.
 pub(crate) fn paged_key_frames_take_memory_for_few(backend: &mut dyn Subject) {
     let options = scene::SceneOptions {
         key_bytes: 0,

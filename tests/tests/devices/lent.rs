@@ -121,7 +121,7 @@ pub(crate) fn check_vertices_match_host<S: Sheets>() {
     ] {
         let (mut found, mut expected) = (S::open(update), OnHost::open(Update::Async));
         for (i, moved) in STEPS.into_iter().enumerate() {
-            // Shadow rays depend on the range of the vertices, so only some steps render a picture before the query.
+            // A picture needs the range of the vertices for its shadow rays, so only some steps render one first.
             for moved in [moved, [None, None]] {
                 let is_same = match i % 3 {
                     1 => found.shown(moved) == expected.shown(moved),
@@ -240,7 +240,7 @@ pub(crate) fn all_kinds() -> Vec<Ray> {
 }
 
 /// Checks that lent rays have the same hits and results as rays of the host, whatever the buffer of results held
-/// before. Returns the last `L`, whose last query was for closest hits and had some.
+/// before. Returns the last `L`. Its last query was for closest hits, and some rays hit.
 pub(crate) fn check_rays_match_host<L: LentRays>(open: impl Fn(Scene, &[Ray]) -> L) -> L {
     let list = all_kinds();
     let [_, last] = [(nothing(), false), (flying(), true)].map(|(scene, hits_some)| {
@@ -259,7 +259,7 @@ pub(crate) fn check_rays_match_host<L: LentRays>(open: impl Fn(Scene, &[Ray]) ->
                 let (results, unused) = words.split_at(list.len());
                 let met = results.iter().map(|&word| word != 0);
                 assert!(met.eq(expected.iter().map(Option::is_some)));
-                // The program may use the rest of its buffer otherwise.
+                // The rest of the buffer belongs to the program and must not change.
                 assert!(unused.iter().all(|&word| word == 0x0707_0707));
             } else {
                 let words: Vec<_> = expected.iter().map(|hit| hit.unwrap_or(miss)).collect();

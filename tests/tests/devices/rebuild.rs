@@ -83,7 +83,7 @@ pub(crate) fn builds_trees_of_extreme_coordinates(backend: &mut dyn Subject) {
         let animation = at_points((0..4096).map(point), size);
         made(backend, &animation, 0.0).0.level_count()
     });
-    // The lowest possible tree has 13 levels. Groups of clusters that begin early add one.
+    // The lowest possible tree has 13 levels. Tiles that begin half a tile earlier add one.
     assert!(levels[3] <= 14, "{levels:?}");
 }
 

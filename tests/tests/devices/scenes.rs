@@ -84,7 +84,6 @@ pub(crate) fn record_refit(backend: &mut dyn Backend, animation: &Animation, tim
     stage::record_refit(backend, animation, time).unwrap();
 }
 
-/// Records a trace and submits.
 pub(crate) fn submit_trace(backend: &mut dyn Backend, rays: Rays<'_>, kind: QueryKind) -> Ticket {
     stage::start(backend, rays, kind).unwrap()
 }
@@ -100,7 +99,6 @@ pub(crate) fn trace(backend: &mut dyn Backend, rays: Rays<'_>, kind: QueryKind) 
     stage::trace_and_wait(backend, rays, kind).unwrap().hits
 }
 
-/// Submits and returns the report.
 pub(crate) fn report(backend: &mut dyn Backend) -> FrameReport {
     let ticket = backend.submit().unwrap();
     backend.wait(ticket).unwrap()

@@ -141,7 +141,7 @@ pub(crate) fn lent_device_keeps_its_handlers() {
     let _ = backend.wait(ticket);
     drop(backend);
     let heard = [heard.load(Ordering::Relaxed), lost.load(Ordering::Relaxed)];
-    assert_eq!(heard, [0, 1], "errors and losses the engine heard of");
+    assert_eq!(heard, [0, 1], "errors and losses that handlers saw");
 }
 
 pub(crate) fn stages_are_timed_within_shared_passes() {
@@ -155,7 +155,7 @@ pub(crate) fn stages_are_timed_within_shared_passes() {
         open(&mut backend, &animation);
         let is_timed = features.contains(wgpu::Features::TIMESTAMP_QUERY);
         let is_right = |ms: &Option<f64>| ms.map_or(!is_timed, |ms| is_timed && ms > 0.0);
-        // Together, `interpolate` and `preprocess` overlap, and `preprocess` also refits.
+        // In one submission, `interpolate` and `preprocess` overlap, and `preprocess` also refits.
         backend.interpolate(animation.pose(0.7)).unwrap();
         let interpolate = report(&mut backend).times;
         backend.preprocess().unwrap();

@@ -52,12 +52,12 @@ impl Shader {
             cache: None,
         });
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
-        let room = |bytes| own.bytes(&vec![7; bytes * rays.len()], usage);
+        let results = |bytes| own.bytes(&vec![7; bytes * rays.len()], usage);
         Self {
             pipeline,
             rays: own.bytes(bytemuck::cast_slice(rays), usage),
-            hits: room(16),
-            occluded: room(4),
+            hits: results(16),
+            occluded: results(4),
         }
     }
 

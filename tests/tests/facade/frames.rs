@@ -38,7 +38,7 @@ fn sail(height: f32) -> [Point; 3] {
     [[-0.5, -0.5], [0.5, -0.5], [0.0, 0.5]].map(|[x, z]| [x, height, z])
 }
 
-/// Tests frames against steps, alone and with a mesh that steps move, and after a callback ended a run early.
+/// Compares frames with steps, with and without a mesh that steps move. Also tests frames after a run ended early.
 pub(crate) fn as_steps(device: &Device) {
     let demo = demo("demo:twist:2000");
     let camera = camera(&demo.animation, [40, 30]);

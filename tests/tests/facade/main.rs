@@ -138,15 +138,15 @@ fn scene_of<const N: usize>(meshes: [Mesh; N]) -> (Scene, [MeshId; N]) {
     (scene, ids)
 }
 
-/// Traces rays in a step, after the updates that `say` makes.
+/// Traces rays in a step, after the updates that `update` makes.
 fn seen(
     tracer: &mut Tracer,
     time: f64,
     rays: &[Ray],
-    say: impl FnOnce(&mut Step<'_>) -> abvh::Result<()>,
+    update: impl FnOnce(&mut Step<'_>) -> abvh::Result<()>,
 ) -> Found {
     let mut step = tracer.step(time);
-    say(&mut step).unwrap();
+    update(&mut step).unwrap();
     let query = step.trace(rays, Query::Closest).unwrap();
     let done = step.submit().unwrap();
     bits(tracer.hits(done, query).unwrap())

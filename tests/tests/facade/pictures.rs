@@ -54,8 +54,8 @@ fn floor() -> Mesh {
     floor.with_colours(&[FLOOR_COLOUR]).unwrap()
 }
 
-/// Checks pictures of meshes with any motion, in steps with other queries, and that results last until the second step
-/// after.
+/// Checks pictures of meshes with any motion, in steps with other queries. Results last until two more steps are
+/// submitted.
 pub(crate) fn shaded(device: &Device) {
     let demo = demo("demo:twist:2000");
     let own = colours(demo.triangles.len());
@@ -195,8 +195,8 @@ fn told(hits: Hits) -> (Vec<bool>, Found) {
     (met.collect(), bits(hits))
 }
 
-/// Tests cameras in one submission, together with a list of rays. The number of cameras changes in every step, and
-/// results last until the second step after.
+/// Tests cameras in one submission, together with a list of rays. Steps have different numbers of cameras. Results
+/// last until two more steps are submitted.
 pub(crate) fn together(device: &Device) {
     let demo = demo("demo:collide:3000");
     let [mut together, mut alone] = [0; 2].map(|_| of_keys(&demo, device));

@@ -9,7 +9,7 @@ use abvh::{
 };
 use integration::stage::own_device_with;
 
-/// The demo of meshes that stay, and that of meshes that replace others.
+/// The demo of the original meshes, and the demo of their replacements.
 struct Stage {
     staying: Demo,
     other: Demo,

@@ -113,7 +113,8 @@ pub(crate) fn shadows(source: Source) {
     }
 }
 
-/// Computes the shadow ray by "Shadow rays" in `docs/design/hits.md`, for an unscaled scene without numbers to flush.
+/// Computes the shadow ray by "Shadow rays" in `docs/design/hits.md`, for an unscaled scene in which
+/// no number is flushed to zero.
 fn shadow_ray(hit: &Hit, [v0, v1, v2]: &Triangle, eye: Point, light: Point, longest: f32) -> Ray {
     let minus = |a: Point, b: Point| -> Point { std::array::from_fn(|i| a[i] - b[i]) };
     let (e1, e2) = (minus(*v1, *v0), minus(*v2, *v0));
@@ -149,8 +150,8 @@ pub(crate) fn check_ray_limits(source: Source) {
     }
 }
 
-/// Checks that a ray that ends just before its hit misses. Ending just behind the hit and starting just before it
-/// changes nothing, and any-hit agrees with closest-hit.
+/// Checks that a ray that ends at its hit misses. A ray that starts just before and ends just behind its hit keeps it.
+/// Any-hit must agree with closest-hit.
 fn cut(animation: &Arc<Animation>, by: Intersector) {
     let time = 0.5 * animation.end();
     let mut stage = Stage::new(animation, by, 2);
@@ -179,5 +180,5 @@ fn cut(animation: &Arc<Animation>, by: Intersector) {
     let bits = |h: &Hit| (h.triangle, [h.t, h.u, h.v].map(f32::to_bits));
     let mut pairs = hits.iter().zip(&around).enumerate();
     let other = pairs.find(|(_, (a, b))| bits(a) != bits(b));
-    assert!(other.is_none(), "{by}: limits round the hit: {other:?}");
+    assert!(other.is_none(), "{by}: limits around the hit: {other:?}");
 }

@@ -1,4 +1,4 @@
-//! Rays that take devices extra work: from far away, at ties, and at hits that a first search leaves open.
+//! Rays that take devices extra work: from far away, at ties, and at hits that a first search cannot decide.
 
 use crate::exact::check;
 use backend::{Backend, Hits, Intersector, QueryKind, Rays};
@@ -99,7 +99,7 @@ fn watertight(mut backend: Box<dyn Backend>) -> Box<dyn Backend> {
     backend
 }
 
-/// A triangle so small and far away that products are subnormal. A device that flushed them once missed it.
+/// A triangle so small and far away that products are subnormal. A device that flushed these missed it before.
 fn sliver() -> Arc<Animation> {
     let points = vec![
         [1.000_418e-9, 9.997_51e-10, 1.000_179_9e-9],
@@ -236,8 +236,8 @@ fn camera_at(distance: f32, animation: &Animation) -> Camera {
     Camera::look_at(pose.with_up([0.0, 0.0, 1.0]), [16, 12]).expect("a picture")
 }
 
-/// Doubles every triangle, and adds every third one again with rotated vertices. So every hit is a tie, which a
-/// device's first search leaves open, as it does the shadow.
+/// Doubles every triangle, and adds every third one again with rotated vertices. So every hit is a tie. A device's
+/// first search decides neither the hit nor its shadow.
 fn twice(animation: &Animation) -> Arc<Animation> {
     let triangles = animation.triangles();
     let turned = triangles.iter().step_by(3).map(|&[a, b, c]| [b, c, a]);

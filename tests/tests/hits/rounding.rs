@@ -32,8 +32,8 @@ fn against_the_oracle(
     stage.into_backend()
 }
 
-/// The box of this triangle is so near to the ray's start that its padding would be less than the coordinates that
-/// count as zero.
+/// The box of this triangle is very near to the ray's start. Without a lower bound, its padding would be less than
+/// coordinates that are flushed to zero.
 pub(crate) fn near_the_origin(backend: Box<dyn Backend>) -> Box<dyn Backend> {
     let (step, width) = ((-47_f32).exp2(), (-64_f32).exp2());
     let x = (-24_f32).exp2() + step;
@@ -74,8 +74,8 @@ pub(crate) fn small_determinants(backend: Box<dyn Backend>) -> Box<dyn Backend> 
     against_the_oracle(backend, &[FAR, near], &rays.collect::<Vec<_>>())
 }
 
-/// A ray from within two triangles, both hit at zero. The first one's box begins behind the ray's start, at a distance
-/// that rounds to zero.
+/// A ray that starts in two triangles and hits both at `t = 0`. The first one's box begins behind the ray's start, at
+/// a distance that rounds to zero.
 pub(crate) fn ties_at_zero(mut backend: Box<dyn Backend>) -> Box<dyn Backend> {
     let first = [
         [-2.052_907_2e-19, 1.577_45e-19, 1.084_211e-19],

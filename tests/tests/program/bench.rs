@@ -185,7 +185,6 @@ fn failed(sandbox: &Sandbox) {
     assert!(csv.lines().count() == 5 && csv.contains(",error"), "{csv}");
 }
 
-/// Tests an unknown adapter.
 fn refused(sandbox: &Sandbox) {
     let elsewhere = format!("{SMALL} --adapter nothing-like-it");
     sandbox.assert_refused(&elsewhere, &["nothing-like-it"]);

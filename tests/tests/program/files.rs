@@ -46,7 +46,7 @@ fn memory_estimate_is_accurate(sandbox: &Sandbox, backend: &str) {
         _ => "device_bytes",
     };
     for how in [
-        // Without lockstep a tree may be under evaluation, whose boxes the estimate includes.
+        // Without `--lockstep`, the estimate includes a candidate tree, which a short run may not have.
         "--size 64x48 --update async --lockstep 1",
         "--size 640x480 --update rebuild",
     ] {

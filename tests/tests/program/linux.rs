@@ -14,7 +14,7 @@ pub(crate) fn trials() -> Vec<Trial> {
     ]
 }
 
-/// Tests such names alone, joined and placed.
+/// Tests such a name alone, and joined to another scene with a placement.
 fn any_bytes(sandbox: &Sandbox) {
     let name = OsStr::from_bytes(b"a\xff.obj");
     std::fs::write(sandbox.path().join(name), SQUARE).unwrap();
@@ -36,7 +36,6 @@ fn any_bytes(sandbox: &Sandbox) {
     run("inspect", b"a\xfe.obj").fails(2, &["no such file"]);
 }
 
-/// Limits the size of files.
 fn too_large(sandbox: &Sandbox) {
     let words = format!("render demo:twist:100 --size 64x48 --frames 1 --quiet {CPU}");
     let run = sandbox.run_within("-f 8", &format!("{words} --no-images --hits h"));

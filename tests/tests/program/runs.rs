@@ -107,7 +107,7 @@ fn damaged(sandbox: &Sandbox) {
         assert_eq!(frames(&sandbox.json("s.json")), [0, 1, 2, 3, 4]);
     }
     let again = [written(3) != first, written(4) != last];
-    assert_eq!(again, [true, false], "half a frame, and a whole one");
+    assert_eq!(again, [true, false], "only frame 3 is written again");
 }
 
 fn finished(sandbox: &Sandbox) {

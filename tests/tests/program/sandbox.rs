@@ -20,7 +20,7 @@ pub(crate) struct Run {
 
 impl Sandbox {
     pub(crate) fn new() -> Self {
-        Self(tempfile::tempdir().expect("a temporary folder can be had"))
+        Self(tempfile::tempdir().expect("a temporary folder is available"))
     }
 
     pub(crate) fn path(&self) -> &Path {
