@@ -151,13 +151,13 @@ impl AdapterInfo {
             Some(index) => list.iter().find(|a| a.index == index),
             None => usual().or(list.first()),
         };
-        let none = || match wanted {
+        let reason = || match wanted {
             Some(index) if !list.is_empty() => {
                 format!("no adapter {index} among {}", Self::numbered(list))
             }
             _ => "no adapter was found".to_owned(),
         };
-        found.ok_or_else(|| BackendError::NoDevice(none()))
+        found.ok_or_else(|| BackendError::NoDevice(reason()))
     }
 
     /// Returns the indices and names, for display.

@@ -79,7 +79,7 @@ pub struct StageTimes {
     /// Computation of triangle records and boxes of leaves from positions or from key frames.
     #[serde(serialize_with = "rounded")]
     pub preprocess_ms: Option<f64>,
-    /// Tree build on the device, except for records and boxes of leaves.
+    /// Tree build on the device, except for triangle records and boxes of leaves.
     #[serde(serialize_with = "rounded")]
     pub rebuild_ms: Option<f64>,
     /// Computation of the boxes of inner nodes.
@@ -107,8 +107,8 @@ pub struct FrameReport {
     /// Hits in shadow.
     pub blocked: u64,
     /// Rays, including shadow rays, that were tested in exact arithmetic. With `exact`, these are the rays that error
-    /// bounds could not decide; GPUs do not count the shadow ray of such a camera ray. With `watertight`, they are the
-    /// [extreme](geom::CoordinateRange::is_extreme) rays. Otherwise 0.
+    /// bounds could not decide. If a camera ray is undecided, GPUs do not count its shadow ray. With `watertight`, they
+    /// are the [extreme](geom::CoordinateRange::is_extreme) rays. Otherwise 0.
     pub settled: u64,
     /// Triangles that are inactive at the traced positions.
     pub inactive: u64,

@@ -17,8 +17,8 @@
 //! finished.
 //!
 //! Only `submit`, [`Backend::wait`] and the methods that return results block. A submission's report and traces remain
-//! available until [`FRAMES_IN_FLIGHT`]` + 1` later submissions have contained a trace. [`Backend::retain_traces`]
-//! extends this. A report can be read any number of times. Hits can be taken once.
+//! available until [`FRAMES_IN_FLIGHT`] later submissions have contained a trace. [`Backend::retain_traces`] extends
+//! this. A report can be read any number of times. Hits can be taken once.
 //!
 //! # Stage order
 //!
@@ -30,8 +30,8 @@
 //! 4. `trace` reads records and boxes and writes hits.
 //!
 //! A stage may be skipped if its input has not changed: a static scene runs the first three once. [`Backend::adopt`]
-//! and `interpolate` each make records and boxes stale. Tracing before `preprocess` and `refit` have run at the frame's
-//! own positions panics.
+//! and `interpolate` each make records and boxes stale. Tracing stale records or boxes
+//! panics.
 //!
 //! # Trees
 //!
@@ -168,8 +168,9 @@ pub trait Backend: Send + Any {
 
     /// Records the refit of a tree that is not current, in addition to the current one. Call it after `interpolate` and
     /// before `preprocess`, with a tree whose [upload](Backend::upload_tree) has finished. The submission's report then
-    /// contains the tree's cost ([`FrameReport::candidate_cost`]). If the tree is adopted later, no further work is
-    /// needed. Returns `false`, and records nothing, if the backend measures no costs or lacks memory for a second tree.
+    /// contains the tree's cost ([`FrameReport::candidate_cost`]). A later [`Backend::adopt`] of this tree only swaps
+    /// the trees. Returns `false`, and records nothing, if the backend measures no costs or lacks memory for a second
+    /// tree.
     ///
     /// # Errors
     /// The tree does not contain exactly the animation's live triangles.
@@ -178,9 +179,9 @@ pub trait Backend: Send + Any {
     }
 
     /// Records the build of a tree on the device from the current positions, and makes the tree current. The generation
-    /// must increase as it does for [`Backend::adopt`]. The build includes `preprocess` and `refit`, which do nothing
-    /// until the positions change. After that, `preprocess` panics until another tree is built or adopted. The first
-    /// build allocates scratch memory, which is kept until another scene is loaded.
+    /// must increase as it does for [`Backend::adopt`]. The build includes `preprocess` and `refit`: calls of both
+    /// do nothing while the positions are the same. Once these change, `preprocess` panics until another tree is built
+    /// or adopted. The first build allocates scratch memory, which is kept until another scene is loaded.
     ///
     /// # Errors
     /// Also the error of [`Capabilities::device_rebuild`].
@@ -236,8 +237,8 @@ pub trait Backend: Send + Any {
 
     /// Retains the reports and traces of these submissions until the next call or until another scene is loaded.
     /// `tickets` is in ascending order. Traces that the previous call named and this call does not name are released,
-    /// so that later traces reuse their memory. The backend keeps the memory of at most `tickets.len() + 1` released
-    /// traces, or of [`FRAMES_IN_FLIGHT`] if that is more, and frees the rest.
+    /// so that later traces reuse their memory. The backend keeps the memory of the larger of `tickets.len() + 1` and
+    /// [`FRAMES_IN_FLIGHT`] released traces, and frees the rest.
     fn retain_traces(&mut self, tickets: &[Ticket]);
 
     /// Returns the oldest requested positions that were not taken yet, with the ticket of their submission. Returns

@@ -9,8 +9,8 @@ pub enum Rays<'a> {
     List(&'a [Ray]),
     /// One ray through the centre of each pixel, generated on the device: [`Camera::ray`], row by row.
     Camera(&'a Camera),
-    /// This number of rays in device memory, whose buffer was passed through the device's own interface. The host does
-    /// not read them. Rays that are not valid miss.
+    /// This number of rays in device memory. The GPU backend received their buffer by its own method, not through
+    /// [`Backend`](crate::Backend). The host does not read the rays. Rays that are not valid miss.
     OnDevice(usize),
 }
 
@@ -143,11 +143,11 @@ impl HitsPool {
     #[must_use]
     pub fn take(&mut self, rays: usize, kind: QueryKind) -> Hits {
         let misfit = |hits: &Hits| {
-            let room = match kind {
+            let capacity = match kind {
                 QueryKind::Any => hits.blocked.capacity(),
                 QueryKind::Closest | QueryKind::ClosestAndShadow { .. } => hits.closest.capacity(),
             };
-            (room < rays, room.abs_diff(rays))
+            (capacity < rays, capacity.abs_diff(rays))
         };
         let spares = self.spares.iter().enumerate();
         let best = spares.min_by_key(|(_, hits)| misfit(hits));
@@ -162,18 +162,18 @@ mod tests {
 
     #[test]
     fn pool_returns_best_fit_within_limit() {
-        let hits = |room: usize| Hits {
-            closest: Vec::with_capacity(room),
+        let hits = |capacity: usize| Hits {
+            closest: Vec::with_capacity(capacity),
             blocked: Vec::new(),
         };
         let mut pool = HitsPool::default();
         pool.set_capacity(3);
-        for room in [50, 0, 10, 100, 70] {
-            pool.put(hits(room));
+        for capacity in [50, 0, 10, 100, 70] {
+            pool.put(hits(capacity));
         }
         let mut take = |rays| pool.take(rays, QueryKind::Closest).closest.capacity();
         assert_eq!([20, 60, 60, 60].map(&mut take), [50, 100, 10, 0]);
-        [1, 2, 3].into_iter().for_each(|room| pool.put(hits(room)));
+        [1, 2, 3].into_iter().for_each(|n| pool.put(hits(n)));
         pool.set_capacity(1);
         let left = [(); 2].map(|()| pool.take(1, QueryKind::Closest).closest.capacity());
         assert_eq!(left, [1, 0]);
