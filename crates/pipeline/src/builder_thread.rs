@@ -29,12 +29,12 @@ impl BuilderThread {
         mut build: impl FnMut(Job, &Cancel) -> BuildResult<Built> + Send + 'static,
     ) -> Self {
         let cancel = Arc::<Cancel>::default();
-        let heard = Arc::clone(&cancel);
+        let builder_cancel = Arc::clone(&cancel);
         let (jobs, inbox) = sync_channel(1);
         let (outbox, trees) = sync_channel(1);
         let work = move || {
             while let Ok(job) = inbox.recv() {
-                let built = catch_unwind(AssertUnwindSafe(|| build(job, &heard)));
+                let built = catch_unwind(AssertUnwindSafe(|| build(job, &builder_cancel)));
                 let result = built.unwrap_or_else(|_| Err("the builder panicked".into()));
                 if outbox.send(result).is_err() {
                     return;
@@ -167,26 +167,27 @@ mod tests {
     #[test]
     fn builders_share_one_thread_pool() {
         let threads = BuilderThreads::new(2).unwrap();
-        let who = || rayon::broadcast(|_| std::thread::current().id());
+        let thread_ids = || rayon::broadcast(|_| std::thread::current().id());
         let [one, other] = [(); 2].map(|()| Mutex::default());
         // A build can wait for another build on the same threads.
-        let both = threads.build(&one, |_| Ok(threads.build(&other, |_| Ok(who()))));
-        assert_eq!(both, Ok(Ok(threads.install(who))));
+        let both = threads.build(&one, |_| Ok(threads.build(&other, |_| Ok(thread_ids()))));
+        assert_eq!(both, Ok(Ok(threads.install(thread_ids))));
     }
 
     #[test]
     fn dropping_the_thread_cancels_the_build() {
-        let (said, hear) = std::sync::mpsc::channel();
+        let (sender, receiver) = std::sync::mpsc::channel();
         let mut thread = BuilderThread::new(move |_: Job, cancel: &Cancel| {
             while !cancel.is_cancelled() {
                 std::thread::yield_now();
             }
-            said.send(()).unwrap();
+            sender.send(()).unwrap();
             Err("cancelled".into())
         });
         thread.start(job(false)).unwrap();
         drop(thread);
-        hear.try_recv()
+        receiver
+            .try_recv()
             .expect("the build saw the cancel before the drop returned");
     }
 }

@@ -216,8 +216,8 @@ impl Driver {
             && !matches!(e, BackendError::KeyFrame(_))
         {
             self.recording.is_refused = true;
-            // Counts the refused frame, which still reads back the positions that it requested. So the next frame does
-            // not request them again.
+            // The refused frame counts, because its positions are still read back. A frame with the same number would
+            // request them again.
             self.recording.number += 1;
         }
         recorded?;

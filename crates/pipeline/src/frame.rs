@@ -45,12 +45,12 @@ pub struct FrameRecord {
 }
 
 impl FrameRecord {
-    /// Adds the report of the submission that traced the frame. If a separate submission read back vertices,
-    /// `self.report` holds its report. Its times and bytes count for the frame.
+    /// Stores the report of the submission that traced the frame. If a separate submission read back vertices, its
+    /// report is in `self.report` before the call, and its times and bytes are added.
     pub(crate) fn complete(&mut self, mut report: FrameReport) {
-        let (times, fetched) = (&mut report.times, &self.report.times);
-        times.interpolate_ms = times.interpolate_ms.or(fetched.interpolate_ms);
-        times.device_ms += fetched.device_ms;
+        let (times, read_back) = (&mut report.times, &self.report.times);
+        times.interpolate_ms = times.interpolate_ms.or(read_back.interpolate_ms);
+        times.device_ms += read_back.device_ms;
         report.readback_bytes += self.report.readback_bytes;
         self.tree.build_ms = self.tree.build_ms.or(report.times.rebuild_ms);
         self.report = report;

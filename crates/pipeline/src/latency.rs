@@ -103,8 +103,8 @@ impl LatencyPredictor {
         self.next = strategy;
     }
 
-    /// Returns whether the current time is at least as near to `new`, the target time of a finished tree, as to `last`,
-    /// that of the current tree. Also returns `true` if time does not approach `new`.
+    /// Compares the target times of the current tree, `last`, and of a finished tree, `new`. Returns whether the
+    /// current time is at least as near to `new` as to `last`, or does not approach `new`.
     pub(crate) fn is_nearer_than(&self, last: f64, new: f64) -> bool {
         let nearer = |left| left <= (last - self.time).abs();
         self.approach(new).is_none_or(nearer)
@@ -129,8 +129,8 @@ impl LatencyPredictor {
     /// Returns whether a tree requested now would arrive before the midpoint of two target times: `last`, that of the
     /// current tree, and `new`, that of a finished tree. From the midpoint on, the finished tree is the nearer one.
     pub(crate) fn newer_tree_arrives_first(&self, last: f64, new: f64) -> bool {
-        let ripe = f64::midpoint(last, new);
-        (ripe - self.time) / self.step > self.expected()
+        let midpoint = f64::midpoint(last, new);
+        (midpoint - self.time) / self.step > self.expected()
     }
 
     /// Returns the middle of the time in which a tree requested now is used. Assumes that the next tree is requested
@@ -229,7 +229,7 @@ mod tests {
 
     #[test]
     fn adopts_the_tree_nearest_in_time() {
-        for (times, last, new, ripe) in [
+        for (times, last, new, expected) in [
             ([1.0, 2.0], 1.5, 4.0, false),
             ([2.0, 3.0], 1.5, 4.0, true),
             // Without motion; time moves away from `new`; time has passed `new`.
@@ -241,7 +241,7 @@ mod tests {
             ([8.0, 7.0], 8.5, 6.0, true),
         ] {
             let f = watching([0.0, 100.0], None, &times);
-            assert_eq!(f.is_nearer_than(last, new), ripe, "{times:?}");
+            assert_eq!(f.is_nearer_than(last, new), expected, "{times:?}");
         }
     }
 

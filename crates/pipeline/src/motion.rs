@@ -53,11 +53,11 @@ pub fn motion(animation: &Animation) -> Result<MotionStats, KeyFrameError> {
         let pairs = animation.first().par_iter().zip(&next[..]);
         let each = moves.par_iter_mut().zip(pairs);
         each.for_each(|(moves, (a, b))| *moves |= bits(a) != bits(b));
-        let ways = last.iter().zip(&next[..]).map(|(a, b)| distance(a, b));
+        let distances = last.iter().zip(&next[..]).map(|(a, b)| distance(a, b));
         let mut steps = 0.0;
-        for way in ways.filter(|way| way.is_finite()) {
-            steps += way;
-            max = f64::max(max, way);
+        for distance in distances.filter(|distance| distance.is_finite()) {
+            steps += distance;
+            max = f64::max(max, distance);
             count += 1;
         }
         sum += steps;

@@ -40,8 +40,8 @@ const FAR_APART: f64 = 2.0;
 const LASTS: f64 = 1.05;
 /// Estimates of at most this factor times the lowest one are considered equal. The first such estimate wins.
 const TIE: f64 = 1.05;
-/// Device memory of a run, in bytes, from which on the estimates leave out [`Policy::DeviceRebuild`], because the
-/// memory is worth more than the time saved. Common GPUs have this much free while they also drive a desktop.
+/// The estimates leave out [`Policy::DeviceRebuild`] if the run would need at least this many bytes of device memory.
+/// The memory is then worth more than the time saved. Common GPUs that also drive a desktop have this much free.
 const LARGE_REBUILD_BYTES: u64 = 4_000_000_000;
 
 impl RunFacts {
@@ -94,16 +94,16 @@ impl RunFacts {
 
     /// Returns the estimated milliseconds of the whole run for each policy that may win.
     fn estimates(&self) -> Vec<(Policy, f64)> {
-        let [build, frame, device_build, beside_builder] = self.times();
+        let [build, frame, device_build, builder_slowdown] = self.times();
         let frames = self.frames as f64;
         let tracing = frames * frame;
         let slower = TREE_SHARE * (self.degradation.mean - 1.0);
-        // Duration of a build, as a share of the run.
+        // Duration of a build, as a share of the run. The excess cost of a tree grows with the square of its age.
         let age = (LATER_BUILD * build / tracing).min(1.0);
         let aged = 1.0 + slower * age * age;
         let mut all = vec![
             (Policy::Refit, build + tracing * (1.0 + slower)),
-            (Policy::Async, build + tracing * beside_builder * aged),
+            (Policy::Async, build + tracing * builder_slowdown * aged),
         ];
         match self.rebuild_bytes {
             Some(LARGE_REBUILD_BYTES..) => (),
@@ -158,9 +158,10 @@ const HOST_TRIANGLE: f64 = 40e-6;
 mod tests {
     use super::*;
 
-    /// A scene with its triangles and degradation, the number of frames, and the seconds of the whole run, including
-    /// the first tree, by `refit`, `async` and a tree per frame.
+    /// A scene, the number of frames, and the seconds of the whole run, including the first tree. The seconds are those
+    /// of `refit`, of `async` and of a tree per frame.
     type Measured = (Scene, usize, [f64; 3]);
+    /// Name, number of triangles, and mean degradation.
     type Scene = (&'static str, usize, f64);
 
     const GROVE: Scene = ("grove", 173_987, 1.06);
@@ -288,7 +289,7 @@ mod tests {
         let mut long = facts(&TWO_CORES[3], Cpu, 2, 640 * 360);
         long.frames = 20_000;
         let huge = facts(&(HUGE_TWIST, 120, [0.0; 3]), Gpu, 16, 1920 * 1200);
-        let beside_others = RunFacts {
+        let huge_in_little_memory = RunFacts {
             rebuild_bytes: Some(1 << 30),
             ..huge
         };
@@ -300,7 +301,7 @@ mod tests {
             (on_host, Policy::Rebuild),
             (long, Policy::Async),
             (huge, Policy::Refit),
-            (beside_others, Policy::DeviceRebuild),
+            (huge_in_little_memory, Policy::DeviceRebuild),
         ] {
             assert_eq!(facts.choose().0, update, "{facts:?}");
         }

@@ -14,7 +14,7 @@ const BASE_BYTES: u64 = 16 << 20;
 /// Bytes per triangle on a device: triangle records, nodes and lists of all trees that may exist at once. Measured: 119
 /// with `refit`, up to 171 with `async`, which replaces trees.
 const DEVICE_TREE_BYTES: u64 = 176;
-/// The same if the device builds the trees, including scratch memory.
+/// Bytes per triangle on a device that builds the trees, including scratch memory.
 const DEVICE_REBUILD_BYTES: u64 = 260;
 /// Bytes per triangle of a candidate tree: its nodes, lists and triangle data.
 const CANDIDATE_BYTES: u64 = 130;
@@ -104,10 +104,12 @@ pub struct Threads {
 }
 
 impl Threads {
-    /// Divides `cores` between rendering and building, where the numbers are not given. With `async`, both run at once.
-    /// If the host renders, a quarter of the cores builds, or one additional thread if there are fewer than four cores.
-    /// If `render` is given, a quarter of this number of additional threads builds. If a GPU renders, one thread less
-    /// than `render` builds. With other policies, both run alternately, so each gets all cores.
+    /// Divides `cores` between rendering and building, where the numbers are not given. With `async`, both run at once:
+    /// - If a GPU renders, one thread less builds than renders.
+    /// - If the host renders, a quarter of the cores builds. With fewer than four cores, one additional thread builds.
+    /// - If the host renders and `render` is given, a quarter as many additional threads build.
+    ///
+    /// With other policies, both run alternately, so each gets all cores, or `render` threads.
     #[must_use]
     pub fn share(
         cores: usize,

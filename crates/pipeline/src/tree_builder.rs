@@ -26,7 +26,7 @@ use std::time::Instant;
 pub(crate) enum Vertices {
     /// Positions that a backend interpolated, read back.
     ReadBack(Snapshot),
-    /// Pose to blend on the host from key frames or from observed frames, to the same bits as in any backend.
+    /// Pose to blend on the host, from key frames or observed frames. The bits are the same as in any backend.
     KeyFrames(Pose),
 }
 

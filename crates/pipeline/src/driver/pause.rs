@@ -1,6 +1,6 @@
 //! Pauses requests after trees were rejected: see `docs/design/trees.md`.
 
-/// Number of consecutive rejections after which pauses stop growing. Builds then take 1/32 of the time.
+/// Number of consecutive rejections after which pauses stop growing. Builds then run for 1/32 of the time.
 const MAX_REJECTIONS: u32 = 6;
 /// An adopted tree ends the pauses if its cost is at most this fraction of the replaced tree's.
 const GOOD_RATIO: f64 = 0.9;

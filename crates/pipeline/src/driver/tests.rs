@@ -303,18 +303,18 @@ fn trees_are_ordered_toward_requested_light() {
 
 /// Returns the statistics of frames whose builder is blocked until `held` more frames are rendered.
 fn beside_a_slow_builder(frames: u64, held: u64) -> Vec<PlayedFrame> {
-    let (said, heard) = std::sync::mpsc::channel();
+    let (sender, receiver) = std::sync::mpsc::channel();
     let mut fake = Fake::new(Some(1));
     fake.gate = Some(Arc::new(Gate {
         frames: held,
-        rendered: Mutex::new(heard),
+        rendered: Mutex::new(receiver),
     }));
     let (scene, by) = (drifting(200), (Policy::Async, false));
-    let rest = move |_| said.send(()).map(|()| 1).unwrap();
+    let rest = move |_| sender.send(()).map(|()| 1).unwrap();
     render(fake, (&scene, by), evenly(frames, &scene), rest).records
 }
 
-/// If a frame waited for the builder, both would wait for each other, and trees adopted later would be young.
+/// The builder waits for 20 frames. If a frame waited for the builder too, both would wait until the gate fails.
 #[test]
 fn frames_continue_during_slow_builds() {
     let records = beside_a_slow_builder(100, 20);
@@ -341,7 +341,7 @@ fn only_rebuild_and_lockstep_wait() {
     let rebuild = run(30, 20, Policy::Rebuild, Some(0)).records;
     let waits = |r: &PlayedFrame| 0.0 < r.build_wait_ms && r.build_wait_ms <= r.wall_ms;
     assert!(rebuild.iter().all(waits));
-    // Vertices take more polls to arrive than there are frames until the adoption.
+    // Vertices arrive later than their tree is due.
     let lockstep = run(30, 24, Policy::Lockstep(2), Some(9)).records;
     for r in lockstep {
         assert_eq!(r.build_wait_ms > 0.0, r.tree.adopted, "{:?}", r.record);

@@ -85,11 +85,11 @@ impl Driver {
             return self.build_first(pose);
         };
         let request = self.trees.next.request();
-        let newest = request.map_or(current.pose, |request| request.pose);
+        let newest_pose = request.map_or(current.pose, |request| request.pose);
         self.review_next()?;
         let target = self.target_pose(pose);
-        let is_best = newest == target || self.trees.no_better_at == Some(target);
-        let should_request = self.options.update.requests_trees() && !is_best && self.may_request();
+        let is_done = newest_pose == target || self.trees.no_better_at == Some(target);
+        let should_request = self.options.update.requests_trees() && !is_done && self.may_request();
         if self.is_swap_due() {
             self.swap()?;
         }
@@ -293,7 +293,7 @@ impl Driver {
             }
             NextTreeState::Rejected(tree, costlier_at) => {
                 self.recording.record.tree.rejected = true;
-                // A tree that was dropped early, or evaluated at another pose, gives no information about its pose.
+                // The pose stays eligible if its tree was dropped early or evaluated at another pose.
                 self.trees.no_better_at = costlier_at.filter(|&pose| pose == tree.request.pose);
                 self.builder.discard(tree.built.topology);
             }

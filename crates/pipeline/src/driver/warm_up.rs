@@ -9,8 +9,8 @@ use serde::Serialize;
 use std::collections::VecDeque;
 use std::time::Instant;
 
-/// Default seconds of warm-up on a GPU. After ten idle seconds of kernel compilation, an H200 was still four times
-/// slower than usual after 60 frames, which took 0.25 s.
+/// Default seconds of warm-up on a GPU. An H200 that had been idle for ten seconds, while kernels were compiled, was
+/// still four times slower than usual after 60 frames (0.25 s).
 const DEFAULT_SECONDS: f64 = 0.7;
 /// Seconds in each of the two consecutive windows whose medians are compared.
 const WINDOW: f64 = 0.1;
@@ -26,7 +26,7 @@ const MAX_EXTRA_SECONDS: f64 = 0.5;
 pub struct Warmed {
     /// Duration in seconds, on the host's clock.
     pub seconds: f64,
-    /// Number of traces of the first frame.
+    /// Number of times that the first frame was traced again.
     pub frames: usize,
     /// Whether frame times were steady at the end.
     pub steady: bool,
@@ -151,7 +151,7 @@ impl Driver {
     /// report. Keeps as many traces in flight as the backend allows, so that the device never waits for the host.
     ///
     /// Later frames are not affected: no tree ages, time does not advance and no tree is requested. A build in flight
-    /// continues, but right after the first frame there is no build. With `async`, the builder first builds and drops
+    /// continues, but none is in flight right after the first frame. With `async`, the builder first builds and drops
     /// trees, so that later builds find their memory allocated: see `TreeBuilder::warm_up`.
     ///
     /// # Errors

@@ -1,5 +1,5 @@
-//! Decides whether motion may be extrapolated beyond the last observed positions: only while the previous extrapolation
-//! was closer to the positions of the next build than the last observed positions were.
+//! Decides whether motion may be extrapolated beyond the last observed positions. This requires that the previous
+//! extrapolation was closer to the next positions than the positions observed before it.
 
 use crate::motion::distance;
 use geom::Point;

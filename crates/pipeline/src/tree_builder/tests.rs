@@ -50,6 +50,7 @@ fn swept(a: &Animation, times: [f64; 2]) -> Vec<Aabb> {
     (0..a.triangle_count() as u32).map(both).collect()
 }
 
+/// Returns a tree over `boxes`, built from subtrees of `last`.
 fn of_groups(last: &BinaryTree, boxes: &[Aabb]) -> BinaryTree {
     let mut tree = BinaryTree::default();
     let (mut builder, cancel) = (SahBuilder::default(), Cancel::new());
@@ -152,7 +153,7 @@ fn optional_forms_do_not_change_trees() {
         assert_eq!(treelets.next(time), expected);
         assert_eq!(blocks.next(time), expected);
         let boxes = &blocks.builder.boxes;
-        assert_eq!(boxes[..], blocks.boxes(time)[..], "blocks are filled");
+        assert_eq!(boxes[..], blocks.boxes(time)[..], "boxes are updated");
     }
 }
 

@@ -17,16 +17,16 @@ impl TreeBuilder {
         pose: Pose,
         cancel: &Cancel,
     ) -> Result<(), BuildError> {
-        let groups = self.degradation.strategy() == BuildStrategy::Subtrees
+        let uses_subtrees = self.degradation.strategy() == BuildStrategy::Subtrees
             && self.format != TreeFormat::WideBlocks;
-        if !groups || !self.has_all_triangles_of(animation) {
+        if !uses_subtrees || !self.has_all_triangles_of(animation) {
             return Ok(());
         }
         for _ in 0..ROUNDS {
             let vertices = Vertices::KeyFrames(pose);
             self.rebuild_subtrees_at(&PoseSource::of(animation), &vertices, cancel)?;
-            let record = self.convert(animation);
-            self.reuse(record.into_spare());
+            let topology = self.convert(animation);
+            self.reuse(topology.into_spare());
         }
         Ok(())
     }

@@ -26,7 +26,7 @@ impl Gate {
         for _ in 0..self.frames {
             let next = rendered.recv_timeout(Duration::from_secs(10));
             let waits = next == Err(RecvTimeoutError::Timeout);
-            assert!(!waits, "nobody renders while the builder waits");
+            assert!(!waits, "no frame was rendered while the builder waited");
         }
     }
 }
@@ -54,7 +54,9 @@ pub(in crate::driver) struct Log {
     pub(in crate::driver) refitted: usize,
     pub(in crate::driver) traced: Vec<(Generation, Pose)>,
     pub(in crate::driver) adopted: Vec<Generation>,
+    /// Words of the adopted topologies.
     pub(in crate::driver) trees: Vec<Vec<u32>>,
+    /// Generations of the trees that `rebuild` built.
     pub(in crate::driver) made: Vec<Generation>,
     pub(in crate::driver) requested: usize,
     /// Evaluated generations, and the costs of both trees at the positions of the frame, the candidate's first.
@@ -73,6 +75,7 @@ pub(in crate::driver) struct Fake {
     ticket: u64,
     /// In the order of the requests.
     requested: VecDeque<(u32, Ticket, Pose)>,
+    /// Whether the recording requests positions.
     record_request: bool,
     /// Whether any query was traced.
     traced: bool,
