@@ -110,7 +110,7 @@ impl CpuBackend {
         assert!(self.state >= state, "{why}");
     }
 
-    /// Also refuses generation 0, because it means that there is no tree.
+    /// Requires a generation above the current one, and so above 0, which means that there is no tree.
     fn require_later(&self, generation: Generation) {
         assert!(
             generation > self.generation,
@@ -152,7 +152,7 @@ impl CpuBackend {
     }
 
     /// Drops submissions that are not retained and have [`FRAMES_IN_FLIGHT`] or more later submissions with traces. For
-    /// a released submission, all later ones count. Reuses their memory.
+    /// a released submission, later ones without traces count too. The memory of dropped hits is reused.
     fn drop_expired(&mut self) {
         let mut later = self.submissions.len();
         let mut later_traced = self.submissions.iter().filter(|s| s.is_traced).count();

@@ -145,7 +145,7 @@ struct WideBox {
 }
 
 impl WideBox {
-    /// Converts a box from scaled units, of which each is `unit` scene units. An empty box stays empty.
+    /// Converts a box to scene units. A scaled unit is `unit` scene units. An empty box stays empty.
     fn new(scaled: &Aabb, unit: f64) -> Self {
         // A plane at zero may represent a coordinate that was flushed to zero: see `Scale`.
         let plane = |x: f32, if_zero: f64| unit * if x == 0.0 { if_zero } else { f64::from(x) };

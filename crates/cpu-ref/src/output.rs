@@ -1,4 +1,4 @@
-//! Answers of rays, and where a trace writes them.
+//! Results of rays, and the slices that a trace writes these to.
 
 use geom::Hit;
 use std::ops::Add;
@@ -17,7 +17,7 @@ pub struct RayResult {
 pub struct HitCounts {
     /// Number of closest hits.
     pub hits: u64,
-    /// Number of answers that are blocked.
+    /// Number of results with [`RayResult::blocked`].
     pub blocked: u64,
 }
 
@@ -33,7 +33,7 @@ impl Add for HitCounts {
     }
 }
 
-/// Destination of the answers, one entry per ray in each slice. Slices that the query does not need are empty.
+/// Destination of the results, one entry per ray in each slice. Slices that the query does not need are empty.
 #[derive(Debug, Default)]
 pub struct TraceOutput<'a> {
     closest: &'a mut [Hit],
@@ -46,7 +46,7 @@ impl<'a> TraceOutput<'a> {
         Self { closest, blocked }
     }
 
-    /// Returns the number of answers.
+    /// Returns the number of results.
     #[inline]
     pub fn count(&self) -> usize {
         self.closest.len().max(self.blocked.len())

@@ -110,14 +110,14 @@ impl PreparedRay {
     /// `t'` in the interval is valid: converted to the ray's own units and rounded once, it is strictly between the
     /// ray's `t_min` and `t_max`.
     ///
-    /// `low` is at least the next float after the limit, and rounding is monotone. So the ray's own limits suffice
-    /// where `t` is a normal number. Subnormal numbers have fewer bits than scaled ones, and large numbers overflow.
-    /// So the limits exclude magnitudes below `2^-125` and above `2^127` in the ray's own units.
+    /// If `t` is a normal number, the ray's own limits suffice: `low` is at least the next float after `t_min`, and
+    /// rounding is monotone. Subnormal numbers have fewer bits than scaled ones, and large numbers overflow. So the
+    /// limits also exclude magnitudes below `2^-125` and above `2^127` in the ray's own units.
     pub fn sure_limits(&self) -> Limits {
         // 2^-125 and 2^127 in the ray's own units. Scaled distances below `LEAST`, 2^-100, are flushed to zero.
         let small = ldexp(1.0, -125 - self.unscale).max(power(-99));
         let large = ldexp(1.0, 127 - self.unscale);
-        let outward = |limit: f32, small: f32| {
+        let replace_tiny = |limit: f32, small: f32| {
             if limit.abs() < small.abs() {
                 small
             } else {
@@ -125,8 +125,8 @@ impl PreparedRay {
             }
         };
         Limits {
-            after: outward(self.t_min, small).max(-large),
-            before: outward(self.t_max, -small).min(large),
+            after: replace_tiny(self.t_min, small).max(-large),
+            before: replace_tiny(self.t_max, -small).min(large),
         }
     }
 

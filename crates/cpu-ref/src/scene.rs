@@ -28,7 +28,7 @@ pub(crate) struct SceneState {
     /// Runs of vertices to interpolate. They contain all moving vertices, or simply all vertices if few are static.
     runs: Vec<Range<usize>>,
     pub(crate) accelerator: Box<dyn Accelerator>,
-    /// The tree that was evaluated last, or after its adoption the tree that it replaced.
+    /// The tree that was evaluated last. If it was adopted, the tree that it replaced.
     candidate: Option<CandidateTree>,
     /// Counts from the last preprocess, including triangles without a leaf.
     pub(crate) unhittable: Unhittable,

@@ -2,8 +2,8 @@
 //! leaks near edges.
 //!
 //! Woop, *A Ray Tracing Hardware Architecture for Dynamic Scenes* (2004).
-//! The third row of the transform is the unit normal. As part of the inverse of the basis `e1, e2, e1 x e2`, it would
-//! be the normal divided by its squared length, which underflows for small triangles.
+//! The third row of the transform is the unit normal. In the inverse of the basis `e1, e2, e1 x e2`, the third row is
+//! the normal divided by its squared length, and the squared length of small triangles' normals underflows.
 
 use super::triangle_data::{TriangleData, TriangleHit};
 use crate::scale::PreparedRay;
