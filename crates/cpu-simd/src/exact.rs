@@ -143,9 +143,9 @@ fn filter<L: Lanes>(
         .add(L::splat(DEPTH_ERROR).mul(size))
         .add(L::splat(FILTER_UNDERFLOW_ERROR));
     let (near, far) = (t.sub(error).max(spans.entry), t.add(error).min(spans.exit));
-    let tells = L::both(L::both(certain, four.less(least_det)), near.at_most(far));
-    let low = spans.entry.replace(tells, near);
-    let high = spans.exit.replace(tells, far);
+    let is_bounded = L::both(L::both(certain, four.less(least_det)), near.at_most(far));
+    let low = spans.entry.replace(is_bounded, near);
+    let high = spans.exit.replace(is_bounded, far);
     let [after, before] = sure_limits(ray);
     let within = L::both(after.less(low), high.less(before));
     Some(PossibleHits {
@@ -242,12 +242,12 @@ impl<L: Lanes> PacketSearch<L> for ExactClosestOfPacket<L> {
             return false;
         };
         let (low, high) = (possible.low, possible.high);
-        let counts = possible.lanes & L::bits(low.at_most(self.bound));
-        let better = counts & possible.sure & L::bits(high.less(self.bound));
-        let as_near = better & self.placed & L::bits(self.low.at_most(high));
-        let begins = self.low.replace(L::mask(counts & !better), low);
-        let others = L::mask((counts & !better) | as_near);
-        self.other = self.other.replace(others, self.other.min(begins));
+        let candidates = possible.lanes & L::bits(low.at_most(self.bound));
+        let better = candidates & possible.sure & L::bits(high.less(self.bound));
+        let overlapping = better & self.placed & L::bits(self.low.at_most(high));
+        let other_low = self.low.replace(L::mask(candidates & !better), low);
+        let others = L::mask((candidates & !better) | overlapping);
+        self.other = self.other.replace(others, self.other.min(other_low));
         let mask = L::mask(better);
         self.bound = self.bound.replace(mask, high);
         self.low = self.low.replace(mask, low);

@@ -11,7 +11,7 @@ use cpu_ref::{Geometry, Unhittable};
 use geom::is_degenerate;
 use std::ops::Add;
 
-/// The vertices of the block that is this many blocks ahead are prefetched, because vertices are scattered in memory.
+/// Number of blocks by which vertices are prefetched ahead, because vertices are scattered in memory.
 const AHEAD: usize = 4;
 
 /// Results of fitting.
@@ -184,18 +184,18 @@ fn fill<I: Isa>(
     });
     let hittable = hittable(&corners, u32::from(source.count), unhittable);
     let mask = I::Eight::mask(hittable);
-    let nothing = I::Eight::splat(f32::NAN);
-    let from = I::Eight::splat(f32::INFINITY);
-    let until = I::Eight::splat(f32::NEG_INFINITY);
+    let nan = I::Eight::splat(f32::NAN);
+    let empty_low = I::Eight::splat(f32::INFINITY);
+    let empty_high = I::Eight::splat(f32::NEG_INFINITY);
     let mut boxes = EightBoxes {
-        low: [from; 3],
-        high: [until; 3],
+        low: [empty_low; 3],
+        high: [empty_high; 3],
     };
     for (axis, to) in block.corners.iter_mut().enumerate() {
         let [a, b, c] = each!(i => scaled(geometry.scale, corners[i][axis]));
-        boxes.low[axis] = from.replace(mask, a.min(b).min(c));
-        boxes.high[axis] = until.replace(mask, a.max(b).max(c));
-        *to = each!(i => nothing.replace(mask, [a, b, c][i]).store());
+        boxes.low[axis] = empty_low.replace(mask, a.min(b).min(c));
+        boxes.high[axis] = empty_high.replace(mask, a.max(b).max(c));
+        *to = each!(i => nan.replace(mask, [a, b, c][i]).store());
     }
     boxes
 }
@@ -210,7 +210,7 @@ fn hittable<L: Eight>(corners: &[[L; 3]; 3], count: u32, unhittable: &mut Unhitt
     }
     let [a, b, c] = corners;
     let edges = each!(axis => [b[axis].sub(a[axis]), c[axis].sub(a[axis])]);
-    let clear = L::bits(L::either(
+    let certain = L::bits(L::either(
         is_certainly_nonzero(&edges, 0, 1),
         L::either(
             is_certainly_nonzero(&edges, 1, 2),
@@ -219,8 +219,8 @@ fn hittable<L: Eight>(corners: &[[L; 3]; 3], count: u32, unhittable: &mut Unhitt
     ));
     let finite = L::bits(finite);
     unhittable.inactive += u64::from(count - finite.count_ones());
-    let doubtful = finite & !clear;
-    let mut hittable = finite & clear;
+    let doubtful = finite & !certain;
+    let mut hittable = finite & certain;
     if doubtful == 0 {
         return hittable;
     }

@@ -32,7 +32,7 @@ pub(crate) trait Triangles<L> {
     /// A coordinate of a corner. Must be `#[inline(always)]`.
     fn corner(&self, axis: usize, corner: usize) -> L;
 
-    /// A number of the triangles' data. Must be `#[inline(always)]`.
+    /// A number of the triangles' data for Woop's test. Must be `#[inline(always)]`.
     fn data(&self, row: usize, column: usize) -> L;
 }
 

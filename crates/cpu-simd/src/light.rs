@@ -81,8 +81,8 @@ impl LaneAnswers {
     /// Returns `u` and `v`.
     #[inline(always)]
     pub(crate) fn weights<I: Isa>(&self) -> [I::Packet; 2] {
-        let spare = I::Packet::splat(0.0).store();
-        let (mut u, mut v) = (spare, spare);
+        let zeros = I::Packet::splat(0.0).store();
+        let (mut u, mut v) = (zeros, zeros);
         for (lane, (u, v)) in u.as_mut().iter_mut().zip(v.as_mut()).enumerate() {
             (*u, *v) = (self.hits[lane].u, self.hits[lane].v);
         }

@@ -46,8 +46,8 @@ impl MovingLanes {
 
     /// Sets all corners and boxes. After the first call for a tree, sets only the moving ones.
     pub(crate) fn fit(&mut self, task: &mut FitTask<'_>) -> Fitted {
-        // Subtracting the moving areas from the areas of all parts could leave no correct digit. So the static parts are
-        // fitted and summed first, and then the moving ones, whose boxes depend on them.
+        // The static areas are not the difference of two sums, because it could have no correct digit. So the static
+        // parts are fitted and summed first. Boxes of moving parts depend on these.
         let still = self.still.unwrap_or_else(|| {
             let still_lanes: Vec<u8> = self.lanes.iter().map(|lanes| !lanes).collect();
             task.fit_all(Some(&still_lanes))

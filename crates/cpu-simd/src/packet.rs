@@ -2,7 +2,7 @@
 //! rays at once (Boulos, Wald, Shirley 2006).
 //!
 //! Every operation of the box test is monotone in the ray's origin, in the reciprocal `|r|` of the direction and in
-//! the padding `q`, rounding included. So bounds on these bound the entry and the exit of every ray. If the bounds
+//! the padding `q`, rounding included. So limits of these values limit the entry and the exit of every ray. If they
 //! exclude a box, each ray's own test excludes it too.
 
 use crate::intersect::{AnyHitTest, AnyHits, LaneTest};

@@ -56,8 +56,8 @@ impl<L: Lanes> InputRays<L> {
     /// Loads neighbouring rays of a list. Lanes beyond the end of the list get rays that hit nothing.
     #[inline(always)]
     pub(crate) fn listed(rays: &[Ray]) -> Self {
-        let spare = L::splat(0.0).store();
-        let (mut origin, mut direction, mut limits) = ([spare; 3], [spare; 3], [spare; 2]);
+        let zeros = L::splat(0.0).store();
+        let (mut origin, mut direction, mut limits) = ([zeros; 3], [zeros; 3], [zeros; 2]);
         let lanes = L::ALL.count_ones() as usize;
         for (lane, ray) in rays.iter().enumerate().take(lanes) {
             for axis in 0..3 {

@@ -43,8 +43,8 @@ fn extreme_lanes<L: Lanes>(rays: &InputRays<L>, geometry: &Geometry<'_>) -> u32 
     let origin = rays.scaled_origin(geometry.scale);
     let [x, y, z] = each!(i => origin[i].abs());
     let size = x.max(y).max(z);
-    let number = x.add(y).add(z).at_most(L::splat(f32::INFINITY));
-    let usual = L::bits(L::both(number, size.less(L::splat(CoordinateRange::FAR))));
+    let not_nan = x.add(y).add(z).at_most(L::splat(f32::INFINITY));
+    let usual = L::bits(L::both(not_nan, size.less(L::splat(CoordinateRange::FAR))));
     let near = L::bits(size.less(L::splat(CoordinateRange::NEAR)));
     !usual | if geometry.range.tiny { near } else { 0 }
 }

@@ -26,9 +26,9 @@ pub(crate) type BoxPlanes = [[f32; 2 * LANES]; 3];
 
 /// Planes of eight empty boxes.
 pub(crate) const EMPTY: BoxPlanes = {
-    let (no, on) = (f32::INFINITY, f32::NEG_INFINITY);
+    let (lo, hi) = (f32::INFINITY, f32::NEG_INFINITY);
     [[
-        no, no, no, no, no, no, no, no, on, on, on, on, on, on, on, on,
+        lo, lo, lo, lo, lo, lo, lo, lo, hi, hi, hi, hi, hi, hi, hi, hi,
     ]; 3]
 };
 

@@ -74,7 +74,7 @@ fn cameras() -> impl Strategy<Value = Camera> {
             Camera::look_at(pose.with_up([0.1, 1.0, 0.2]), size)
         };
         let camera = camera(eye, at).or_else(|| camera([0.0, 0.0, 5.0], [0.0; 3]));
-        let camera = camera.expect("it sees");
+        let camera = camera.expect("a valid camera");
         Camera {
             corner: camera.corner.map(|x| x * length),
             across: camera.across.map(|x| x * length),
@@ -132,10 +132,10 @@ fn ball(size: f32) -> Arc<Animation> {
         for _ in 0..3 {
             let corner: Point = std::array::from_fn(|i| size * (middle[i] + 0.15 * number()));
             let moved = corner.map(|x| if triangle % 3 == 0 { x + 0.2 * size } else { x });
-            let lost = [f32::NAN; 3];
-            keys[0].push(if triangle % 50 < 2 { lost } else { corner });
+            let inactive = [f32::NAN; 3];
+            keys[0].push(if triangle % 50 < 2 { inactive } else { corner });
             keys[1].push(match triangle % 50 {
-                1 => lost,
+                1 => inactive,
                 7 => [size; 3],
                 _ => moved,
             });
