@@ -88,16 +88,11 @@ impl StabilitySettings {
         };
         let mut progress = ProgressLine::new(Family::ALL.len() as u64, self.test.quiet);
         let name = backend.device().backend;
-        let sampling = baseline::Sampling {
-            seeds: self.seeds,
-            rays: self.rays,
-        };
-        let found = baseline::record(backend.as_mut(), sampling, &mut |family| {
-            progress.step(&format!("{name} {family}"));
-        })?;
+        let mut step = |family: Family| progress.step(&format!("{name} {family}"));
+        let found = baseline::record(backend.as_mut(), self.seeds, self.rays, &mut step)?;
         output::write_json(file, &found)?;
         let rates = found.entries.len();
-        console::print(&format!("{rates} rates of {}\n", found.ground))
+        console::print(&format!("{rates} rates of {}\n", found.measured_on))
     }
 
     /// Measures every family on every backend.

@@ -72,6 +72,19 @@ pub(crate) fn same_counts(seen: &FrameReport, expected: &FrameReport) -> Result<
     Ok(())
 }
 
+/// Relative tolerance of tree costs, which are sums in single precision and in any order.
+const COST_TOLERANCE: f64 = 1e-4;
+
+/// Compares the costs of trees.
+pub(crate) fn same_cost(found: Option<f64>, expected: Option<f64>) -> Result<()> {
+    let is_same = match (found, expected) {
+        (Some(found), Some(expected)) => (found / expected - 1.0).abs() <= COST_TOLERANCE,
+        (found, expected) => found == expected,
+    };
+    ensure!(is_same, "the cost is {found:?}, expected {expected:?}");
+    Ok(())
+}
+
 /// Compares the closest hits and the blocked flags of `rays` at `time`.
 pub(crate) fn answers(
     case: &Case,

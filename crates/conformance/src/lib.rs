@@ -17,7 +17,7 @@ pub mod stage;
 pub use generate::cases::{Case, nth_case};
 pub use generate::rays::{RayKind, Target, aimed};
 pub use generate::strategies::seed_bytes;
-pub use generate::topologies::topology_from_splits;
+pub use generate::topologies::{topology_from_splits, uneven_tree};
 pub use properties::{PROPERTIES, Property};
 pub use reference::Reference;
 
@@ -32,7 +32,7 @@ use std::ops::RangeInclusive;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// A case in which a property fails, with a description of the disagreement between subject and reference.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, thiserror::Error)]
 #[error("property {property}, seed {seed}, case {case}: {what}; the case shrinks to {minimal}")]
 pub struct Disagreement {
     /// Name of the property.
@@ -46,7 +46,7 @@ pub struct Disagreement {
     /// The observed result and the expected one, in the smallest case.
     pub what: String,
     /// The smallest case that was found to fail.
-    pub minimal: Minimal,
+    pub minimal: Box<Case>,
     /// Number of cases that passed before this one.
     pub held: u32,
 }
@@ -56,36 +56,6 @@ impl Disagreement {
     pub fn options(&self) -> String {
         let (property, seed, case) = (self.property, self.seed, self.case);
         format!("--property {property} --seed {seed} --case {case}")
-    }
-}
-
-/// The smallest failing case: its size and its text.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Minimal {
-    /// Number of triangles.
-    pub triangles: usize,
-    /// Number of key frames.
-    pub keys: usize,
-    /// Number of rays.
-    pub rays: usize,
-    /// The case as text, with the numbers of its first triangles and rays.
-    pub text: String,
-}
-
-impl Minimal {
-    fn of(case: &Case) -> Self {
-        Self {
-            triangles: case.animation.triangle_count(),
-            keys: case.animation.key_count(),
-            rays: case.rays.len(),
-            text: case.to_string(),
-        }
-    }
-}
-
-impl std::fmt::Display for Minimal {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(&self.text)
     }
 }
 
@@ -143,7 +113,7 @@ pub fn check_property(
                 held += 1;
                 continue;
             }
-            Err(TestError::Fail(what, case)) => (what, Minimal::of(&case)),
+            Err(TestError::Fail(what, case)) => (what, Box::new(case)),
             Err(TestError::Abort(why)) => unreachable!("no case is rejected: {why}"),
         };
         return Err(Disagreement {

@@ -31,6 +31,17 @@ pub fn triangles(animation: &Animation, time: f64) -> Vec<Triangle> {
     all.map(|t| moment.corners(t)).collect()
 }
 
+/// Returns a static animation of the scene at time 0 and one more triangle.
+pub(crate) fn with_triangle(animation: &Animation, corners: Triangle) -> Animation {
+    let mut points = vertices(animation, 0.0);
+    let mut triangles = animation.triangles().to_vec();
+    let first = points.len() as u32;
+    points.extend(corners);
+    triangles.push([first, first + 1, first + 2]);
+    let animation = Animation::new(vec![points], triangles);
+    animation.expect("triangles use only vertices of the scene")
+}
+
 /// Returns whether every backend must test a ray from `origin` at `time` in exact arithmetic: see
 /// [`geom::CoordinateRange`].
 pub(crate) fn is_extreme(animation: &Animation, time: f64, origin: Point) -> bool {

@@ -4,7 +4,7 @@
 use backend::{Backend, Generation, Inspect, Intersector, QueryKind, Rays};
 use bvh_layout::{CollapseOptions, Topology};
 use conformance::stage::{record_refit, trace_and_wait, tree_at};
-use conformance::{Cases, PROPERTIES, Reference, check_property, nth_case, topology_from_splits};
+use conformance::{Cases, PROPERTIES, Reference, check_property, nth_case, uneven_tree};
 use cpu_ref::CpuBackend;
 use cpu_simd::{InstructionSet, open_at};
 use geom::{Animation, Camera, CameraPose, Point, Ray};
@@ -150,8 +150,7 @@ fn trees(animation: &Animation) -> [Topology; 2] {
     let good = tree_at(animation, 0.7);
     let mut leaves = good.leaf_triangles().to_vec();
     leaves.sort_unstable();
-    let uneven = |depth, leaves| if depth < 20 { 1 } else { leaves / 2 };
-    let bad = topology_from_splits(animation.triangle_count(), &leaves, uneven);
+    let bad = uneven_tree(animation.triangle_count(), &leaves, 20);
     [good, bad]
 }
 

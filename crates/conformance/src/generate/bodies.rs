@@ -9,16 +9,15 @@ use proptest::prelude::*;
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-backend::named! {
-    /// Target of a ray.
-    pub enum Aim {
-        /// A point on an edge, rounded to single precision.
-        Edge = "an edge",
-        /// A vertex.
-        Vertex = "a vertex",
-        /// A random point.
-        Random = "random",
-    }
+/// Target of a ray.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Aim {
+    /// A point on an edge, rounded to single precision.
+    Edge,
+    /// A vertex.
+    Vertex,
+    /// A random point.
+    Random,
 }
 
 /// A sort of rays at a body.

@@ -2,8 +2,8 @@
 
 use super::bodies::{BODIES, BodyRay, PlacedBody, RaySort, body_rays, placed_body};
 use super::commands::{BackendCommand, commands};
-use super::rays::{Aims, RayDescription, RayKind, turn};
-use super::scenes::{KEYS, MovingMesh, SceneKind, scenes, unit};
+use super::rays::{Aims, RayDescription, RayKind, nth_ray};
+use super::scenes::{KEYS, MovingMesh, SceneKind, grid_point, scenes};
 use super::strategies::{Precision, each, precision, runner, steps, tree};
 use super::topologies::TreeDescription;
 use crate::compare::ray_text;
@@ -119,7 +119,7 @@ struct CaseDescription {
 /// are removed.
 pub(crate) fn cases(number: u32) -> impl Strategy<Value = Case> {
     let kind = SceneKind::ALL[number as usize % SceneKind::ALL.len()];
-    let rays = each((0..ROUNDS * RayKind::ALL.len() as u64).map(turn));
+    let rays = each((0..ROUNDS * RayKind::ALL.len() as u64).map(nth_ray));
     let sizes = (
         each((0..TRIANGLES).map(Just)),
         steps((1..=KEYS).collect::<Vec<_>>()),
@@ -129,7 +129,7 @@ pub(crate) fn cases(number: u32) -> impl Strategy<Value = Case> {
         times(),
         lights(),
         TreeDescription::all(),
-        unit().no_shrink(),
+        grid_point().no_shrink(),
         any::<u64>().no_shrink(),
         commands(),
         bodies(),

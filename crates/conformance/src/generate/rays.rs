@@ -1,26 +1,31 @@
 //! Rays of several kinds, each for one purpose. Sums are computed in double precision and rounded once.
 
 use super::meshes::point;
-use super::strategies::{Precision, Steps, precision, samples, steps};
+use super::strategies::{Precision, Steps, precision, runner, steps, tree};
 use crate::stage;
 use geom::{Animation, Point, Ray, Triangle, is_active};
 use proptest::array::uniform3;
 use proptest::prelude::*;
 use proptest::sample::select;
+use proptest::strategy::ValueTree;
 
 /// Bits of the exponent of an `f64`.
 const EXPONENT: u64 = 0x7ff << 52;
 
-backend::named! {
-    /// Part of a triangle to aim at.
-    pub enum Target {
-        /// A point in the interior.
-        Inside = "inside",
-        /// A point on an edge.
-        Edge = "edge",
-        /// A vertex.
-        Vertex = "vertex",
-    }
+/// Part of a triangle to aim at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Target {
+    /// A point in the interior.
+    Inside,
+    /// A point on an edge.
+    Edge,
+    /// A vertex.
+    Vertex,
+}
+
+impl Target {
+    /// All targets.
+    pub const ALL: [Self; 3] = [Self::Inside, Self::Edge, Self::Vertex];
 }
 
 backend::named! {
@@ -143,7 +148,7 @@ fn kinds(kind: RayKind) -> Steps<RayKind> {
 }
 
 /// Ray `i` of a scene. Consecutive rays cycle through all kinds, and then through all targets.
-pub(crate) fn turn(i: u64) -> impl Strategy<Value = RayDescription> {
+pub(crate) fn nth_ray(i: u64) -> impl Strategy<Value = RayDescription> {
     let (i, kinds) = (i as usize, RayKind::ALL.len());
     rays_of(RayKind::ALL[i % kinds], Target::ALL[i / kinds % 3])
 }
@@ -159,8 +164,9 @@ pub fn aimed(
     count: usize,
 ) -> Vec<Ray> {
     let [_, aims] = Aims::of(animation, time);
-    let all = samples(rays_of(RayKind::Beyond, target), 2014);
-    let all = all.map(|ray| aims.beyond(&ray, 2.0 * distance));
+    let (rays, mut runner) = (rays_of(RayKind::Beyond, target), runner(2014, 0, 0));
+    let ray = || aims.beyond(&tree(&rays, &mut runner).current(), 2.0 * distance);
+    let all = std::iter::repeat_with(ray);
     all.filter(Ray::is_valid).take(count).collect()
 }
 
@@ -231,7 +237,7 @@ impl Aims {
             RayKind::Beyond => self.beyond(ray, 2.0_f64.powi(ray.exponent)),
             _ => {
                 let [from, at] = self.ends(ray);
-                ray.bent(towards(from, at))
+                ray.adapted_to_kind(towards(from, at))
             }
         }
     }
@@ -359,7 +365,7 @@ pub(crate) fn of_zeros() -> impl Strategy<Value = Ray> {
 
 impl RayDescription {
     /// Applies the limits or the direction that the ray's kind requires.
-    fn bent(&self, mut ray: Ray) -> Ray {
+    fn adapted_to_kind(&self, mut ray: Ray) -> Ray {
         let (d, axis) = (&mut ray.direction, self.axis);
         match self.kind {
             RayKind::Limited => {

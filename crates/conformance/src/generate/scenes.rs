@@ -53,7 +53,7 @@ pub(crate) type MovingMesh = (Vec<Vec<Point>>, Vec<[u32; 3]>);
 pub(crate) const KEYS: usize = 3;
 
 /// Points with coordinates in `-1..=1` that are multiples of `1 / 1024`.
-pub(crate) fn unit() -> impl Strategy<Value = Point> + Clone {
+pub(crate) fn grid_point() -> impl Strategy<Value = Point> + Clone {
     uniform3(grid(1024))
 }
 
@@ -63,8 +63,8 @@ pub(crate) fn unit() -> impl Strategy<Value = Point> + Clone {
 /// triangles, key frames and digits.
 pub(crate) fn scenes(kind: SceneKind) -> BoxedStrategy<MovingMesh> {
     match kind {
-        SceneKind::Soup => free(1..150, PLUMP).boxed(),
-        SceneKind::Slivers => free(1..60, [-7.0, -3.0]).boxed(),
+        SceneKind::Soup => moving_soup(1..150, PLUMP).boxed(),
+        SceneKind::Slivers => moving_soup(1..60, [-7.0, -3.0]).boxed(),
         SceneKind::Flakes => scattered(flakes().prop_map(|all| meshes::separate(&all))).boxed(),
         SceneKind::Stack => scattered(stacks()).boxed(),
         SceneKind::Plane => animated(plane()).boxed(),
@@ -82,7 +82,7 @@ pub(crate) fn scenes(kind: SceneKind) -> BoxedStrategy<MovingMesh> {
 }
 
 /// Separate triangles, whose second edges are scaled by a power of ten with an exponent in `thin`.
-fn free(count: impl Into<SizeRange>, thin: [f64; 2]) -> impl Strategy<Value = MovingMesh> {
+fn moving_soup(count: impl Into<SizeRange>, thin: [f64; 2]) -> impl Strategy<Value = MovingMesh> {
     scattered(soup(count, 0.4, thin).prop_map(|all| meshes::separate(&all)))
 }
 
@@ -102,7 +102,7 @@ fn body() -> impl Strategy<Value = IndexedMesh> {
 
 /// Offsets in each of three key frames.
 fn drift() -> impl Strategy<Value = [Point; KEYS]> + Clone {
-    [unit(), unit()].prop_map(|[second, third]| [[0.0; 3], second, third])
+    [grid_point(), grid_point()].prop_map(|[second, third]| [[0.0; 3], second, third])
 }
 
 /// Maximum number of triangles that move independently.
@@ -170,7 +170,7 @@ fn oddities(count: usize) -> impl Strategy<Value = Vec<Oddity>> {
 
 /// Makes some vertices not finite in some key frames, and adds triangles of no area.
 fn broken() -> impl Strategy<Value = MovingMesh> {
-    (free(2..40, PLUMP), oddities(12)).prop_map(|((mut keys, mut triangles), oddities)| {
+    (moving_soup(2..40, PLUMP), oddities(12)).prop_map(|((mut keys, mut triangles), oddities)| {
         let vertices = keys[0].len();
         for odd in oddities {
             let vertex = odd.vertex as usize % vertices;
@@ -190,7 +190,7 @@ fn broken() -> impl Strategy<Value = MovingMesh> {
 
 /// At most two separate triangles. There are always six vertices.
 fn few() -> impl Strategy<Value = MovingMesh> {
-    (free(2, PLUMP), 0..3_usize).prop_map(|((keys, mut triangles), count)| {
+    (moving_soup(2, PLUMP), 0..3_usize).prop_map(|((keys, mut triangles), count)| {
         triangles.truncate(count);
         (keys, triangles)
     })
@@ -198,7 +198,7 @@ fn few() -> impl Strategy<Value = MovingMesh> {
 
 /// Makes all vertices not finite in at least one key frame.
 fn gone() -> impl Strategy<Value = MovingMesh> {
-    (free(1..20, PLUMP), 1..8_u32).prop_map(|((mut keys, triangles), which)| {
+    (moving_soup(1..20, PLUMP), 1..8_u32).prop_map(|((mut keys, triangles), which)| {
         for (i, key) in keys.iter_mut().enumerate() {
             if which >> i & 1 == 1 {
                 let odd = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY][i];
@@ -212,7 +212,7 @@ fn gone() -> impl Strategy<Value = MovingMesh> {
 /// Multiplies each key frame by a power of two.
 fn grown() -> impl Strategy<Value = MovingMesh> {
     let exponents = uniform3(-35..=20);
-    (free(1..40, PLUMP), exponents).prop_map(|((mut keys, triangles), exponents)| {
+    (moving_soup(1..40, PLUMP), exponents).prop_map(|((mut keys, triangles), exponents)| {
         for (key, exponent) in keys.iter_mut().zip(exponents) {
             let by = 2.0_f32.powi(exponent);
             key.iter_mut().flatten().for_each(|x| *x *= by);
@@ -226,7 +226,7 @@ fn grown() -> impl Strategy<Value = MovingMesh> {
 /// Static triangles keep the positions of the first key frame. Some static vertices get special values, and some
 /// triangles are degenerate.
 fn resting() -> impl Strategy<Value = MovingMesh> {
-    let all = (free(8..200, PLUMP), 0..4_usize, oddities(16));
+    let all = (moving_soup(8..200, PLUMP), 0..4_usize, oddities(16));
     all.prop_map(|((mut keys, mut triangles), share, oddities)| {
         let moving = triangles.len() * share / 16;
         let still = 3 * moving..keys[0].len();
@@ -284,7 +284,7 @@ fn hall() -> impl Strategy<Value = MovingMesh> {
 /// In some key frames, multiplies some vertices by a power of two between `2^-128` and `2^126`.
 fn outlying() -> impl Strategy<Value = MovingMesh> {
     let scene = prop_oneof![
-        free(40, PLUMP),
+        moving_soup(40, PLUMP),
         animated(Just(icosphere(1))),
         animated(sheet(4, 8)),
     ];

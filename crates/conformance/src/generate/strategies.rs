@@ -36,12 +36,6 @@ pub(crate) fn runner(seed: u64, number: u32, max_shrink_iters: u32) -> TestRunne
     TestRunner::new_with_rng(config, TestRng::from_seed(RngAlgorithm::ChaCha, &bytes))
 }
 
-/// Returns values of a strategy that depend on `seed` alone.
-pub(crate) fn samples<S: Strategy>(strategy: S, seed: u64) -> impl Iterator<Item = S::Value> {
-    let mut runner = runner(seed, 0, 0);
-    std::iter::repeat_with(move || tree(&strategy, &mut runner).current())
-}
-
 /// Returns one value of a strategy, which depends on `seed` alone.
 pub(crate) fn sample<S: Strategy>(strategy: &S, seed: u64) -> S::Value {
     tree(strategy, &mut runner(seed, 0, 0)).current()

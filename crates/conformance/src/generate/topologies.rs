@@ -50,7 +50,7 @@ impl TreeDescription {
     /// Returns the tree over the triangles of a scene.
     pub(crate) fn tree(self, animation: &Animation) -> Topology {
         let leaves = live(animation, self.order);
-        odd(animation.triangle_count(), &leaves, self.split, self.order)
+        split_tree(animation.triangle_count(), &leaves, self.split, self.order)
     }
 }
 
@@ -63,7 +63,12 @@ pub(crate) fn live(animation: &Animation, chance: u64) -> Vec<u32> {
 }
 
 /// Returns a tree whose nodes are split by `split`.
-pub(crate) fn odd(triangles: usize, leaves: &[u32], split: LeafSplit, chance: u64) -> Topology {
+pub(crate) fn split_tree(
+    triangles: usize,
+    leaves: &[u32],
+    split: LeafSplit,
+    chance: u64,
+) -> Topology {
     let mut rng = fastrand::Rng::with_seed(chance);
     topology_from_splits(triangles, leaves, |depth, leaves| {
         split.left(leaves, depth, &mut rng)
@@ -93,11 +98,17 @@ pub fn topology_from_splits(
     Converter::default().convert(&tree, triangles, Spare::default())
 }
 
+/// Returns a tree over `leaves`, left to right: a chain of `chain` leaves above a balanced tree of all others.
+pub fn uneven_tree(triangles: usize, leaves: &[u32], chain: u32) -> Topology {
+    let split = |depth: u32, count: usize| if depth < chain { 1 } else { count / 2 };
+    topology_from_splits(triangles, leaves, split)
+}
+
 /// Returns trees that do not belong to this scene, each with the reason.
 pub(crate) fn foreign(animation: &Animation, chance: u64) -> Vec<(&'static str, Topology)> {
     let count = animation.triangle_count();
     let live = live(animation, chance);
-    let of = |count, leaves: &[u32]| odd(count, leaves, LeafSplit::Random, chance);
+    let of = |count, leaves: &[u32]| split_tree(count, leaves, LeafSplit::Random, chance);
     let fewer = live.split_last().map_or(&[][..], |(_, rest)| rest);
     let with = |more: u32| [fewer, &[more]].concat();
     let never = (0..count as u32).find(|&t| !animation.is_live(t));
@@ -126,11 +137,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn odd_trees_are_valid_and_deep() {
+    fn trees_of_every_split_are_valid_and_deep() {
         for n in [0, 1, 2, 3, 40, 65, 66, 300] {
             let leaves: Vec<u32> = (0..n).collect();
             for split in LeafSplit::ALL {
-                let tree = odd(n as usize + 2, &leaves, split, 7);
+                let tree = split_tree(n as usize + 2, &leaves, split, 7);
                 assert_eq!(
                     Topology::from_words(tree.words().to_vec()).as_ref(),
                     Ok(&tree)

@@ -10,7 +10,7 @@ use backend::{Hits, Intersector, Query, QueryKind, Rays};
 use geom::{Camera, Ray};
 
 /// Traces a query at each of the case's times, and verifies the result.
-fn asked(c: &mut Check<'_>, rays: Rays<'_>, kind: QueryKind) -> Result<()> {
+fn trace_and_verify(c: &mut Check<'_>, rays: Rays<'_>, kind: QueryKind) -> Result<()> {
     c.open(c.case.times[0])?;
     for &time in &c.case.times {
         c.record_refit(time)?;
@@ -47,15 +47,15 @@ fn has_extremes(case: &Case, time: f64, rays: Rays<'_>) -> bool {
 
 /// Tests the closest hits of listed rays, and whether they hit anything.
 pub(super) fn listed(c: &mut Check<'_>) -> Result<()> {
-    asked(c, c.rays(), QueryKind::Closest)?;
-    asked(c, c.rays(), QueryKind::Any)
+    trace_and_verify(c, c.rays(), QueryKind::Closest)?;
+    trace_and_verify(c, c.rays(), QueryKind::Any)
 }
 
 /// Tests rays that the device generates from a camera, with shadows, and the shadows of listed rays.
 pub(super) fn shadows(c: &mut Check<'_>) -> Result<()> {
     let (case, light) = (c.case, c.case.light);
     for rays in [Rays::Camera(&case.camera), c.rays()] {
-        asked(c, rays, QueryKind::ClosestAndShadow { light })?;
+        trace_and_verify(c, rays, QueryKind::ClosestAndShadow { light })?;
     }
     Ok(())
 }

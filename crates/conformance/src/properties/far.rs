@@ -2,7 +2,7 @@
 
 use super::Check;
 use crate::compare::answers;
-use crate::stage::{open, record_refit, trace_and_wait, vertices};
+use crate::stage::{open, record_refit, trace_and_wait, vertices, with_triangle};
 use anyhow::{Context, Result, ensure};
 use backend::{Hits, Query, QueryKind, Rays};
 use geom::{Animation, Hit, Point, Ray, Triangle};
@@ -20,7 +20,7 @@ pub(super) fn apart(c: &mut Check<'_>) -> Result<()> {
     let near = StaticScene::new(points, case.animation.triangles().to_vec())?;
     let stray = Stray::of(case.chance);
     let far = StaticScene::new(stray.corners.to_vec(), vec![[0, 1, 2]])?;
-    let both = near.with(&stray.corners)?;
+    let both = StaticScene(Arc::new(with_triangle(&near.0, stray.corners)));
     let range = near.0.range(near.0.pose(0.0));
     let is_scaled = near.0.scale_exponent() != 0 || both.0.scale_exponent() != 0;
     if is_scaled || range.extreme || range.tiny {
@@ -77,16 +77,6 @@ struct StaticScene(Arc<Animation>);
 impl StaticScene {
     fn new(points: Vec<Point>, triangles: Vec<[u32; 3]>) -> Result<Self> {
         Ok(Self(Arc::new(Animation::new(vec![points], triangles)?)))
-    }
-
-    /// Returns the same scene with one more triangle.
-    fn with(&self, corners: &Triangle) -> Result<Self> {
-        let mut points = vertices(&self.0, 0.0);
-        let mut triangles = self.0.triangles().to_vec();
-        let first = points.len() as u32;
-        points.extend(corners);
-        triangles.push([first, first + 1, first + 2]);
-        Self::new(points, triangles)
     }
 
     fn trace_all(&self, c: &mut Check<'_>, queries: &[Query<'_>]) -> Result<Vec<Hits>> {

@@ -143,11 +143,11 @@ pub const PROPERTIES: &[Property] = properties! {
     all tree_age_does_not_change_hits: trees::age;
     all tree_shape_does_not_change_hits: trees::shape;
     usual tree_swap_does_not_change_hits: trees::swap;
-    all uploaded_tree_is_the_one_adopted: trees::brought;
+    all uploaded_tree_is_the_one_adopted: trees::uploaded;
     robust evaluation_does_not_change_results: trees::evaluated;
-    usual device_built_tree_is_valid: trees::whole;
+    usual device_built_tree_is_valid: trees::device_built;
     all_in_turn device_build_does_not_change_hits: trees::same_hits;
-    usual trees_of_other_scenes_are_refused: trees::wrong;
+    usual trees_of_other_scenes_are_refused: trees::of_other_scenes;
     usual tickets_are_ordered_and_results_kept: reports::tickets;
     usual reloading_resets_all_state: reports::reload;
 };

@@ -4,7 +4,7 @@ use super::Check;
 use super::answers::verify;
 use crate::Case;
 use crate::compare::{lists, same_counts, same_hit};
-use crate::generate::rays::{Aims, turn};
+use crate::generate::rays::{Aims, nth_ray};
 use crate::generate::strategies::sample;
 use crate::stage::{
     Traced, boxes_anew, fetch, open, record_refit, start, trace_and_wait, tree_over,
@@ -77,7 +77,7 @@ fn leaping(case: &Case, rng: &mut Rng) -> Result<(Case, Arc<Animation>)> {
     let ray = |i| {
         Aims::pick(
             &aims[i as usize % aims.len()],
-            &sample(&turn(i), rng.u64(..)),
+            &sample(&nth_ray(i), rng.u64(..)),
         )
     };
     let case = Case {

@@ -3,12 +3,11 @@
 //! Backends that build no trees on the device pass the tests of such trees.
 
 use super::Check;
-use crate::compare::{answers, lists, same_counts};
+use crate::compare::{answers, lists, same_cost, same_counts};
 use crate::generate::topologies::foreign;
-use crate::properties::frames::COST_TOLERANCE;
 use crate::reference::FrameResults;
 use crate::stage::{Traced, boxes_anew, fetch, start, trace_and_wait, tree_at};
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, bail};
 use backend::{Backend, BackendError, Generation, Hits, QueryKind, check_tree};
 use bvh_layout::Topology;
 use std::sync::Arc;
@@ -34,9 +33,9 @@ pub(super) fn shape(c: &mut Check<'_>) -> Result<()> {
     c.open(now)?;
     c.record_refit(now)?;
     let built = both(c)?;
-    for (odd, generation) in case.trees.iter().zip(2..) {
-        let about = || format!("{:?}", odd.split);
-        let tree = odd.tree(&case.animation);
+    for (description, generation) in case.trees.iter().zip(2..) {
+        let about = || format!("{:?}", description.split);
+        let tree = description.tree(&case.animation);
         let adopted = c.subject.adopt(&tree, Generation(generation));
         adopted.with_context(about)?;
         boxes_anew(c.subject)?;
@@ -72,7 +71,7 @@ pub(super) fn swap(c: &mut Check<'_>) -> Result<()> {
 }
 
 /// Tests that a tree uploaded in advance is the one adopted, and that an abandoned upload has no effect.
-pub(super) fn brought(c: &mut Check<'_>) -> Result<()> {
+pub(super) fn uploaded(c: &mut Check<'_>) -> Result<()> {
     let (case, rays, now) = (c.case, c.rays(), c.case.times[1]);
     let animation = &case.animation;
     let [left, next, last] = [0, 1, 2].map(|i| tree_at(animation, case.times[i]));
@@ -145,16 +144,6 @@ pub(super) fn evaluated(c: &mut Check<'_>) -> Result<()> {
     Ok(())
 }
 
-/// Compares costs. Sums of areas may be taken in another order.
-fn same_cost(found: Option<f64>, expected: Option<f64>) -> Result<()> {
-    let is_same = match (found, expected) {
-        (Some(found), Some(expected)) => (found / expected - 1.0).abs() <= COST_TOLERANCE,
-        (found, expected) => found == expected,
-    };
-    ensure!(is_same, "the cost is {found:?}, expected {expected:?}");
-    Ok(())
-}
-
 fn write(c: &mut Check<'_>, tree: &Topology, generation: u64) -> Result<()> {
     let writer = c.subject.tree_writer(Generation(generation))?;
     writer.into_iter().for_each(|write| write(tree));
@@ -162,7 +151,7 @@ fn write(c: &mut Check<'_>, tree: &Topology, generation: u64) -> Result<()> {
 }
 
 /// Tests that a valid tree of another scene is refused with a reason, and that the current tree stays in use.
-pub(super) fn wrong(c: &mut Check<'_>) -> Result<()> {
+pub(super) fn of_other_scenes(c: &mut Check<'_>) -> Result<()> {
     let (case, now) = (c.case, c.case.times[1]);
     c.open(now)?;
     c.record_refit(now)?;
@@ -191,7 +180,7 @@ fn rebuild(backend: &mut dyn Backend, generation: u64) -> Result<bool> {
 
 /// Tests that a tree made on the device is valid when read back. Its boxes, counts and cost must equal the reference's
 /// for this tree.
-pub(super) fn whole(c: &mut Check<'_>) -> Result<()> {
+pub(super) fn device_built(c: &mut Check<'_>) -> Result<()> {
     let case = c.case;
     c.subject.load(Arc::clone(&case.animation), c.intersector)?;
     for (&time, generation) in case.times.iter().zip(1..) {

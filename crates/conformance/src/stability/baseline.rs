@@ -23,7 +23,8 @@ pub struct Baseline {
     #[serde(with = "OwnArithmetic")]
     pub arithmetic: Arithmetic,
     /// Device, driver and settings of the measurement.
-    pub ground: String,
+    #[serde(rename = "ground")]
+    pub measured_on: String,
     /// Measured rates.
     pub entries: Vec<RateEntry>,
 }
@@ -65,7 +66,7 @@ pub(super) fn is_never(intersector: Intersector, measure: Measure) -> bool {
 }
 
 /// Returns the arithmetic that determines an intersector's answers on a device.
-fn decisive(by: Intersector, device: Arithmetic) -> Arithmetic {
+fn deciding_arithmetic(by: Intersector, device: Arithmetic) -> Arithmetic {
     if by.is_equal_across_backends() {
         Arithmetic::IEEE
     } else {
@@ -80,23 +81,14 @@ pub(super) fn known(
     measure: Measure,
     device: Arithmetic,
 ) -> Option<&'static RateEntry> {
-    let arithmetic = decisive(by, device);
+    let arithmetic = deciding_arithmetic(by, device);
     let baseline = BASELINES.iter().find(|b| b.arithmetic == arithmetic)?;
     let names = (family.name(), by.name(), measure.name());
     let this = |e: &&RateEntry| (&*e.family, &*e.intersector, &*e.measure) == names;
     baseline.entries.iter().find(this)
 }
 
-/// Number of rays of each family in each run, and number of runs.
-#[derive(Clone, Copy, Debug)]
-pub struct Sampling {
-    /// Number of runs. Their seeds are 1, 2 and so on.
-    pub seeds: u64,
-    /// Number of rays of each family in a run.
-    pub rays: u32,
-}
-
-/// Measures every family on a device.
+/// Measures every family on a device, with `rays` rays per family and seed. Seeds are 1 to `seeds`.
 ///
 /// Intersectors that do not depend on the device's arithmetic are measured only on devices with [`Arithmetic::IEEE`].
 /// `progress` receives each family when it is finished.
@@ -105,13 +97,13 @@ pub struct Sampling {
 /// The subject failed.
 pub fn record(
     subject: &mut dyn Backend,
-    sampling: Sampling,
+    seeds: u64,
+    rays: u32,
     progress: &mut dyn FnMut(Family),
 ) -> Result<Baseline> {
-    let Sampling { seeds, rays } = sampling;
     let device = subject.device().clone();
     let arithmetic = device.arithmetic;
-    let decides = |by: &Intersector| decisive(*by, arithmetic) == arithmetic;
+    let decides = |by: &Intersector| deciding_arithmetic(*by, arithmetic) == arithmetic;
     let all: Vec<_> = Intersector::ALL.into_iter().filter(decides).collect();
     let mut entries = Vec::new();
     for family in Family::ALL {
@@ -128,7 +120,7 @@ pub fn record(
     let (driver, backend) = (device.driver.trim(), device.backend);
     Ok(Baseline {
         arithmetic,
-        ground: format!(
+        measured_on: format!(
             "{}, {driver}, backend {backend}, {rays} rays a family of each of the seeds 1 to {seeds}",
             device.adapter
         ),
@@ -222,7 +214,9 @@ mod tests {
     #[test]
     fn baselines_are_complete() {
         for baseline in BASELINES.iter() {
-            let of = |by: Intersector| decisive(by, baseline.arithmetic) == baseline.arithmetic;
+            let of = |by: Intersector| {
+                deciding_arithmetic(by, baseline.arithmetic) == baseline.arithmetic
+            };
             let all = Intersector::ALL.into_iter().filter(|&by| of(by));
             for (family, by) in all.flat_map(|by| Family::ALL.map(|f| (f, by))) {
                 let this = |e: &&RateEntry| e.family == family.name() && e.intersector == by.name();
@@ -231,7 +225,8 @@ mod tests {
                 let none = by == Intersector::Exact;
                 assert_eq!(found.len(), usize::from(!none), "{family} {by}");
             }
-            assert!(baseline.ground.contains("seed"), "{}", baseline.ground);
+            let measured_on = &baseline.measured_on;
+            assert!(measured_on.contains("seed"), "{measured_on}");
         }
     }
 }

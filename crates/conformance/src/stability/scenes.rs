@@ -6,7 +6,7 @@ use crate::generate::rays::{Aims, RayKind, Target, of_zeros, rays_of};
 use crate::generate::strategies::sample;
 use crate::generate::{mixed, shares};
 use crate::stability::{Family, Plan};
-use crate::stage::vertices;
+use crate::stage::with_triangle;
 use fastrand::Rng;
 use geom::{Animation, Point, Ray, Triangle};
 use proptest::strategy::Strategy;
@@ -83,8 +83,8 @@ fn one(family: Family, number: usize, rays: usize, rng: &mut Rng) -> StabilitySc
         Family::Vertices => body(0.0, Some(Aim::Vertex), rng),
         Family::Outlier => beside_outlier(body(0.0, None, rng), rng),
         _ => {
-            let scene = free(family, rng);
-            asked(scene, rays, |aims, i| ray(family, aims, i + number, rng))
+            let scene = scene_without_rays(family, rng);
+            with_rays(scene, rays, |aims, i| ray(family, aims, i + number, rng))
         }
     }
 }
@@ -115,7 +115,7 @@ fn closed(
 }
 
 /// Returns a scene of a family that has no closed bodies. The scene has no rays yet.
-fn free(family: Family, rng: &mut Rng) -> StabilityScene {
+fn scene_without_rays(family: Family, rng: &mut Rng) -> StabilityScene {
     let plump = |rng: &mut Rng| drawn(soup(64, 0.4, PLUMP), rng);
     let scaled = |exponents, rng: &mut Rng| {
         let by = drawn(meshes::power(exponents), rng);
@@ -160,7 +160,7 @@ fn ray(family: Family, aims: &Aims, i: usize, rng: &mut Rng) -> Ray {
 }
 
 /// Generates the rays of a scene.
-fn asked(
+fn with_rays(
     mut scene: StabilityScene,
     rays: usize,
     mut ray: impl FnMut(&Aims, usize) -> Ray,
@@ -223,12 +223,8 @@ fn broken(triangles: &[Triangle], rng: &mut Rng) -> StabilityScene {
 
 /// Adds an outlying triangle to a scene with a closed body. Hardly any ray hits this triangle.
 fn beside_outlier(body: StabilityScene, rng: &mut Rng) -> StabilityScene {
-    let mut points = vertices(&body.animation, 0.0);
-    let mut triangles = body.animation.triangles().to_vec();
-    let first = points.len() as u32;
-    points.extend(drawn(meshes::outlier(), rng));
-    triangles.push([first, first + 1, first + 2]);
-    let animation = still((points, triangles)).animation;
+    let outlier = drawn(meshes::outlier(), rng);
+    let animation = Arc::new(with_triangle(&body.animation, outlier));
     StabilityScene { animation, ..body }
 }
 
@@ -248,7 +244,7 @@ fn cloth(rays: usize, rng: &mut Rng) -> StabilityScene {
     let demo = ::scene::open("demo:twist:3000", &::scene::SceneOptions::default());
     let animation = demo.expect("demos need no file").animation;
     let times = [0.0, animation.end()];
-    asked(StabilityScene::new(animation, times), rays, |aims, i| {
+    with_rays(StabilityScene::new(animation, times), rays, |aims, i| {
         aims.ray(&drawn(rays_of(RayKind::Aimed, Target::ALL[i % 3]), rng))
     })
 }

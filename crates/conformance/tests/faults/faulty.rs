@@ -32,7 +32,7 @@ struct Seen {
     loads: u32,
     taken: Option<Vec<Point>>,
     /// Positions that are returned even after another scene is loaded.
-    old_copy: Option<Vec<Point>>,
+    stale_positions: Option<Vec<Point>>,
     pose: Option<Pose>,
     /// True if the host has not computed the range of the key frames.
     is_unknown: bool,
@@ -43,7 +43,7 @@ struct Seen {
     /// Tree that `rebuild` built last.
     made: Option<Topology>,
     /// First tree that was uploaded in advance.
-    brought: Option<Topology>,
+    uploaded: Option<Topology>,
     /// Hits of several queries traced together, and their total number.
     together: (Vec<Hits>, u64),
 }
@@ -167,21 +167,21 @@ impl Backend for Faulty {
         self.seen = Seen {
             animation: Some(Arc::clone(&animation)),
             loads: self.seen.loads + 1,
-            old_copy: self.seen.old_copy.take(),
+            stale_positions: self.seen.stale_positions.take(),
             ..Seen::default()
         };
         self.inner.load(animation, intersector)
     }
 
     fn upload_tree(&mut self, tree: &Topology, _: Generation) -> Result<bool> {
-        self.seen.brought.get_or_insert_with(|| tree.clone());
+        self.seen.uploaded.get_or_insert_with(|| tree.clone());
         Ok(true)
     }
 
     fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()> {
-        let left = self.seen.brought.take();
-        let left = left.filter(|_| self.is("a tree that was left is adopted"));
-        let tree = left.as_ref().unwrap_or(tree);
+        let uploaded = self.seen.uploaded.take();
+        let abandoned = uploaded.filter(|_| self.is("an abandoned upload is adopted"));
+        let tree = abandoned.as_ref().unwrap_or(tree);
         self.seen.made = None;
         let adopted = self.inner.adopt(tree, generation);
         match (self.fault, &adopted) {
@@ -267,7 +267,7 @@ impl Backend for Faulty {
 
     fn request_positions(&mut self) -> Result<()> {
         if self.is("positions outlive their scene") {
-            self.seen.old_copy = Some(vec![[0.0; 3]]);
+            self.seen.stale_positions = Some(vec![[0.0; 3]]);
         }
         self.inner.request_positions()
     }
@@ -343,11 +343,11 @@ impl Backend for Faulty {
             {
                 return Ok(Some((Ticket(0), Box::new(again))));
             }
-            let old = self.seen.old_copy.take();
+            let old = self.seen.stale_positions.take();
             return Ok(old.map(|old| (Ticket(0), Box::new(old) as Snapshot)));
         };
         self.seen.taken = Some(snapshot.to_vec());
-        self.seen.old_copy = None;
+        self.seen.stale_positions = None;
         if self.is("copies are of the newest frame") {
             let newest = self.inner.positions()?;
             return Ok(Some((ticket, Box::new(newest))));
