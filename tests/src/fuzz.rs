@@ -95,7 +95,7 @@ fn scene(path: &Path) -> Result<(), String> {
 fn command(path: &Path) -> Result<(), String> {
     let text = fs::read(path).map_err(|e| e.to_string())?;
     let words = text.split(|&b| b == b'\n').filter(|word| !word.is_empty());
-    let words: Vec<_> = words.map(word).collect();
+    let words: Vec<_> = words.map(argument).collect();
     // Arguments after `--` are not options, so `--help` would have no effect.
     if words.iter().any(|word| word == "--") || text.contains(&0) {
         return Err("no command line".to_owned());
@@ -124,12 +124,12 @@ fn is_refusal(output: &Output) -> bool {
 }
 
 #[cfg(unix)]
-fn word(bytes: &[u8]) -> OsString {
+fn argument(bytes: &[u8]) -> OsString {
     std::os::unix::ffi::OsStringExt::from_vec(bytes.to_vec())
 }
 
 #[cfg(not(unix))]
-fn word(bytes: &[u8]) -> OsString {
+fn argument(bytes: &[u8]) -> OsString {
     String::from_utf8_lossy(bytes).into_owned().into()
 }
 

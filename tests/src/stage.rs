@@ -64,6 +64,14 @@ impl Stage {
     }
 }
 
+/// Creates triangles without shared vertices, from key frames with three vertices per triangle.
+pub fn separate_triangles(keys: Vec<Vec<Point>>) -> Arc<Animation> {
+    let triangles = 0..keys[0].len() as u32 / 3;
+    let triangles = triangles.map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+    let animation = Animation::new(keys, triangles);
+    Arc::new(animation.expect("key frames have equal lengths"))
+}
+
 /// Returns the camera that the program would choose.
 pub fn camera(animation: &Animation, size: [u32; 2]) -> Camera {
     let view = Viewpoint::framing(animation, 40.0, size);

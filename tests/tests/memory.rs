@@ -18,21 +18,19 @@ const SHEET: [[f32; 3]; 3] = [[-1.0, 0.0, -1.0], [1.0, 0.0, -1.0], [0.0, 0.0, 1.
 enum End {
     Read,
     Unread,
-    /// Dropped after its queries.
-    Dropped,
-    /// Dropped before its first query.
-    Begun,
+    DroppedAfterQueries,
+    DroppedBeforeQueries,
     Refused,
 }
 
 /// How steps end, one after the other.
 const ENDS: [End; 6] = [
     End::Read,
-    End::Dropped,
+    End::DroppedAfterQueries,
     End::Refused,
-    End::Begun,
+    End::DroppedBeforeQueries,
     End::Unread,
-    End::Dropped,
+    End::DroppedAfterQueries,
 ];
 
 struct Moving {
@@ -60,7 +58,7 @@ impl Moving {
         let mut step = self.tracer.step(0.0);
         let sheet = SHEET.map(|[x, _, z]| [x, (i % 8) as f32 / 8.0, z]);
         step.vertices(self.mesh, Source::Host(&sheet))?;
-        if end == End::Begun {
+        if end == End::DroppedBeforeQueries {
             return Ok(());
         }
         if end == End::Refused {
@@ -70,7 +68,7 @@ impl Moving {
         }
         let closest = step.trace(&self.rays, Query::Closest)?;
         step.trace(&self.rays, Query::Any)?;
-        if end != End::Dropped {
+        if end != End::DroppedAfterQueries {
             let done = step.submit()?;
             if end == End::Read {
                 assert!(self.tracer.hits(done, closest)?.is_hit(RAYS / 2));

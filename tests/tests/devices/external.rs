@@ -146,7 +146,7 @@ impl<O: Importer> LentRays for SharedRays<O> {
         &mut self.tracer
     }
 
-    fn trace(&mut self, query: Query, has_results: bool) -> Found {
+    fn trace(&mut self, query: Query, has_results: bool) -> Vec<Found> {
         let [(rays, _), (results, _)] = &self.memory;
         let asked = ExternalRays {
             rays,
@@ -241,7 +241,7 @@ pub(crate) fn external_memory_misuse_is_an_error() {
 
 /// Runs `meanwhile`, then unblocks a submission that waits for an odd value. Checks that the submission was blocked
 /// and signals the next value. Returns its hits.
-fn let_go(
+fn unblock(
     backend: &mut VulkanBackend,
     (timeline, value): (&Timeline, u64),
     ticket: Option<Ticket>,
@@ -309,7 +309,7 @@ pub(crate) fn timeline_bounds_external_memory_access() {
     });
     arrive(&mut backend, sheet(0.5));
     let ticket = submit_trace(&mut backend, Rays::OnDevice(500), closest);
-    let seen = let_go(&mut backend, (&timeline, 1), Some(ticket), || {
+    let seen = unblock(&mut backend, (&timeline, 1), Some(ticket), || {
         other.write(to_rays, 0, bytemuck::cast_slice(&list));
     });
     assert!(seen == still);
@@ -329,12 +329,12 @@ pub(crate) fn timeline_bounds_external_memory_access() {
     bring(&mut backend, 3, 4);
     arrive(&mut backend, sheet(0.5));
     let ticket = submit_trace(&mut backend, Rays::List(&list), closest);
-    let seen = let_go(&mut backend, (&timeline, 3), Some(ticket), || write(0.25));
+    let seen = unblock(&mut backend, (&timeline, 3), Some(ticket), || write(0.25));
     assert!(seen == moved);
 
     // A step without a query reads the vertices, too.
     bring(&mut backend, 5, 6);
-    let_go(&mut backend, (&timeline, 5), None, || write(0.75));
+    unblock(&mut backend, (&timeline, 5), None, || write(0.75));
     write(0.25);
     let kept = backend.gpu_mut().read_external_points(&(0..400)).unwrap();
     assert!(kept == Some(sheet(0.75)));

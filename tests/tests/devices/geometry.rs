@@ -2,7 +2,7 @@
 
 use crate::Subject;
 use crate::scenes::{
-    SHADOWED, apart, camera, hits, open, record_refit, report, submit_trace, swarm, tree_at,
+    SHADOWED, camera, hits, open, record_refit, report, submit_trace, swarm, tree_at,
 };
 use backend::{FrameReport, Generation, Inspect, Intersector, QueryKind, Rays};
 use bvh_layout::Topology;
@@ -10,6 +10,7 @@ use conformance::topology_from_splits;
 use cpu_ref::CpuBackend;
 use geom::{Aabb, Animation};
 use integration::share;
+use integration::stage::separate_triangles;
 use std::sync::{Arc, LazyLock};
 
 /// Number of leaves of the longest possible chain: a tree has 65 levels at most.
@@ -21,7 +22,7 @@ fn stack() -> Arc<Animation> {
         let z = -(t as f32);
         [[-9.0, -9.0, z], [9.0, -9.0, z], [0.0, 9.0, z]]
     };
-    apart(vec![(0..LEAVES).flat_map(corners).collect()])
+    separate_triangles(vec![(0..LEAVES).flat_map(corners).collect()])
 }
 
 /// Creates a tree in which each inner node has a leaf on the left and the next inner node on the right.

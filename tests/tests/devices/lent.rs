@@ -6,8 +6,8 @@ use abvh::{
 };
 use std::iter::zip;
 
-/// Hit of a ray: the triangle, and the bits of `t`, `u` and `v`.
-pub(crate) type Met = Option<(u32, [u32; 3])>;
+/// Hit of a ray: the bits of `t`, `u` and `v`, and the triangle plus 1000 times the mesh. All zero for any-hit queries.
+pub(crate) type Found = Option<[u32; 4]>;
 
 /// New height of each moved sheet, and `true` if its vertices are in device memory.
 pub(crate) type Moved = [Option<(f32, bool)>; 2];
@@ -36,11 +36,11 @@ pub(crate) fn two_sheets() -> (Scene, [MeshId; 2]) {
     (scene, sheets)
 }
 
-pub(crate) fn bits(hits: Hits) -> Vec<Met> {
+pub(crate) fn bits(hits: Hits) -> Vec<Found> {
     let hit = |ray| {
         let hit = hits.closest(ray)?;
-        let numbers = [hit.t, hit.u, hit.v].map(f32::to_bits);
-        Some((hit.mesh.index() as u32 * 1000 + hit.triangle, numbers))
+        let [t, u, v] = [hit.t, hit.u, hit.v].map(f32::to_bits);
+        Some([t, u, v, hit.mesh.index() as u32 * 1000 + hit.triangle])
     };
     (0..hits.len()).map(hit).collect()
 }
@@ -53,7 +53,7 @@ pub(crate) trait Sheets: Sized {
     fn moved(&mut self, moved: Moved) -> Step<'_>;
 
     /// Returns the hits of a camera after sheets were moved.
-    fn see(&mut self, moved: Moved) -> Vec<Met> {
+    fn see(&mut self, moved: Moved) -> Vec<Found> {
         let mut step = self.moved(moved);
         let query = step.trace(&camera(), Query::Closest).unwrap();
         let done = step.submit().unwrap();
@@ -159,33 +159,27 @@ fn one_replaced<S: Sheets>() -> S {
 pub(crate) trait LentRays {
     fn tracer(&mut self) -> &mut Tracer;
     /// Returns the hits of the rays, with or without writing results to the buffer.
-    fn trace(&mut self, query: Query, has_results: bool) -> Found;
+    fn trace(&mut self, query: Query, has_results: bool) -> Vec<Found>;
     fn fill_results(&mut self, byte: u8);
     /// Returns the first `words` words of the results.
     fn results(&mut self, words: usize) -> Vec<u32>;
 }
-
-/// Bits of `t`, `u`, `v`, and the triangle of each ray's hit, as in results. All zero for any-hit queries.
-pub(crate) type Found = Vec<Option<[u32; 4]>>;
 
 /// Returns the hits of a query in a step.
 pub(crate) fn found(
     tracer: &mut Tracer,
     query: Query,
     ask: impl FnOnce(&mut Step<'_>) -> abvh::Result<QueryId>,
-) -> Found {
+) -> Vec<Found> {
     let mut step = tracer.step(0.5);
     let asked = ask(&mut step).unwrap();
     let done = step.submit().unwrap();
     let hits = tracer.hits(done, asked).unwrap();
-    let answer = |ray| match query {
-        Query::Any => hits.is_hit(ray).then_some([0; 4]),
-        _ => hits.closest(ray).map(|hit| {
-            let [t, u, v] = [hit.t, hit.u, hit.v].map(f32::to_bits);
-            [t, u, v, hit.triangle]
-        }),
-    };
-    (0..hits.len()).map(answer).collect()
+    if query == Query::Any {
+        let hit = |ray| hits.is_hit(ray).then_some([0; 4]);
+        return (0..hits.len()).map(hit).collect();
+    }
+    bits(hits)
 }
 
 /// Creates a scene of triangles that move.

@@ -73,7 +73,7 @@ pub(crate) fn large_host_buffers_import_process_pages() {
 }
 
 /// Blocks a transfer queue until `gate` reaches 1.
-fn bar(queue: &mut Transfer, gate: &Timeline, from: &Buffer, to: &Buffer) {
+fn block_queue(queue: &mut Transfer, gate: &Timeline, from: &Buffer, to: &Buffer) {
     let copy = BufferCopy::between(from.vk, to.vk).range(0..16, 0);
     queue.start(&copy, &[gate.at(1)]).unwrap();
 }
@@ -140,8 +140,9 @@ pub(crate) fn pending_readbacks_are_not_overwritten() {
     let animation = swarm(5000);
     open(&mut backend, &animation);
     let gate = Timeline::new(&gpu).unwrap();
-    let [from, to] = [0, 1].map(|_| Buffer::new(&gpu, "a bar", 16, BufferUse::Device).unwrap());
-    bar(&mut backend.gpu_mut().readback, &gate, &from, &to);
+    let [from, to] =
+        [0, 1].map(|_| Buffer::new(&gpu, "a blocked copy", 16, BufferUse::Device).unwrap());
+    block_queue(&mut backend.gpu_mut().readback, &gate, &from, &to);
     for time in [0.1, 0.2] {
         record_refit(&mut backend, &animation, time);
         backend.request_positions().unwrap();
@@ -171,8 +172,9 @@ pub(crate) fn frames_continue_during_blocked_copies() {
     backend.wait(ticket).unwrap();
 
     let gate = Timeline::new(&gpu).unwrap();
-    let [from, to] = [0, 1].map(|_| Buffer::new(&gpu, "a bar", 16, BufferUse::Device).unwrap());
-    bar(&mut backend.gpu_mut().readback, &gate, &from, &to);
+    let [from, to] =
+        [0, 1].map(|_| Buffer::new(&gpu, "a blocked copy", 16, BufferUse::Device).unwrap());
+    block_queue(&mut backend.gpu_mut().readback, &gate, &from, &to);
     record_refit(&mut backend, &animation, 0.4);
     backend.request_positions().unwrap();
     let asked = submit_trace(&mut backend, Rays::Camera(&camera), SHADOWED);
@@ -183,7 +185,7 @@ pub(crate) fn frames_continue_during_blocked_copies() {
         assert!(report.hits > 0 && backend.take_positions().unwrap().is_none());
     }
     // Adopting a tree does not wait, and earlier frames are not delayed.
-    bar(&mut backend.gpu_mut().upload, &gate, &from, &to);
+    block_queue(&mut backend.gpu_mut().upload, &gate, &from, &to);
     record_refit(&mut backend, &animation, 1.5);
     let before = submit_trace(&mut backend, Rays::Camera(&camera), SHADOWED);
     let tree = tree_at(&animation, 1.5);

@@ -1,18 +1,19 @@
 //! Tests trees built on the device: validity, sorting, depth and cost.
 
 use crate::Subject;
-use crate::scenes::{apart, numbers, record_refit, report, swarm, tree_at};
+use crate::scenes::{numbers, record_refit, report, swarm, tree_at};
 use backend::{Backend, Generation, Inspect, Intersector, check_tree};
 use bvh_layout::Topology;
 use cpu_ref::CpuBackend;
 use geom::{Animation, Point};
+use integration::stage::separate_triangles;
 use shaders::{BufferName, Shape};
 use std::sync::Arc;
 
 /// Creates small triangles at these points.
 fn at_points(points: impl Iterator<Item = Point>, size: f32) -> Arc<Animation> {
     let corners = |p: Point| [p, [p[0] + size, p[1], p[2]], [p[0], p[1] + size, p[2]]];
-    apart(vec![points.flat_map(corners).collect()])
+    separate_triangles(vec![points.flat_map(corners).collect()])
 }
 
 /// Makes a tree of the scene at `time` on the device, and checks that it is a valid topology. Returns it with its cost.
@@ -66,7 +67,7 @@ pub(crate) fn nested_triangles_respect_maximum_depth(backend: &mut dyn Subject) 
             [[-s, -s, 0.0], [s, -s, 0.0], [0.0, s, 0.0]]
         };
         let key: Vec<Point> = (0..count).flat_map(corners).collect();
-        let (tree, _) = made(backend, &apart(vec![key]), 0.0);
+        let (tree, _) = made(backend, &separate_triangles(vec![key]), 0.0);
         let levels = tree.level_count();
         assert!((40..=65).contains(&levels), "{count}: {levels}");
     }

@@ -5,6 +5,7 @@ use backend::{
 };
 use conformance::stage::{self, next_positions};
 use geom::{Animation, Camera, CameraPose, Point, Ray};
+use integration::stage::separate_triangles;
 use std::sync::Arc;
 
 pub(crate) use conformance::stage::{tree_at, vertices as positions};
@@ -38,14 +39,7 @@ pub(crate) fn swarm(triangles: u32) -> Arc<Animation> {
         }
         corners
     };
-    apart((0..3).map(&mut key).collect())
-}
-
-/// Creates triangles without shared vertices, from key frames with three vertices per triangle.
-pub(crate) fn apart(keys: Vec<Vec<Point>>) -> Arc<Animation> {
-    let triangles = 0..keys[0].len() as u32 / 3;
-    let triangles = triangles.map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
-    Arc::new(Animation::new(keys, triangles).unwrap())
+    separate_triangles((0..3).map(&mut key).collect())
 }
 
 pub(crate) fn camera() -> Camera {

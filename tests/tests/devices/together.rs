@@ -2,13 +2,13 @@
 
 use crate::Subject;
 use crate::scenes::{
-    SHADOWED, SQUARE, apart, cameras, check_picture, look, numbers, positions, swarm, trace,
-    tree_at,
+    SHADOWED, SQUARE, cameras, check_picture, look, numbers, positions, swarm, trace, tree_at,
 };
 use backend::{Generation, Intersector, Rays};
 use bvh_layout::Topology;
-use conformance::topology_from_splits;
+use conformance::uneven_tree;
 use geom::{Animation, Point};
+use integration::stage::separate_triangles;
 use shaders::BufferName;
 use std::sync::Arc;
 
@@ -27,14 +27,13 @@ fn layers() -> Arc<Animation> {
         let (at, d): (Point, Point) = (whole(), whole());
         corners.extend([0.0_f32, 1.0, 3.0].map(|k| std::array::from_fn(|i| at[i] + k * d[i])));
     }
-    apart(vec![corners])
+    separate_triangles(vec![corners])
 }
 
 /// A chain of 40 leaves above a balanced tree of all others, which gives wide nodes at three levels.
 fn comb(animation: &Animation) -> Topology {
-    let order = tree_at(animation, 0.0).leaf_triangles().to_vec();
-    let split = |depth, leaves| if depth < 40 { 1 } else { leaves / 2 };
-    topology_from_splits(animation.triangle_count(), &order, split)
+    let built = tree_at(animation, 0.0);
+    uneven_tree(animation.triangle_count(), built.leaf_triangles(), 40)
 }
 
 fn open_by(backend: &mut dyn Subject, animation: &Arc<Animation>, intersector: Intersector) {
@@ -104,14 +103,14 @@ fn dust(size: f32, pane: f32) -> Arc<Animation> {
         let corner = |x: f32, y: f32| [pane * x, pane * y, z];
         corners.extend([corner(-1.0, -0.7), corner(1.0, -0.8), corner(0.1, 1.0)]);
     }
-    apart(vec![corners])
+    separate_triangles(vec![corners])
 }
 
 /// The triangles of [`dust`], and `count` further ones.
 fn dust_and(count: u32, triangle: impl FnMut(u32) -> [Point; 3]) -> Arc<Animation> {
     let mut corners = positions(&dust(0.02, 1.0), 0.0);
     corners.extend((0..count).flat_map(triangle));
-    apart(vec![corners])
+    separate_triangles(vec![corners])
 }
 
 /// Diagonal slivers, which cover many tiles and few pixels.

@@ -1,10 +1,10 @@
 //! Tests steps that are recorded into the program's command encoder.
 
-use crate::lent::{Met, OnHost, Sheets, bits, sheet, two_sheets};
+use crate::lent::{Found, OnHost, Sheets, bits, sheet, two_sheets};
 use crate::scenes::{
     SHADOWED, camera, hits, open, record_refit, submit_trace, swarm, trace, tree_at,
 };
-use crate::wgpu_lent::{bytes_of, lent, own_device};
+use crate::wgpu_lent::{bytes_of, filled, lent, own_device};
 use crate::wgpu_points::Own;
 use abvh::own_device::{
     OwnDevice, RayBuffers, required_features, required_limits, useful_features,
@@ -13,6 +13,7 @@ use abvh::{
     Device, Error, Intersector, Mesh, Query, QueryId, Ray, Scene, Source, StepId, Tracer, Update,
 };
 use backend::{Backend, Generation, Rays};
+use conformance::uneven_tree;
 use integration::stage::own_device_with;
 use std::iter::zip;
 use wgpu::{Buffer, BufferUsages, CommandEncoder};
@@ -42,8 +43,12 @@ impl Encoded {
         let results = vec![0; 16 * rays.len()];
         Self {
             vertices: own.buffer(&sheet(7.0), copied | BufferUsages::STORAGE),
-            rays: own.bytes(bytemuck::cast_slice(&rays), BufferUsages::STORAGE),
-            results: own.bytes(&results, BufferUsages::STORAGE | copied),
+            rays: filled(
+                &own.device,
+                bytemuck::cast_slice(&rays),
+                BufferUsages::STORAGE,
+            ),
+            results: filled(&own.device, &results, BufferUsages::STORAGE | copied),
             own,
         }
     }
@@ -77,7 +82,7 @@ impl Encoded {
         let id = step.encode(&mut commands).unwrap();
         let usage = BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
         let copied = vec![0; self.results.size() as usize];
-        let copied = self.own.bytes(&copied, usage);
+        let copied = filled(&self.own.device, &copied, usage);
         commands.copy_buffer_to_buffer(&self.results, 0, &copied, 0, None);
         Step {
             commands,
@@ -92,14 +97,18 @@ impl Encoded {
     }
 
     /// Checks all results of a step against the host's.
-    fn check(&mut self, (id, queries, copied): (StepId, [QueryId; 2], &Buffer), expected: &[Met]) {
+    fn check(
+        &mut self,
+        (id, queries, copied): (StepId, [QueryId; 2], &Buffer),
+        expected: &[Found],
+    ) {
         // `copied` has the results of the second query, which the next step overwrites in `results`.
         assert!(bits(self.own.tracer.hits(id, queries[0]).unwrap()) == expected);
         let bytes = bytes_of(&self.own.device, copied);
         let words: &[[u32; 4]] = bytemuck::cast_slice(&bytes);
         for (&[t, u, v, triangle], met) in zip(words, expected) {
             let found = (triangle != u32::MAX).then_some([t, u, v]);
-            assert_eq!(found, met.map(|(_, numbers)| numbers));
+            assert_eq!(found, met.map(|[t, u, v, _]| [t, u, v]));
         }
     }
 }
@@ -150,7 +159,7 @@ pub(crate) fn unsubmitted_step_has_no_results() {
 }
 
 /// Ways to discard commands that contain a step.
-const VAIN: [fn(&Encoded, CommandEncoder); 2] = [
+const WAYS_TO_DISCARD: [fn(&Encoded, CommandEncoder); 2] = [
     |_, commands| drop(commands),
     |_, commands| drop(commands.finish()),
 ];
@@ -167,7 +176,7 @@ fn check_next(own: &mut Encoded, [on_device, on_host]: [f32; 2]) {
 /// Checks that earlier steps keep their results, and that later ones are as if the step had never existed.
 pub(crate) fn step_with_dropped_commands_is_abandoned() {
     for update in [Update::Async, Update::Refit, Update::DeviceRebuild] {
-        for drop_commands in VAIN {
+        for drop_commands in WAYS_TO_DISCARD {
             let mut own = Encoded::new(update);
             check_next(&mut own, [0.5, 1.0]);
             let before = own.encode([0.75, 1.25]);
@@ -200,7 +209,7 @@ pub(crate) fn tracer_recovers_from_dropped_commands() {
     let builder = || Tracer::builder().device(own.clone().into()).threads(2);
     let mut tracer = builder().build(scene.clone()).unwrap();
     tracer.warm_up(0.0).unwrap();
-    let vain = |tracer: &mut Tracer, steps: usize| {
+    let discard_steps = |tracer: &mut Tracer, steps: usize| {
         for i in 0..steps {
             let mut commands = own.device.create_command_encoder(&Default::default());
             let mut step = tracer.step(0.0);
@@ -220,18 +229,18 @@ pub(crate) fn tracer_recovers_from_dropped_commands() {
         assert_eq!(hit.t, 9.0 - height);
     };
     for steps in [1, 2, 9] {
-        vain(&mut tracer, steps);
+        discard_steps(&mut tracer, steps);
         see(&mut tracer, 2.0);
         // The same position, which must be uploaded again.
-        vain(&mut tracer, steps);
+        discard_steps(&mut tracer, steps);
         see(&mut tracer, 2.0);
     }
-    vain(&mut tracer, 2);
+    discard_steps(&mut tracer, 2);
     let replacement = tracer.replace(id, mesh()).unwrap();
-    vain(&mut tracer, 1);
+    discard_steps(&mut tracer, 1);
     tracer.commit(replacement).unwrap();
     see(&mut tracer, 3.0);
-    vain(&mut tracer, 2);
+    discard_steps(&mut tracer, 2);
     let mut tracer = builder().build_in_place_of(tracer, scene).unwrap();
     tracer.warm_up(0.0).unwrap();
     assert!(tracer.statistics().is_none());
@@ -335,8 +344,7 @@ pub(crate) fn tree_outlives_commands_that_read_it() {
     backend.adopt(&tree_at(&animation, 0.0), second).unwrap();
     let all = 0..animation.triangle_count() as u32;
     let leaves: Vec<u32> = all.rev().filter(|&t| animation.is_live(t)).collect();
-    let uneven = |depth, leaves| if depth < 8 { 1 } else { leaves / 2 };
-    let third = conformance::topology_from_splits(animation.triangle_count(), &leaves, uneven);
+    let third = uneven_tree(animation.triangle_count(), &leaves, 8);
     backend.upload_tree(&third, Generation(3)).unwrap();
     own.queue.submit([commands.finish()]);
     assert!(hits(&mut backend, ticket) == expected);

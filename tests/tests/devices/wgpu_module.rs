@@ -1,7 +1,7 @@
 //! Tests rays that the program's own shaders trace.
 
 use crate::lent::{Sheets, all_kinds, sheet, two_sheets};
-use crate::wgpu_lent::bytes_of;
+use crate::wgpu_lent::{bytes_of, filled};
 use crate::wgpu_points::Own;
 use abvh::own_device::RayBuffers;
 use abvh::shader_module::{SceneBuffers, wgsl};
@@ -52,10 +52,10 @@ impl Shader {
             cache: None,
         });
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
-        let results = |bytes| own.bytes(&vec![7; bytes * rays.len()], usage);
+        let results = |bytes| filled(&own.device, &vec![7; bytes * rays.len()], usage);
         Self {
             pipeline,
-            rays: own.bytes(bytemuck::cast_slice(rays), usage),
+            rays: filled(&own.device, bytemuck::cast_slice(rays), usage),
             hits: results(16),
             occluded: results(4),
         }

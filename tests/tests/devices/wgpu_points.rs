@@ -27,11 +27,7 @@ impl Own {
     /// Creates a buffer of `points` after one unused point.
     pub(crate) fn buffer(&self, points: &[Point], usage: BufferUsages) -> Buffer {
         let all = [&[[9.0; 3]], points].concat();
-        self.bytes(bytemuck::cast_slice(&all), usage)
-    }
-
-    pub(crate) fn bytes(&self, contents: &[u8], usage: BufferUsages) -> Buffer {
-        filled(&self.device, contents, usage)
+        filled(&self.device, bytemuck::cast_slice(&all), usage)
     }
 }
 

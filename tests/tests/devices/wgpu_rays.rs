@@ -7,7 +7,7 @@ use abvh::own_device::{OwnDevice, RayBuffers, required_limits};
 use abvh::{Device, Error, Intersector, Query, Ray, Scene, Tracer};
 use wgpu::{Buffer, BufferUsages};
 
-const HOW: [Intersector; 3] = [
+const INTERSECTORS: [Intersector; 3] = [
     Intersector::Watertight,
     Intersector::Exact,
     Intersector::Woop,
@@ -48,7 +48,7 @@ impl LentRays for Own {
         &mut self.tracer
     }
 
-    fn trace(&mut self, query: Query, has_results: bool) -> Found {
+    fn trace(&mut self, query: Query, has_results: bool) -> Vec<Found> {
         let asked = RayBuffers {
             rays: &self.rays,
             count: self.count,
@@ -71,8 +71,8 @@ impl LentRays for Own {
 
 pub(crate) fn reads_rays_from_caller_buffers() {
     let list = all_kinds();
-    for how in HOW {
-        let mut own = check_rays_match_host(|scene, rays| Own::new(scene, rays, how));
+    for intersector in INTERSECTORS {
+        let mut own = check_rays_match_host(|scene, rays| Own::new(scene, rays, intersector));
         // Hits of rays from the host are stored on the device in the format of results.
         let mut step = own.tracer.step(0.5);
         let asked = step.trace(&list, Query::Closest).unwrap();
@@ -86,14 +86,14 @@ pub(crate) fn reads_rays_from_caller_buffers() {
             found(&mut own.tracer, query, |step| step.trace(&ray, query));
         }
         let bytes: &[u8] = bytemuck::cast_slice(&list);
-        assert!(bytes_of(&own.device, &own.rays) == bytes, "{how:?}");
+        assert!(bytes_of(&own.device, &own.rays) == bytes, "{intersector:?}");
     }
 }
 
 /// Tests a list from the host that is uploaded in parts, on a device whose limits allow no larger list.
 pub(crate) fn long_lists_fit_the_requested_limits() {
     let all = rays(1000).repeat(34);
-    let mut own = Own::new(flying(), &all, HOW[0]);
+    let mut own = Own::new(flying(), &all, INTERSECTORS[0]);
     for query in [Query::Closest, Query::Any, Query::Closest] {
         let sent = found(&mut own.tracer, query, |step| step.trace(&all, query));
         assert!(sent == own.trace(query, false), "{query:?}");
@@ -106,7 +106,7 @@ pub(crate) fn ray_buffers_are_released() {
     let few = rays(64);
     let mut all = few.clone();
     all.resize(BYTES / size_of::<Ray>(), few[0]);
-    let mut own = Own::new(flying(), &all, HOW[0]);
+    let mut own = Own::new(flying(), &all, INTERSECTORS[0]);
     own.count = few.len();
     let mut step = || {
         own.rays = filled(&own.device, bytemuck::cast_slice(&all), USAGE);
@@ -125,7 +125,7 @@ pub(crate) fn ray_buffers_are_released() {
 
 pub(crate) fn unsuitable_ray_buffer_is_an_error() {
     let list = all_kinds();
-    let open = || Own::new(flying(), &list, HOW[0]);
+    let open = || Own::new(flying(), &list, INTERSECTORS[0]);
     let (mut own, mut other) = (open(), open());
     let all = BufferUsages::STORAGE | BufferUsages::COPY_DST;
     let [rays, copied, both] = [BufferUsages::STORAGE, BufferUsages::COPY_SRC, all]

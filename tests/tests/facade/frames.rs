@@ -34,7 +34,7 @@ fn sequence(demo: &Demo) -> Mesh {
 }
 
 /// Returns a triangle at `height`, for a mesh that moves up and down.
-fn sail(height: f32) -> [Point; 3] {
+fn triangle_at(height: f32) -> [Point; 3] {
     [[-0.5, -0.5], [0.5, -0.5], [0.0, 0.5]].map(|[x, z]| [x, height, z])
 }
 
@@ -58,12 +58,13 @@ pub(crate) fn as_steps(device: &Device) {
     let all: Vec<Frame> = all.collect();
     for is_alone in [true, false] {
         let (mut scene, _) = scene_of([sequence(&demo)]);
-        let moved = Mesh::streamed(&sail(0.0), &[[0, 1, 2]]).unwrap();
+        let moved = Mesh::streamed(&triangle_at(0.0), &[[0, 1, 2]]).unwrap();
         let moved = (!is_alone).then(|| scene.add(moved));
         let mut tracer = pool::tracer(scene, device);
-        if let Some(sail_id) = moved {
+        if let Some(streamed_id) = moved {
             let mut step = tracer.step(0.0);
-            step.vertices(sail_id, Source::Host(&sail(0.4))).unwrap();
+            step.vertices(streamed_id, Source::Host(&triangle_at(0.4)))
+                .unwrap();
             step.submit().unwrap();
         }
         let expected = TIMES.map(|time| shown(&mut tracer, time, view));
@@ -75,7 +76,7 @@ pub(crate) fn as_steps(device: &Device) {
         assert_eq!(is_prepared, Ok(*device != Device::Cpu));
         for most in [3, TIMES.len()] {
             let mut found = Vec::new();
-            let given_up = Err(Error::NoDevice("enough".to_owned()));
+            let no_device = Err(Error::NoDevice("enough".to_owned()));
             let ended = tracer.render_frames(&all, view, wanted, |record, answers| {
                 assert_eq!(record.frame, all[found.len()]);
                 let hit = answers.hits.closest.iter().map(|hit| hit.triangle);
@@ -84,11 +85,11 @@ pub(crate) fn as_steps(device: &Device) {
                     triangles: hit.collect(),
                 });
                 match found.len() {
-                    count if count == most => given_up.clone(),
+                    count if count == most => no_device.clone(),
                     _ => Ok(()),
                 }
             });
-            assert_eq!(ended, given_up);
+            assert_eq!(ended, no_device);
             assert!(found == expected[..most], "alone: {is_alone}");
             assert!(shown(&mut tracer, TIMES[1], view) == expected[1]);
         }
@@ -102,7 +103,7 @@ pub(crate) fn read(device: &Device) {
     let demo = demo("demo:collide:3000");
     let mut held = of_keys(&demo, device);
     let mut alone = pool::tracer(scene_of([sequence(&demo)]).0, device);
-    let far = |y: f32| Mesh::fixed(&sail(y), &[[0, 1, 2]]).unwrap();
+    let far = |y: f32| Mesh::fixed(&triangle_at(y), &[[0, 1, 2]]).unwrap();
     let (scene, [_, other]) = scene_of([sequence(&demo), far(-900.0)]);
     let mut beside = pool::tracer(scene, device);
     for (i, time) in TIMES.into_iter().enumerate() {
@@ -147,7 +148,7 @@ pub(crate) fn unreadable(device: &Device) {
         let mesh = Mesh::sequence(demo.keys.len(), 4, read, &demo.triangles);
         let (mut scene, _) = scene_of([mesh.unwrap()]);
         if !is_alone {
-            scene.add(Mesh::fixed(&sail(-900.0), &[[0, 1, 2]]).unwrap());
+            scene.add(Mesh::fixed(&triangle_at(-900.0), &[[0, 1, 2]]).unwrap());
         }
         fail_and_go_on(&demo, pool::tracer(scene, device), &fails, device);
     }
@@ -193,19 +194,21 @@ pub(crate) fn policies(device: &Device) {
         ] {
             let mesh = Mesh::keyframes(demo.keys.clone(), &demo.triangles).unwrap();
             let (mut scene, _) = scene_of([mesh]);
-            let streamed = Mesh::streamed(&sail(-900.0), &[[0, 1, 2]]).unwrap();
-            let sail_id = time_range[0].is_nan().then(|| scene.add(streamed));
+            let streamed = Mesh::streamed(&triangle_at(-900.0), &[[0, 1, 2]]).unwrap();
+            let streamed_id = time_range[0].is_nan().then(|| scene.add(streamed));
             let builder = Tracer::builder().update(update).builder_threads(1);
             let builder = builder.predict(predict).time_range(time_range);
             let mut tracer = pool::build(builder, scene, device);
             for (time, expected) in TIMES.into_iter().zip(&expected) {
                 let found = seen(&mut tracer, time, &demo.rays, |step| {
-                    sail_id.map_or(Ok(()), |id| step.vertices(id, Source::Host(&sail(-901.0))))
+                    streamed_id.map_or(Ok(()), |id| {
+                        step.vertices(id, Source::Host(&triangle_at(-901.0)))
+                    })
                 });
                 assert!(found == *expected, "{update:?} at {time}");
             }
-            // The offset of shadow rays depends on the size of the scene, so also on the sail.
-            let pictures = pictures.iter().filter(|_| sail_id.is_none());
+            // The offset of shadow rays depends on the size of the scene, so also on the streamed triangle.
+            let pictures = pictures.iter().filter(|_| streamed_id.is_none());
             for (time, picture) in TIMES.into_iter().zip(pictures) {
                 let found = shown(&mut tracer, time, view);
                 assert!(found == *picture, "{update:?} at {time}");

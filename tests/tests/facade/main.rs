@@ -26,7 +26,7 @@ type Property = fn(&Device);
 
 const PROPERTIES: [(&str, Property); 29] = [
     ("streamed_steps_match_key_frames", streamed),
-    ("unmoved_meshes_keep_their_positions", stay),
+    ("unmoved_meshes_keep_their_positions", unmoved_meshes),
     ("long_lists_match_separate_queries", long_list),
     ("batched_cameras_match_separate_steps", pictures::together),
     (
@@ -45,7 +45,7 @@ const PROPERTIES: [(&str, Property); 29] = [
     ("replaced_mesh_matches_new_scene", replace::anew),
     ("replacement_may_change_motion_kind", replace::motions),
     ("results_survive_steps_and_commits", replace::results),
-    ("dropped_replacements_change_nothing", replace::given_up),
+    ("dropped_replacements_change_nothing", replace::dropped),
     (
         "supports_two_concurrent_replacements",
         replace::two_at_a_time,
@@ -232,7 +232,7 @@ fn streamed(device: &Device) {
 }
 
 /// Tests a static mesh and two streamed meshes. Each step moves at most one mesh.
-fn stay(device: &Device) {
+fn unmoved_meshes(device: &Device) {
     let demo = demo("demo:twist:2000");
     let lifted = |key: usize, by: f32| -> Vec<Point> {
         let vertices = demo.keys[key].iter();

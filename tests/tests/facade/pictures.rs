@@ -190,7 +190,7 @@ pub(crate) fn shown(tracer: &mut Tracer, time: f64, view: LitView<'_>) -> Shown 
 }
 
 /// Returns all information about a query's hits.
-fn told(hits: Hits) -> (Vec<bool>, Found) {
+fn all_results(hits: Hits) -> (Vec<bool>, Found) {
     let met = (0..hits.len()).map(|ray| hits.is_hit(ray));
     (met.collect(), bits(hits))
 }
@@ -219,14 +219,14 @@ pub(crate) fn together(device: &Device) {
             let mut step = alone.step(time as f64);
             let one = step.trace(&camera, kind).unwrap();
             let one_done = step.submit().unwrap();
-            let expected = told(alone.hits(one_done, one).unwrap());
+            let expected = all_results(alone.hits(one_done, one).unwrap());
             asked.push((time, done, query, expected));
         }
         asked.retain(|(of, ..)| of + 1 >= time);
         // The previous step comes first. Most of its results have not been read yet.
         for (of, done, query, expected) in &asked {
             if *of + 1 == time || time % 3 == 0 {
-                let found = told(together.hits(*done, *query).unwrap());
+                let found = all_results(together.hits(*done, *query).unwrap());
                 assert!(found == *expected, "{of} at {time}, {query:?}");
             }
         }

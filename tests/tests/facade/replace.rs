@@ -286,7 +286,7 @@ pub(crate) fn own(_: &Device) {
     assert_eq!(firsts, [0, mesh, mesh + grown + mesh]);
 }
 
-pub(crate) fn given_up(device: &Device) {
+pub(crate) fn dropped(device: &Device) {
     let stage = Stage::new();
     let (scene, ids) = stage.scene(stage.target(false, Kind::Keys));
     let (mut live, mut twin) = (tracer(scene.clone(), device), tracer(scene, device));

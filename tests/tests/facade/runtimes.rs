@@ -11,16 +11,16 @@ use std::sync::{Arc, Barrier, Mutex};
 use std::thread;
 use std::time::Duration;
 
-const SAIL: [Point; 3] = [[-1.0, 0.0, -1.0], [1.0, 0.0, -1.0], [0.0, 0.0, 1.0]];
+const TRIANGLE: [Point; 3] = [[-1.0, 0.0, -1.0], [1.0, 0.0, -1.0], [0.0, 0.0, 1.0]];
 
-/// Returns downward rays that alternately hit and miss the sail.
+/// Returns downward rays that alternately hit and miss the triangle.
 fn down(count: usize) -> Vec<Ray> {
     let ray = |i: usize| Ray::new([9.0 * (i % 2) as f32, 9.0, 0.0], [0.0, -1.0, 0.0]);
     (0..count).map(ray).collect()
 }
 
 fn world(device: &Device) -> Tracer {
-    let (scene, _) = scene_of([Mesh::streamed(&SAIL, &[[0, 1, 2]]).unwrap()]);
+    let (scene, _) = scene_of([Mesh::streamed(&TRIANGLE, &[[0, 1, 2]]).unwrap()]);
     let builder = Tracer::builder().device(device.clone()).threads(1);
     builder.build(scene).unwrap()
 }
@@ -66,7 +66,7 @@ pub(crate) fn tasks_own_tracers(device: &Device) {
 
 /// Makes every kind of call, with meshes large enough to be processed in parallel. `between` runs before each call.
 fn tour(device: &Device, between: &dyn Fn()) {
-    let wide: Vec<Point> = (0..70_000).map(|i| SAIL[i % 3]).collect();
+    let wide: Vec<Point> = (0..70_000).map(|i| TRIANGLE[i % 3]).collect();
     let wide = |by: f32| wide.iter().map(|p| [p[0], p[1] + by, p[2]]).collect();
     let (low, high): (Vec<Point>, Vec<Point>) = (wide(0.0), wide(1.0));
     let triangles: Vec<[u32; 3]> = (0..200).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
@@ -204,12 +204,12 @@ pub(crate) fn readers_panic(_: &Device) {
     for bad in [0, 1] {
         let read = move |key: usize| match key == bad {
             true => panic!("planted"),
-            false => Ok::<_, String>(SAIL.to_vec()),
+            false => Ok::<_, String>(TRIANGLE.to_vec()),
         };
         let made = Mesh::sequence(2, 4, read, &[[0, 1, 2]]);
         let said = made.and_then(|mesh| {
             let (mut scene, _) = scene_of([mesh]);
-            scene.add(Mesh::fixed(&SAIL, &[[0, 1, 2]])?);
+            scene.add(Mesh::fixed(&TRIANGLE, &[[0, 1, 2]])?);
             Tracer::builder().device(Device::Cpu).build(scene)
         });
         let said = said.map(drop).unwrap_err();

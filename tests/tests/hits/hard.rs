@@ -21,7 +21,7 @@ fn open(demo: &str) -> Arc<Animation> {
     scene.unwrap().animation
 }
 
-pub(crate) fn still(points: Vec<Point>, triangles: Vec<[u32; 3]>) -> Arc<Animation> {
+fn still(points: Vec<Point>, triangles: Vec<[u32; 3]>) -> Arc<Animation> {
     Arc::new(Animation::new(vec![points], triangles).unwrap())
 }
 

@@ -1,20 +1,12 @@
 //! Rays and triangles at which an error bound decides whether a hit is found: "What a hit is", `docs/design/hits.md`.
 
 use crate::exact::check;
-use crate::hard::still;
 use backend::{Backend, Intersector, QueryKind, Rays};
 use conformance::oracle::Oracle;
 use conformance::stage::triangles;
 use geom::{Animation, Camera, Point, Ray};
-use integration::stage::Stage;
+use integration::stage::{Stage, separate_triangles};
 use std::sync::Arc;
-
-/// A scene of separate triangles.
-fn soup(corners: &[[Point; 3]]) -> Arc<Animation> {
-    let count = corners.len() as u32;
-    let triangles = (0..count).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]);
-    still(corners.concat(), triangles.collect())
-}
 
 /// Keeps the scene's scale at 1, away from all rays.
 const FAR: [Point; 3] = [[1.0, 5.0, 5.0], [1.0, 6.0, 5.0], [1.0, 5.0, 6.0]];
@@ -24,7 +16,7 @@ fn against_the_oracle(
     corners: &[[Point; 3]],
     rays: &[Ray],
 ) -> Box<dyn Backend> {
-    let animation = soup(corners);
+    let animation = separate_triangles(vec![corners.concat()]);
     let oracle = Oracle::new(triangles(&animation, 0.0));
     let mut stage = Stage::over(backend, &animation, Intersector::Exact);
     let expected = check(&mut stage, &oracle, 0.0, rays);
@@ -95,7 +87,8 @@ pub(crate) fn ties_at_zero(mut backend: Box<dyn Backend>) -> Box<dyn Backend> {
         [first, second, FAR],
         [second, first, FAR],
     ] {
-        let mut stage = Stage::over(backend, &soup(&corners), Intersector::MollerTrumbore);
+        let animation = separate_triangles(vec![corners.concat()]);
+        let mut stage = Stage::over(backend, &animation, Intersector::MollerTrumbore);
         stage.adopt_tree_at(0.0);
         let hit = stage.closest(0.0, &[ray]).closest[0];
         assert_eq!((hit.triangle, hit.t), (0, 0.0), "{corners:?}");
@@ -153,7 +146,7 @@ fn needles(camera: &Camera) -> Arc<Animation> {
             [0, 1, 2].map(|k: usize| f32::from_bits(end[k].to_bits().wrapping_add_signed(ulps[k])));
         corners.push([along(-length), end, beside]);
     }
-    soup(&corners)
+    separate_triangles(vec![corners.concat()])
 }
 
 pub(crate) fn needles_in_a_picture(backend: Box<dyn Backend>) -> Box<dyn Backend> {

@@ -12,7 +12,6 @@ pub(crate) fn trials() -> Vec<Trial> {
     let mut all = vec![
         trial("bench::file_describes_frames_and_machine", file),
         trial("bench::counts_moving_triangles_of_joined_inputs", moving),
-        trial("bench::unknown_adapters_are_refused", refused),
         trial("bench::failed_run_reports_its_reason", failed),
         trial("bench::random_rays_have_separate_rows", random_rays),
         trial("bench::camera_options_select_the_view_as_in_render", camera),
@@ -183,9 +182,4 @@ fn failed(sandbox: &Sandbox) {
     assert!(text(&rows[3], "error").contains("wgpu"), "{}", rows[3]);
     let csv = sandbox.text("b.csv");
     assert!(csv.lines().count() == 5 && csv.contains(",error"), "{csv}");
-}
-
-fn refused(sandbox: &Sandbox) {
-    let elsewhere = format!("{SMALL} --adapter nothing-like-it");
-    sandbox.assert_refused(&elsewhere, &["nothing-like-it"]);
 }

@@ -10,7 +10,7 @@ pub(crate) fn trials() -> Vec<Trial> {
     let vulkan = Subject("vulkan");
     vec![
         trial("chart::files_list_every_method_once", files),
-        trial("chart::only_exact_has_no_errors", judged),
+        trial("chart::only_exact_has_no_errors", only_exact_has_no_errors),
         trial("chart::failed_method_reports_its_reason", failed),
         trial("chart::results_are_reproducible", repeated),
         trial("chart::invalid_options_are_refused", refused),
@@ -65,7 +65,7 @@ fn files(sandbox: &Sandbox) {
     assert_contains(&sandbox.text("c/chart.html"), "All points|</svg>");
 }
 
-fn judged(sandbox: &Sandbox) {
+fn only_exact_has_no_errors(sandbox: &Sandbox) {
     for p in draw(sandbox, 20_000, "--quiet --update refit,async").1 {
         let sum = |name: &str, what: &str| -> u64 {
             list(&p[name]).iter().filter_map(|l| l[what].as_u64()).sum()

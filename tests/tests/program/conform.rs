@@ -6,7 +6,7 @@ use serde_json::Value;
 
 pub(crate) fn trials() -> Vec<Trial> {
     vec![
-        trial("conform::host_satisfies_every_property", keeps),
+        trial("conform::host_satisfies_every_property", every_property),
         trial("conform::invalid_options_are_refused", refused),
         trial("stability::host_error_rates_match_baseline", expected),
         trial("stability::equal_seeds_give_equal_results", repeatable),
@@ -16,7 +16,7 @@ pub(crate) fn trials() -> Vec<Trial> {
     ]
 }
 
-fn keeps(sandbox: &Sandbox) {
+fn every_property(sandbox: &Sandbox) {
     let (run, json) = sandbox.run_json("conform --backend cpu --seed 5 --cases 4", "--json");
     assert!(json["schema"] == 1 && json["seed"] == 5, "{json}");
     assert_eq!(json["backends"][0]["backend"], "cpu");

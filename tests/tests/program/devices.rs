@@ -44,7 +44,9 @@ pub(crate) fn trials() -> Vec<Trial> {
     let mut trials = vec![
         trial("devices::info_keeps_its_schema", info),
         trial("devices::auto_reports_choice_and_reason", says_why),
-        trial("devices::without_a_driver", |s| lacking(s, &NO_DRIVER)),
+        trial("devices::without_a_driver", |s| {
+            without_a_driver(s, &NO_DRIVER)
+        }),
         trial("devices::cpu_rejects_device_rebuild", |s| {
             let words = format!("{RENDER} --backend cpu --update device-rebuild");
             s.assert_refused(&words, &["cpu does not support tree builds on the device"]);
@@ -123,11 +125,11 @@ const NO_DRIVER: [(&str, &str); 2] = [("VK_DRIVER_FILES", NOWHERE), ("VK_ICD_FIL
 fn without_a_loader(sandbox: &Sandbox) {
     sandbox.write("lib/libvulkan.so.1", "");
     let folder = sandbox.path().join("lib");
-    lacking(sandbox, &[("LD_LIBRARY_PATH", folder.to_str().unwrap())]);
+    without_a_driver(sandbox, &[("LD_LIBRARY_PATH", folder.to_str().unwrap())]);
 }
 
 /// Checks that the host renders without graphics drivers, and that a named backend is never replaced by another one.
-fn lacking(sandbox: &Sandbox, variables: &[(&str, &str)]) {
+fn without_a_driver(sandbox: &Sandbox, variables: &[(&str, &str)]) {
     let variables = variables.iter();
     let variables: Vec<_> = variables.map(|&(n, v)| (n, OsStr::new(v))).collect();
     let run = |words: &str| sandbox.run_where(words, &variables);

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 pub(crate) fn trials() -> Vec<Trial> {
     vec![
         trial("runs::ranges_share_one_output_folder", ranges),
-        trial("runs::different_run_is_refused", another),
+        trial("runs::different_run_is_refused", different_run),
         trial("runs::resume_repairs_only_damaged_files", damaged),
         trial("runs::finished_run_loads_nothing", finished),
         trial("runs::shards_merge_into_one_run", shards),
@@ -18,8 +18,8 @@ pub(crate) fn trials() -> Vec<Trial> {
         trial("runs::files_outside_folder_are_untouched", tampered),
         #[cfg(unix)]
         trial("runs::named_pipes_are_replaced", pipes),
-        trial("runs::outputs_never_overwrite_inputs", eaten),
-        trial("runs::invalid_runs_create_no_folder", foreseen),
+        trial("runs::outputs_never_overwrite_inputs", overwritten_inputs),
+        trial("runs::invalid_runs_create_no_folder", invalid_runs),
     ]
 }
 
@@ -54,7 +54,7 @@ fn ranges(sandbox: &Sandbox) {
     assert!(same, "{:?}", sandbox.files());
 }
 
-fn another(sandbox: &Sandbox) {
+fn different_run(sandbox: &Sandbox) {
     sandbox.run_ok(&format!("{SMALL} --frames 3 --out o"));
     let kept = bytes(sandbox, "o");
     for (words, says) in [
@@ -221,7 +221,7 @@ fn pipes(sandbox: &Sandbox) {
     }
 }
 
-fn eaten(sandbox: &Sandbox) {
+fn overwritten_inputs(sandbox: &Sandbox) {
     sandbox.write("in.obj", SQUARE);
     sandbox.write("frame_1.obj", SQUARE);
     sandbox.write("sub/file", "");
@@ -259,7 +259,7 @@ fn eaten(sandbox: &Sandbox) {
     assert!(same, "an input was overwritten");
 }
 
-fn foreseen(sandbox: &Sandbox) {
+fn invalid_runs(sandbox: &Sandbox) {
     sandbox.write("file", "in the way");
     for words in [
         "--out file --frames 1",

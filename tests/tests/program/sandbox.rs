@@ -189,8 +189,5 @@ pub(crate) fn trial(
     name: &str,
     body: impl FnOnce(&Sandbox) + Send + 'static,
 ) -> libtest_mimic::Trial {
-    libtest_mimic::Trial::test(name, move || {
-        body(&Sandbox::new());
-        Ok(())
-    })
+    integration::trial(name, move || body(&Sandbox::new()))
 }
