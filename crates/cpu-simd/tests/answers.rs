@@ -45,7 +45,11 @@ fn overflowing_areas_yield_no_cost() {
     let mut subject = open_at(InstructionSet::all()[0], Some(2)).unwrap();
     let is_far = |number: &u32| {
         let animation = nth_case(1, *number).animation;
-        animation.scale_exponent() == 0 && (FAR..f32::INFINITY).contains(&animation.magnitude())
+        let keys = animation.all_keys().unwrap();
+        let coordinates = || keys.iter().flat_map(|key| key.iter()).flatten();
+        animation.scale_exponent() == 0
+            && coordinates().all(|x| x.is_finite())
+            && coordinates().any(|x| x.abs() >= FAR)
     };
     let number = (0..1000).find(is_far).unwrap();
     let held = check_property(

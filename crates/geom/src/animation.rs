@@ -294,10 +294,7 @@ impl Animation {
     pub fn range(&self, pose: Pose) -> CoordinateRange {
         match &self.keys {
             KeyFrames::Streamed(keys) if pose.key > 0 => {
-                let range_of = |frame: &KeyFrame| {
-                    CoordinateRange::of(&Sizes::of(frame), self.scale_exponent())
-                };
-                keys.range(pose.key as usize, range_of)
+                keys.range(pose.key as usize, |frame| self.range_of(frame))
             }
             _ => CoordinateRange::at(&self.survey.ranges, pose),
         }
@@ -315,15 +312,12 @@ impl Animation {
     /// read back from a device. Keeps a range that is already known.
     pub fn measure(&self, pose: Pose, vertices: &[Point]) {
         if let KeyFrames::Streamed(keys) = &self.keys {
-            let range = CoordinateRange::of(&Sizes::of(vertices), self.scale_exponent());
-            keys.range(pose.key as usize, |_| range);
+            keys.range(pose.key as usize, |_| self.range_of(vertices));
         }
     }
 
-    /// Returns the largest `|coordinate|` of all key frames; infinite if some coordinate is not finite. Ignores
-    /// [pushed](Self::push) key frames.
-    pub fn magnitude(&self) -> f32 {
-        self.survey.magnitude
+    fn range_of(&self, vertices: &[Point]) -> CoordinateRange {
+        CoordinateRange::of(&Sizes::of(vertices), self.scale_exponent())
     }
 
     /// Returns, for each key frame, the smallest box that contains its finite vertices. Ignores [pushed](Self::push)

@@ -20,8 +20,6 @@ pub(crate) struct Survey {
     pub(crate) ranges: Vec<CoordinateRange>,
     /// Bounds of the finite vertices of each key frame.
     pub(crate) bounds: Vec<Aabb>,
-    /// Largest `|coordinate|`; infinite if some coordinate is not finite.
-    pub(crate) magnitude: f32,
 }
 
 /// Number of vertices per parallel task.
@@ -31,12 +29,12 @@ impl Survey {
     /// Visits all key frames in order. Several key frames are read at a time.
     pub(crate) fn of(keys: &KeyFrames, triangles: &[[u32; 3]]) -> Result<Self, KeyFrameError> {
         let first = &keys.first()[..];
-        let (mut sizes, mut boxes) = (vec![Sizes::of(first)], vec![FiniteBox::of(first)]);
+        let (mut sizes, mut bounds) = (vec![Sizes::of(first)], vec![finite_bounds(first)]);
         let mut is_static = vec![true; first.len()];
         let mut fallback_boxes = Vec::new();
         // Triangles that are inactive in all key frames so far.
         let mut inactive: Vec<u32> = Vec::new();
-        if !boxes[0].has_all {
+        if !in_parallel(|| first.par_iter().with_min_len(RUN).all(is_finite)) {
             let all = 0..triangles.len() as u32;
             let is_inactive = |&t: &u32| !is_active(&corners(first, triangles[t as usize]));
             inactive = in_parallel(|| all.into_par_iter().filter(is_inactive).collect());
@@ -57,7 +55,7 @@ impl Survey {
                 each.zip(pairs).for_each(check);
             });
             sizes.push(Sizes::of(frame));
-            boxes.push(FiniteBox::of(frame));
+            bounds.push(finite_bounds(frame));
             inactive.retain(|&t| {
                 let corners = corners(frame, triangles[t as usize]);
                 let active = is_active(&corners);
@@ -75,12 +73,7 @@ impl Survey {
             static_parts: StaticParts::of(is_static, first, triangles),
             scale_exponent,
             ranges,
-            bounds: boxes.iter().map(|b| b.bounds).collect(),
-            magnitude: if boxes.iter().all(|b| b.has_all) {
-                sizes.iter().fold(0.0, |m, s| f32::max(m, s.largest))
-            } else {
-                f32::INFINITY
-            },
+            bounds,
         })
     }
 
@@ -95,7 +88,7 @@ impl Survey {
         triangles: &[[u32; 3]],
         fixed: &[bool],
     ) {
-        let finite = first.iter().find(|p| p.iter().all(|x| x.is_finite()));
+        let finite = first.iter().find(|p| is_finite(p));
         let point = Aabb::EMPTY.with_point(*finite.unwrap_or(&[0.0; 3]));
         // Exactly `never_active` triangles are inactive, usually 0. The search ends at the last one.
         let inactive = triangles.iter().zip(0..);
@@ -109,46 +102,13 @@ impl Survey {
     }
 }
 
-/// Box of a key frame's finite vertices.
-#[derive(Clone, Copy)]
-struct FiniteBox {
-    bounds: Aabb,
-    /// Whether all vertices are finite.
-    has_all: bool,
-}
-
-impl FiniteBox {
-    const EMPTY: Self = Self {
-        bounds: Aabb::EMPTY,
-        has_all: true,
-    };
-
-    fn of(frame: &[Point]) -> Self {
-        in_parallel(|| {
-            let parts = frame.par_iter().with_min_len(RUN);
-            let boxes = parts.fold(|| Self::EMPTY, Self::with_point);
-            boxes.reduce(|| Self::EMPTY, Self::union)
-        })
-    }
-
-    fn with_point(self, p: &Point) -> Self {
-        if p.iter().all(|x| x.is_finite()) {
-            let bounds = self.bounds.with_point(*p);
-            Self { bounds, ..self }
-        } else {
-            Self {
-                has_all: false,
-                ..self
-            }
-        }
-    }
-
-    fn union(self, other: Self) -> Self {
-        Self {
-            bounds: self.bounds.union(other.bounds),
-            has_all: self.has_all && other.has_all,
-        }
-    }
+/// Returns the smallest box that contains a key frame's finite vertices.
+fn finite_bounds(frame: &[Point]) -> Aabb {
+    in_parallel(|| {
+        let finite = frame.par_iter().with_min_len(RUN).filter(|p| is_finite(p));
+        let boxes = finite.fold(|| Aabb::EMPTY, |bounds, p| bounds.with_point(*p));
+        boxes.reduce(|| Aabb::EMPTY, Aabb::union)
+    })
 }
 
 /// Checks that every triangle names existing vertices, and that there are at most `limit` triangles.
@@ -244,6 +204,10 @@ impl StaticParts {
     }
 }
 
+fn is_finite(p: &Point) -> bool {
+    p.iter().all(|x| x.is_finite())
+}
+
 fn bits(p: &Point) -> [u32; 3] {
     p.map(f32::to_bits)
 }
@@ -257,7 +221,7 @@ fn keeps_its_bits(p: &Point) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Animation;
+    use crate::{Animation, Pose};
 
     fn parts(keys: Vec<Vec<Point>>, triangles: Vec<[u32; 3]>) -> StaticParts {
         let animation = Animation::new(keys, triangles).unwrap();
@@ -300,19 +264,10 @@ mod tests {
         let found = parts(vec![odd.clone(); 3], vec![[0, 0, 0], [3, 3, 3], [1, 2, 3]]);
         assert_eq!(found.vertices, [false, false, false, true]);
         assert_eq!((found.triangle_count(), found.degenerate), (1, vec![1]));
+        let blended = Pose::at(0.3, 2).blend(odd[3], odd[3]);
+        assert_eq!(bits(&blended), bits(&odd[3]));
         let alone = parts(vec![odd], vec![[0, 0, 0], [3, 3, 3], [1, 2, 3]]);
         assert_eq!((alone.vertex_count(), alone.degenerate.len()), (4, 2));
-    }
-
-    #[test]
-    fn static_vertex_keeps_its_bits() {
-        let still = [0.0, 1e-40, -7.3e30];
-        let keys: Vec<_> = (0..3).map(|k| vec![still, [k as f32; 3]]).collect();
-        let animation = Animation::new(keys, vec![]).unwrap();
-        assert_eq!(animation.static_parts().vertices, [true, false]);
-        for time in [0.0, 0.3, 1.0, 1.999] {
-            assert_eq!(bits(&animation.at(time).unwrap().vertex(0)), bits(&still));
-        }
     }
 
     #[test]

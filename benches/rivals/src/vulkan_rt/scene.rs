@@ -82,7 +82,11 @@ fn centre_of(animation: &Animation) -> Point {
 /// Returns whether all vertices are finite and remain finite when blended. Returns `false` for streamed animations,
 /// whose future key frames are unknown.
 fn is_tame(animation: &Animation) -> bool {
-    !animation.is_streamed() && animation.magnitude() < HUGE
+    let is_tame_key = |key: usize| {
+        let vertices = animation.key(key);
+        vertices.is_ok_and(|vertices| vertices.iter().flatten().all(|x| x.abs() < HUGE))
+    };
+    !animation.is_streamed() && (0..animation.key_count()).all(is_tame_key)
 }
 
 #[cfg(test)]
