@@ -5,7 +5,7 @@
 
 use crate::mesh::joined_triangles;
 use crate::paging::{KeySize, check_keys, within};
-use crate::paths::{exists, has_clips};
+use crate::paths::{exists, is_gltf, path};
 use crate::rounding::Position;
 use crate::source::{open_one, refuse_clip};
 use crate::{Facts, Result, Scene, SceneError, SceneOptions, paging};
@@ -33,7 +33,7 @@ pub(crate) struct InputPlacement {
 }
 
 impl InputPlacement {
-    const AS_IT_IS: Self = Self {
+    const IDENTITY: Self = Self {
         at: [0.0; 3],
         scale: 1.0,
     };
@@ -118,7 +118,8 @@ pub fn open(spec: &str, options: &SceneOptions) -> Result<Scene> {
 
 /// Opens and joins all inputs.
 fn join(spec: &str, inputs: &[Input<'_>], options: &SceneOptions) -> Result<Scene> {
-    if !inputs.iter().any(|i| has_clips(i.spec)) {
+    let has_clips = |input: &Input<'_>| is_gltf(&path(input.spec));
+    if !inputs.iter().any(has_clips) {
         refuse_clip(spec, options)?;
     }
     let without_clip = SceneOptions {
@@ -126,8 +127,12 @@ fn join(spec: &str, inputs: &[Input<'_>], options: &SceneOptions) -> Result<Scen
         ..options.clone()
     };
     let open = |input: &Input<'_>| {
-        let has_clips = has_clips(input.spec);
-        open_one(input.spec, if has_clips { options } else { &without_clip })
+        let options = if has_clips(input) {
+            options
+        } else {
+            &without_clip
+        };
+        open_one(input.spec, options)
     };
     let scenes = inputs.iter().map(open).collect::<Result<Vec<_>, _>>()?;
     let animations = || scenes.iter().map(|s| &s.animation);
@@ -141,7 +146,7 @@ fn join(spec: &str, inputs: &[Input<'_>], options: &SceneOptions) -> Result<Scen
     within(spec.as_ref(), "vertices", vertices, u32::MAX as usize)?;
     let places = inputs
         .iter()
-        .map(|i| i.place.unwrap_or(InputPlacement::AS_IT_IS));
+        .map(|i| i.place.unwrap_or(InputPlacement::IDENTITY));
     let mut places: Vec<_> = places.collect();
     let offset = options.recentre.then(|| recentre(&mut places, &scenes));
     let placed: Vec<_> = animations().map(Arc::clone).zip(places).collect();
@@ -155,7 +160,7 @@ fn join(spec: &str, inputs: &[Input<'_>], options: &SceneOptions) -> Result<Scen
     };
     let meshes = animations().map(|a| (a.triangles(), a.vertex_count()));
     let triangles = joined_triangles(&name, meshes)?;
-    let animation = paging::animation(source, size, triangles, options)?;
+    let animation = paging::animation(source, None, size, triangles, options)?;
     Ok(Scene {
         name,
         animation: Arc::new(animation),
@@ -228,13 +233,13 @@ mod tests {
     use tempfile::TempDir;
 
     /// Names of existing inputs.
-    const THERE: [&str; 6] = ["a.obj", "b.glb", "a+b.obj", "b@1,2,3", "c+", "demo:hall"];
+    const EXISTING: [&str; 6] = ["a.obj", "b.glb", "a+b.obj", "b@1,2,3", "c+", "demo:hall"];
 
     /// Name of an input, and its placement as translation and scale.
     type ParsedInput<'a> = (&'a str, Option<(Position, f32)>);
 
     fn exists(name: &str) -> bool {
-        THERE.contains(&name)
+        EXISTING.contains(&name)
     }
 
     fn parsed(spec: &str) -> Vec<ParsedInput<'_>> {

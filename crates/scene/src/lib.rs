@@ -191,6 +191,13 @@ mod testing {
         crate::open(&spec.join("+"), options)
     }
 
+    /// Asserts that a remark on the mesh contains `says`.
+    #[track_caller]
+    pub(crate) fn assert_note(mesh: &PolygonMesh, says: &str) {
+        let has_note = mesh.notes.iter().any(|note| note.contains(says));
+        assert!(has_note, "{says:?} is not in {:?}", mesh.notes);
+    }
+
     /// Asserts that `tried` failed with a message of one line that contains all of `says`.
     #[track_caller]
     pub(crate) fn refused<T>(tried: Result<T>, says: &[&str]) {

@@ -1,10 +1,10 @@
 //! Animations from any source of key frames, held in memory or paged, and checks of the memory that they need.
 
 use crate::{Result, SceneError, SceneOptions};
-use geom::{Animation, KeyFrameError, Point};
+use geom::{Animation, KeyFrameError, Point, lock};
 use rayon::prelude::*;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 impl From<SceneError> for KeyFrameError {
     fn from(e: SceneError) -> Self {
@@ -45,13 +45,21 @@ impl KeySize {
     }
 }
 
-/// Creates an animation of this size from a source of key frames.
+/// Creates an animation of this size from a source of key frames. If the `first` key frame is given, the first request
+/// for it returns it without calling the source.
 pub(crate) fn animation(
     source: impl Fn(usize) -> Result<Vec<Point>, KeyFrameError> + Send + Sync + 'static,
+    first: Option<Vec<Point>>,
     size: KeySize,
     triangles: Vec<[u32; 3]>,
     options: &SceneOptions,
 ) -> Result<Animation> {
+    let first = Mutex::new(first);
+    let source = move |key: usize| {
+        // This statement releases the lock, so that key frames are read in parallel.
+        let first = lock(&first).take_if(|_| key == 0);
+        first.map_or_else(|| source(key), Ok)
+    };
     let (keys, held) = (size.keys, size.held(options));
     if held < keys {
         let source = Arc::new(source);

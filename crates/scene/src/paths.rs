@@ -55,11 +55,6 @@ pub(crate) fn exists(spec: &str) -> bool {
     is_demo || path(spec).exists() || is_pattern(spec) && matches()
 }
 
-/// Returns whether the input has a format that supports clips.
-pub(crate) fn has_clips(spec: &str) -> bool {
-    is_gltf(&path(spec))
-}
-
 /// Returns whether `spec` is a glob.
 pub(crate) fn is_pattern(spec: &str) -> bool {
     spec.contains(['*', '?', '['])

@@ -13,40 +13,25 @@ pub(crate) struct Rounding {
     pub(crate) offset: Position,
 }
 
-/// Bounds of the positions that are finite in single precision.
-struct PositionBounds {
-    min: Position,
-    max: Position,
-}
-
-impl PositionBounds {
-    fn of(points: &[Position]) -> Option<Self> {
-        let is_finite = |p: &&Position| p.iter().all(|x| (*x as f32).is_finite());
-        let mut finite = points.iter().filter(is_finite);
-        let first = *finite.next()?;
-        let bounds = Self {
-            min: first,
-            max: first,
-        };
-        Some(finite.fold(bounds, |bounds, p| Self {
-            min: std::array::from_fn(|i| bounds.min[i].min(p[i])),
-            max: std::array::from_fn(|i| bounds.max[i].max(p[i])),
-        }))
-    }
-
-    /// Returns the length of the diagonal.
-    fn size(&self) -> f64 {
-        let [x, y, z] = std::array::from_fn(|i| self.max[i] - self.min[i]);
-        x.hypot(y).hypot(z)
-    }
+/// Returns the minimum and the maximum of the positions that are finite in single precision.
+fn finite_bounds(points: &[Position]) -> Option<[Position; 2]> {
+    let is_finite = |p: &&Position| p.iter().all(|x| (*x as f32).is_finite());
+    let finite = points.iter().filter(is_finite);
+    let boxes = finite.map(|p| [*p; 2]);
+    boxes.reduce(|[min, max], [p, _]| {
+        [
+            std::array::from_fn(|i| min[i].min(p[i])),
+            std::array::from_fn(|i| max[i].max(p[i])),
+        ]
+    })
 }
 
 impl Rounding {
     /// Returns the rounding for a scene: its offset is the centre of the first key frame if the scene is recentred,
     /// else 0.
     pub(crate) fn of(first: &[Position], options: &SceneOptions) -> Self {
-        let bounds = PositionBounds::of(first).filter(|_| options.recentre);
-        let centre = |b: PositionBounds| std::array::from_fn(|i| b.min[i].midpoint(b.max[i]));
+        let bounds = finite_bounds(first).filter(|_| options.recentre);
+        let centre = |[min, max]: [Position; 2]| std::array::from_fn(|i| min[i].midpoint(max[i]));
         Self {
             offset: bounds.map(centre).unwrap_or_default(),
         }
@@ -73,7 +58,9 @@ impl Rounding {
         options: &SceneOptions,
     ) -> Option<String> {
         const SHARE: f64 = 1e-3;
-        let size = PositionBounds::of(first)?.size();
+        let [min, max] = finite_bounds(first)?;
+        let [x, y, z]: [f64; 3] = std::array::from_fn(|i| max[i] - min[i]);
+        let size = x.hypot(y).hypot(z);
         let error = |p: &Position| {
             let rounded = self.point(*p);
             let errors = (0..3).map(|i| (f64::from(rounded[i]) - (p[i] - self.offset[i])).abs());

@@ -1,10 +1,10 @@
 //! Key frames from mesh files of equal topology, one per file.
 
 use crate::folder::Folder;
-use crate::mesh::{CLAY, Paint, Polygons, compact, mean};
+use crate::mesh::{CLAY, Paint, PolygonMesh, Polygons, compact, mean};
 use crate::paging::{KeySize, check_keys, reserve};
 use crate::paths::extension;
-use crate::ply::{Pattern, Ply};
+use crate::ply::Pattern;
 use crate::polygon::{self, Triangulation};
 use crate::rounding::{Position, Rounding};
 use crate::{Facts, Result, Rgb, Scene, SceneError, SceneOptions, obj, paging, ply};
@@ -16,13 +16,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, OnceLock};
 use std::time::SystemTime;
 
-/// Reads a mesh file of either format. An OBJ file has no pattern.
-fn read(path: &Path) -> Result<Ply> {
+/// Reads a mesh file of either format.
+fn read(path: &Path) -> Result<PolygonMesh> {
     match extension(path).as_str() {
-        "obj" => Ok(Ply {
-            mesh: obj::read(path)?,
-            pattern: None,
-        }),
+        "obj" => obj::read(path),
         _ => ply::read(path),
     }
 }
@@ -33,7 +30,7 @@ fn read(path: &Path) -> Result<Ply> {
 /// same triangles.
 pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &SceneOptions) -> Result<Scene> {
     let path = files[0].as_path();
-    let Ply { mesh, pattern } = read(path)?;
+    let mesh = read(path)?;
     mesh.polygons.check(path)?;
     let found = polygon::triangulate(&mesh.polygons, &mesh.points);
     let Triangulation {
@@ -48,13 +45,9 @@ pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &SceneOptions) ->
             "{file}: {fanned} concave faces have too many vertices for ear clipping and become triangle fans"
         ));
     }
-    let surface = Surface {
-        path,
-        polygons: &mesh.polygons,
-        triangles: &triangles,
-    };
-    let colours = surface.colours(&folder, mesh.paint, &mut notes);
-    let kept = compact(&mut triangles, mesh.polygons.vertices);
+    let polygons = mesh.polygons;
+    let colours = triangle_colours(path, &polygons, &triangles, &folder, mesh.paint, &mut notes);
+    let kept = compact(&mut triangles, polygons.vertices);
     let exact = pick(path, &mesh.points, &kept)?;
     drop(mesh.points);
     let rounding = Rounding::of(&exact, options);
@@ -68,16 +61,15 @@ pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &SceneOptions) ->
         stamps: files.iter().map(|_| OnceLock::new()).collect(),
         alike: files.iter().map(|_| AtomicBool::new(false)).collect(),
         files: files.clone(),
-        polygons: mesh.polygons,
-        pattern,
-        first: Mutex::new(Some(first)),
+        polygons,
+        pattern: mesh.pattern,
         rounding,
         kept,
         notes: Mutex::default(),
     });
     let read = Arc::clone(&sequence);
     let source = move |key| Ok(read.read(key)?);
-    let animation = paging::animation(source, size, triangles, options)?;
+    let animation = paging::animation(source, Some(first), size, triangles, options)?;
     notes.extend(lock(&sequence.notes).values().flatten().cloned());
     let facts = Facts {
         format: extension(&files[0]),
@@ -116,8 +108,6 @@ struct Sequence {
     /// Indices, as numbered in the files, of the vertices that faces use.
     kept: Vec<u32>,
     rounding: Rounding,
-    /// Points of the first key frame, until they are first requested.
-    first: Mutex<Option<Vec<Point>>>,
     /// Remarks on later files, by file index.
     notes: Mutex<BTreeMap<usize, Vec<String>>>,
 }
@@ -131,9 +121,6 @@ struct Stamp {
 
 impl Sequence {
     fn read(&self, key: usize) -> Result<Vec<Point>> {
-        if let Some(points) = lock(&self.first).take_if(|_| key == 0) {
-            return Ok(points);
-        }
         let path = &self.files[key];
         self.check_unchanged(key)?;
         if let Some(pattern) = &self.pattern {
@@ -146,7 +133,7 @@ impl Sequence {
                 return Ok(self.rounding.points(&points));
             }
         }
-        let mesh = read(path)?.mesh;
+        let mesh = read(path)?;
         let (first, expected) = (&self.files[0], &self.polygons);
         mesh.polygons.check_same(path, first, expected)?;
         // Keeps only the remark that the file may be cut short. All files repeat the other remarks, so those of
@@ -176,32 +163,25 @@ impl Sequence {
     }
 }
 
-/// Faces of a mesh, with their triangles as vertex indices of the file.
-struct Surface<'a> {
-    path: &'a Path,
-    polygons: &'a Polygons,
-    triangles: &'a [[u32; 3]],
-}
-
-impl Surface<'_> {
-    /// Returns one colour per triangle.
-    fn colours(&self, folder: &Folder, paint: Paint, notes: &mut Vec<String>) -> Vec<Rgb> {
-        let Self {
-            path,
-            polygons,
-            triangles,
-        } = *self;
-        match paint {
-            Paint::None => vec![CLAY; triangles.len()],
-            Paint::Vertices(colours) => {
-                let mean = |corners: &[u32; 3]| mean(corners.map(|v| colours[v as usize]));
-                triangles.iter().map(mean).collect()
-            }
-            Paint::Faces(colours) => polygons.per_triangle(&colours),
-            Paint::Materials(materials) => {
-                let colours = materials.colours(path, folder, polygons.faces().count(), notes);
-                polygons.per_triangle(&colours)
-            }
+/// Returns one colour per triangle. The triangles are vertex indices of the file at `path`.
+fn triangle_colours(
+    path: &Path,
+    polygons: &Polygons,
+    triangles: &[[u32; 3]],
+    folder: &Folder,
+    paint: Paint,
+    notes: &mut Vec<String>,
+) -> Vec<Rgb> {
+    match paint {
+        Paint::None => vec![CLAY; triangles.len()],
+        Paint::Vertices(colours) => {
+            let mean = |corners: &[u32; 3]| mean(corners.map(|v| colours[v as usize]));
+            triangles.iter().map(mean).collect()
+        }
+        Paint::Faces(colours) => polygons.per_triangle(&colours),
+        Paint::Materials(materials) => {
+            let colours = materials.colours(path, folder, polygons.faces().count(), notes);
+            polygons.per_triangle(&colours)
         }
     }
 }

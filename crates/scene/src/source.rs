@@ -129,7 +129,7 @@ mod tests {
     }
 
     /// Returns the x coordinate of the first vertex of each key frame.
-    fn firsts(scene: &Scene) -> Vec<f32> {
+    fn first_xs(scene: &Scene) -> Vec<f32> {
         let keys = scene.animation.all_keys().unwrap();
         keys.iter().map(|key| key[0][0]).collect()
     }
@@ -142,7 +142,7 @@ mod tests {
         let folder = folder(&files.into_iter().chain(others).collect::<Vec<_>>());
         let open = |below| open_in(&folder, below, &SceneOptions::default()).unwrap();
         let scene = open("");
-        assert_eq!(firsts(&scene), [1.0, 2.0, 10.0]);
+        assert_eq!(first_xs(&scene), [1.0, 2.0, 10.0]);
         assert_eq!(scene.facts.files.len(), 3);
         let name = folder.path().file_name().and_then(|n| n.to_str());
         assert_eq!(Some(scene.name.as_str()), name);
@@ -151,7 +151,7 @@ mod tests {
             ("[0-9]*.obj", &[2.0, 10.0]),
             ("2.obj", &[2.0]),
         ] {
-            assert_eq!(firsts(&open(spec)), found);
+            assert_eq!(first_xs(&open(spec)), found);
         }
         assert_eq!(open("2.obj").name, "2");
     }
@@ -225,6 +225,19 @@ mod tests {
             let triangles = arrow(3, "f 1 2 3\nf 1 3 4\n");
             let other = opened("obj", arrow(3, "f 1 2 3 4\n"), &triangles, key_bytes);
             refused(other, &["1.obj", "face 0 joins other vertices"]);
+        }
+    }
+
+    #[test]
+    fn utf16_text_is_rejected() {
+        let utf16 = |text: &str| text.chars().flat_map(|c| [c, '\0']).collect::<String>();
+        let folder = folder(&[
+            ("a.obj", utf16(&obj(0, TRIANGLE))),
+            ("a.ply", utf16("ply\nformat ascii 1.0\n")),
+        ]);
+        for name in ["a.obj", "a.ply"] {
+            let opened = open_in(&folder, name, &SceneOptions::default());
+            refused(opened, &["UTF-16", "UTF-8"]);
         }
     }
 

@@ -38,6 +38,7 @@ impl Viewpoint {
         let tan_y = (f64::from(fov_degrees).to_radians() * 0.5).tan() * FILL;
         let tan_x = tan_y * f64::from(width.max(1)) / f64::from(height.max(1));
         let tan = dvec2(tan_x, tan_y);
+        let unit = |v: DVec3| v / v.length();
         let back = unit(TO_EYE);
         let right = unit(UP.cross(back));
         let up = back.cross(right);
@@ -168,16 +169,6 @@ fn narrow(p: DVec3) -> Point {
 
 fn wide(p: Point) -> DVec3 {
     p.map(f64::from).into()
-}
-
-/// Normalizes `a` to length 1. Returns zero if the length is zero or not finite.
-fn unit(a: DVec3) -> DVec3 {
-    let length = a.length();
-    if length > 0.0 && length.is_finite() {
-        a / length
-    } else {
-        DVec3::ZERO
-    }
 }
 
 #[cfg(test)]

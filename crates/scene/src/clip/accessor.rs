@@ -183,7 +183,7 @@ impl<'a> Elements<'a> {
 
     /// Returns the rows of the elements in the buffer view. `None` if the accessor has no buffer view, so that all
     /// elements are zero unless replaced.
-    fn own(&self) -> Result<Option<Rows<'a>>, String> {
+    fn stored_rows(&self) -> Result<Option<Rows<'a>>, String> {
         /// Maximum number of elements without a buffer view. Their number is not bounded by the size of the file.
         const MOST_ZEROS: usize = 1 << 26;
         let count = self.accessor.count.0;
@@ -205,7 +205,7 @@ impl<'a> Elements<'a> {
     }
 
     /// Returns the index and the bytes of each element that `sparse` replaces.
-    fn replaced(&self, sparse: &Sparse) -> Result<Vec<(usize, &'a [u8])>, String> {
+    fn sparse_elements(&self, sparse: &Sparse) -> Result<Vec<(usize, &'a [u8])>, String> {
         let (length, count) = (sparse.count.0, self.accessor.count.0);
         if length == 0 {
             return Err("sparse, but no element is replaced".to_owned());
@@ -249,13 +249,15 @@ impl<'a> Elements<'a> {
         if count == 0 {
             return Ok(elements);
         }
-        let own = self.own().map_err(|e| self.wrong(e))?;
+        let stored = self.stored_rows().map_err(|e| self.wrong(e))?;
         let sparse = self.accessor.sparse.as_ref();
-        let replaced = sparse.map(|sparse| self.replaced(sparse)).transpose();
+        let replaced = sparse
+            .map(|sparse| self.sparse_elements(sparse))
+            .transpose();
         let replaced = replaced.map_err(|e| self.wrong(e))?;
         host::reserve(&mut elements, count).map_err(|e| self.wrong(e))?;
-        match own {
-            Some(own) => elements.extend(own.map(&read)),
+        match stored {
+            Some(rows) => elements.extend(rows.map(&read)),
             None => elements.resize(count, read(&vec![0; self.size()])),
         }
         for (index, value) in replaced.into_iter().flatten() {

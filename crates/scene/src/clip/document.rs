@@ -81,11 +81,8 @@ impl GltfFile {
 
     /// Returns an item of a list in the document.
     pub(super) fn item<'a, T>(&self, kind: &str, list: &'a [T], index: Whole) -> Result<&'a T> {
-        list.get(index.0).ok_or_else(|| {
-            let (index, count) = (index.0, list.len());
-            let cause = format!("{kind} {index} does not exist, there are {count}");
-            SceneError::malformed(&self.path, None, cause)
-        })
+        let found = find_item(kind, list, index);
+        found.map_err(|cause| SceneError::malformed(&self.path, None, cause))
     }
 
     pub(super) fn node(&self, index: Whole) -> Result<&GltfNode> {
@@ -98,13 +95,7 @@ impl GltfFile {
 
     /// Returns a buffer view and its bytes. The error does not contain the path.
     pub(super) fn view_bytes(&self, index: Whole) -> Result<(&BufferView, &[u8]), String> {
-        let views = &self.document.buffer_views;
-        let Some(view) = views.get(index.0) else {
-            let (index, count) = (index.0, views.len());
-            return Err(format!(
-                "buffer view {index} does not exist, there are {count}"
-            ));
-        };
+        let view = find_item("buffer view", &self.document.buffer_views, index)?;
         let buffer = self.buffer(view.buffer)?;
         let rest = buffer.get(view.byte_offset.map_or(0, |o| o.0)..);
         let bytes = rest.and_then(|rest| rest.get(..view.byte_length.0));
@@ -116,10 +107,7 @@ impl GltfFile {
     }
 
     fn buffer(&self, index: Whole) -> Result<&[u8], String> {
-        let Some(buffer) = self.buffers.get(index.0) else {
-            let (index, count) = (index.0, self.buffers.len());
-            return Err(format!("buffer {index} does not exist, there are {count}"));
-        };
+        let buffer = find_item("buffer", &self.buffers, index)?;
         let declared = &self.document.buffers[index.0];
         let found = match (&declared.uri, &self.binary) {
             (None, Some(binary)) if index.0 == 0 => Ok(binary.as_slice()),
@@ -139,6 +127,14 @@ impl GltfFile {
         }
         Ok(bytes)
     }
+}
+
+/// Returns an item of a list. The error does not contain the path.
+fn find_item<'a, T>(kind: &str, list: &'a [T], index: Whole) -> Result<&'a T, String> {
+    list.get(index.0).ok_or_else(|| {
+        let (index, count) = (index.0, list.len());
+        format!("{kind} {index} does not exist, there are {count}")
+    })
 }
 
 /// Reads a data URI, or a file relative to the folder.
@@ -182,52 +178,42 @@ fn read<T: DeserializeOwned>(json: &[u8]) -> Result<T, String> {
 fn parse(json: &[u8]) -> Result<Document, String> {
     let head: Head = read(json)?;
     let asset = head.asset.as_ref();
-    let least = asset.and_then(|a| Version::of(a.min_version.as_ref()?));
-    let own = asset.and_then(|a| Version::of(a.version.as_ref()?));
+    let least = asset.and_then(|a| version(a.min_version.as_ref()?));
+    let own = asset.and_then(|a| version(a.version.as_ref()?));
+    let text = |[major, minor]: [u32; 2]| format!("{major}.{minor}");
+    let supported = text(SUPPORTED);
     if let Some(least) = least.filter(|least| *least > SUPPORTED) {
+        let least = text(least);
         return Err(format!(
-            "the file needs glTF {least}, only {SUPPORTED} is supported"
+            "the file needs glTF {least}, only {supported} is supported"
         ));
     }
     match own {
         None => Err(format!(
-            "there is no asset.version; glTF 1.0 is not supported, only {SUPPORTED}"
+            "there is no asset.version; glTF 1.0 is not supported, only {supported}"
         )),
-        Some(own) if own.major != SUPPORTED.major => {
-            Err(format!("glTF {own} is not supported, only {SUPPORTED}"))
+        Some(own) if own[0] != SUPPORTED[0] => {
+            let own = text(own);
+            Err(format!("glTF {own} is not supported, only {supported}"))
         }
         // Any file of version 2.x is readable, unless its `minVersion` is above the supported version.
         Some(_) => read(json),
     }
 }
 
-/// Version of the glTF specification.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Version {
-    major: u32,
-    minor: u32,
-}
+/// Major and minor version of the supported glTF specification.
+const SUPPORTED: [u32; 2] = [2, 0];
 
-const SUPPORTED: Version = Version { major: 2, minor: 0 };
-
-impl Version {
-    fn of(value: &Value) -> Option<Self> {
-        let text = match value {
-            Value::String(text) => text.clone(),
-            other => other.to_string(),
-        };
-        let mut parts = text.split('.');
-        Some(Self {
-            major: parts.next()?.parse().ok()?,
-            minor: parts.next().unwrap_or("0").parse().ok()?,
-        })
-    }
-}
-
-impl fmt::Display for Version {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}.{}", self.major, self.minor)
-    }
+/// Parses a major and a minor version.
+fn version(value: &Value) -> Option<[u32; 2]> {
+    let text = match value {
+        Value::String(text) => text.clone(),
+        other => other.to_string(),
+    };
+    let mut parts = text.split('.');
+    let major = parts.next()?.parse().ok()?;
+    let minor = parts.next().unwrap_or("0").parse().ok()?;
+    Some([major, minor])
 }
 
 /// Refuses unsupported extensions that are required, and returns remarks on those that are optional.

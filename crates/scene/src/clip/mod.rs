@@ -19,12 +19,11 @@ use crate::rounding::Rounding;
 use crate::{Facts, MAX_FPS, Result, Scene, SceneError, SceneOptions, paging};
 use document::GltfFile;
 pub(crate) use document::buffer_files;
-use geom::lock;
 use motion::ClipMotion;
 use part::{ClipPart, Drawn};
 use rig::Rig;
 use std::path::Path;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 const MAX_KEYS: usize = 1 << 16;
 /// Maximum number of vertices in all key frames together. They take 48 GiB.
@@ -86,13 +85,10 @@ pub(crate) fn open(name: String, path: &Path, options: &SceneOptions) -> Result<
         offset: rounding.chosen(options),
         notes,
     };
-    let first = Mutex::new(Some(rounding.points(&exact)));
+    let first = rounding.points(&exact);
     drop(exact);
-    let source = move |key: usize| match lock(&first).take_if(|_| key == 0) {
-        Some(first) => Ok(first),
-        None => Ok(rounding.points(&positions(key)?)),
-    };
-    let animation = paging::animation(source, size, triangles, options)?;
+    let source = move |key: usize| Ok(rounding.points(&positions(key)?));
+    let animation = paging::animation(source, Some(first), size, triangles, options)?;
     Ok(Scene {
         name,
         animation: Arc::new(animation),

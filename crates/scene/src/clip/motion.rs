@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 
 /// Node property that a clip can animate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum NodeProperty {
+pub(super) enum NodeProperty {
     Translation,
     Rotation,
     Scale,
@@ -45,14 +45,15 @@ impl ClipMotion {
     }
 
     /// Returns whether the clip animates the node.
-    pub(super) fn moves(&self, node: usize) -> bool {
+    pub(super) fn animates(&self, node: usize) -> bool {
         let own = self
             .tracks
             .range((node, NodeProperty::Translation)..=(node, NodeProperty::Weights));
         own.count() > 0
     }
 
-    fn at(&self, node: usize, property: NodeProperty, time: f64) -> Option<Vec<f64>> {
+    /// Returns the value of a node's property at `time`, or `None` if the clip does not set it.
+    pub(super) fn at(&self, node: usize, property: NodeProperty, time: f64) -> Option<Vec<f64>> {
         let track = self.tracks.get(&(node, property))?;
         Some(track.at(time))
     }
@@ -69,11 +70,6 @@ impl ClipMotion {
             rotation: rotation.map_or(rest.rotation, |v| unit(&v)),
             scale: vector(NodeProperty::Scale, rest.scale),
         }
-    }
-
-    /// Returns the weights of a node's morph targets, or `None` if the clip does not set them.
-    pub(super) fn weights(&self, node: usize, time: f64) -> Option<Vec<f64>> {
-        self.at(node, NodeProperty::Weights, time)
     }
 
     /// Returns the first and last time in seconds. Both are 0 if there is no key.
@@ -190,7 +186,7 @@ impl Track {
                 "{found} weights do not make whole sets for {size} morph targets"
             ));
         }
-        let (found, expected) = (found / size, times * self.each());
+        let (found, expected) = (found / size, times * self.rows_per_time());
         if found != expected {
             return Err(format!(
                 "{expected} values are expected for {times} times, {found} are there"
@@ -200,7 +196,7 @@ impl Track {
     }
 
     /// Returns the number of rows per time.
-    fn each(&self) -> usize {
+    fn rows_per_time(&self) -> usize {
         match self.interpolation {
             Interpolation::CubicSpline => 3,
             _ => 1,
@@ -212,8 +208,8 @@ impl Track {
     }
 
     fn value(&self, key: usize) -> &[f64] {
-        let each = self.each();
-        self.row(each * key + each / 2)
+        let rows = self.rows_per_time();
+        self.row(rows * key + rows / 2)
     }
 
     /// Returns the value at `time`. Before the first and after the last time, returns the value at that end.

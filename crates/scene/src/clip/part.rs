@@ -2,7 +2,7 @@
 
 use super::accessor::{floats, indices};
 use super::document::GltfFile;
-use super::motion::ClipMotion;
+use super::motion::{ClipMotion, NodeProperty};
 use super::rig::{Rig, places};
 use super::schema::{GltfMaterial, GltfPrimitive, Whole};
 use super::transform::vector;
@@ -246,7 +246,7 @@ impl ClipPart {
             ..
         } = &*self.primitive;
         let mut points: Vec<DVec3> = rest.iter().copied().map(vector).collect();
-        let weights = motion.weights(self.node, time);
+        let weights = motion.at(self.node, NodeProperty::Weights, time);
         let weights = weights.as_ref().unwrap_or(&self.weights);
         for (number, moves) in targets {
             let weight = weights.get(*number).copied().unwrap_or(0.0);

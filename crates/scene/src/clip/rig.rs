@@ -90,21 +90,21 @@ impl Rig {
     pub(super) fn pose(&self, motion: &ClipMotion, time: f64) -> Vec<DMat4> {
         let mut world = vec![DMat4::IDENTITY; self.nodes.len()];
         for &i in &self.order {
-            let own = self.own(i, motion, time);
+            let local = self.local_transform(i, motion, time);
             world[i] = match self.nodes[i].parent {
-                Some(parent) => world[parent] * own,
-                None => own,
+                Some(parent) => world[parent] * local,
+                None => local,
             };
         }
         world
     }
 
     /// Returns the transform of a node relative to its parent.
-    fn own(&self, node: usize, motion: &ClipMotion, time: f64) -> DMat4 {
+    fn local_transform(&self, node: usize, motion: &ClipMotion, time: f64) -> DMat4 {
         let Joint {
             matrix, transform, ..
         } = self.nodes[node];
-        if motion.moves(node) {
+        if motion.animates(node) {
             motion.transform(node, time, transform).matrix()
         } else {
             matrix

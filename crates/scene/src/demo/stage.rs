@@ -106,7 +106,7 @@ pub(super) fn assemble(
     };
     let keys = keys as usize;
     let size = KeySize { keys, vertices };
-    let animation = paging::animation(source, size, triangles, options)?;
+    let animation = paging::animation(source, None, size, triangles, options)?;
     Ok((animation, colours))
 }
 

@@ -34,6 +34,7 @@ pub(crate) fn read(path: &Path) -> Result<PolygonMesh> {
         polygons: found.polygons,
         paint,
         notes,
+        pattern: None,
     })
 }
 
@@ -227,7 +228,7 @@ fn corner(word: &str, vertices: usize) -> Result<u32, String> {
 mod tests {
     use super::*;
     use crate::rounding::Rounding;
-    use crate::testing::{refused, surface};
+    use crate::testing::{assert_note, refused, surface};
     use std::fs;
 
     fn parse(text: &str) -> Result<PolygonMesh> {
@@ -301,11 +302,6 @@ mod tests {
         assert_eq!(Statements::scan(&latin).unwrap().polygons, mesh.polygons);
     }
 
-    fn note_with<'a>(mesh: &'a PolygonMesh, says: &str) -> &'a str {
-        let note = mesh.notes.iter().find(|n| n.contains(says));
-        note.unwrap_or_else(|| panic!("{says:?} is not in {:?}", mesh.notes))
-    }
-
     #[test]
     fn comment_ends_at_line_end() {
         for comment in [
@@ -343,20 +339,11 @@ mod tests {
             let mesh = parse(&text.replace('\n', end)).unwrap();
             assert_eq!(mesh.points, whole.points);
             assert_eq!(mesh.polygons, whole.polygons);
-            note_with(&mesh, "'l' statements, the first in line 8");
+            assert_note(&mesh, "'l' statements, the first in line 8");
             assert_eq!(mesh.notes.len(), 1, "{:?}", mesh.notes);
             let wrong = text.replace("1 2 3", "1 2 4").replace('\n', end);
             refused(parse(&wrong), &["line 9: vertex 4"]);
         }
-    }
-
-    #[test]
-    fn utf16_text_is_rejected() {
-        let text = "\u{feff}v 0 0 0\n";
-        let wide: Vec<u8> = text.encode_utf16().flat_map(u16::to_be_bytes).collect();
-        let file = tempfile::Builder::new().suffix(".obj").tempfile().unwrap();
-        fs::write(file.path(), wide).unwrap();
-        refused(read(file.path()), &["UTF-16", "UTF-8"]);
     }
 
     #[test]
@@ -375,7 +362,7 @@ mod tests {
             "v 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2\nusemtl b\nf 1 2 3\nf\nf 2/1\nf 3 2 1\n";
         let mesh = parse(text).unwrap();
         assert_eq!(surface(&mesh).triangles, [[0, 1, 2], [2, 1, 0]]);
-        note_with(
+        assert_note(
             &mesh,
             "skipped 3 faces of fewer than 3 vertices, the first in line 5",
         );
@@ -408,6 +395,6 @@ mod tests {
             let first = if is_noted { [0, 1, 1] } else { [0, 128, 255] };
             assert_eq!(colours[0], first);
         }
-        note_with(&with("255 0 0"), "colours above 1 are read as 0 to 255");
+        assert_note(&with("255 0 0"), "colours above 1 are read as 0 to 255");
     }
 }

@@ -3,6 +3,7 @@
 use super::ascii::AsciiBody;
 use super::element::{Element, NEGATIVE, RESTART};
 use super::header::PlyHeader;
+use super::pattern::Pattern;
 use crate::mesh::{Colours, Paint, PolygonMesh, Polygons, SHORT_FACES, Skipped, append};
 use crate::rounding::Position;
 use crate::text::check_encoding;
@@ -124,7 +125,7 @@ impl<'a> PlyFile<'a> {
             };
             if let Some(name) = used {
                 let place = (name, index);
-                let stored = self.take(place, element);
+                let stored = self.store(place, element);
                 stored.map_err(|cause| self.wrong(place, cause))?;
             }
         }
@@ -155,7 +156,7 @@ impl<'a> PlyFile<'a> {
     }
 
     /// Stores an element of the kind `place.0`.
-    fn take(&mut self, place: Location, element: Element) -> Result<(), String> {
+    fn store(&mut self, place: Location, element: Element) -> Result<(), String> {
         let colour = element.colour();
         match place.0 {
             "vertex" => {
@@ -213,6 +214,7 @@ impl<'a> PlyFile<'a> {
     }
 
     pub(super) fn finish(mut self) -> Result<PolygonMesh> {
+        let pattern = Pattern::of(&self);
         self.body.check_end().map_err(|e| e.in_file(self.path))?;
         let vertices = self.points.len();
         self.polygons.vertices = vertices;
@@ -237,6 +239,7 @@ impl<'a> PlyFile<'a> {
             polygons: self.polygons,
             paint,
             notes,
+            pattern,
         })
     }
 }
