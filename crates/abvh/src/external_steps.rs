@@ -8,7 +8,7 @@ use geom::copy_in_parallel;
 use gpu_vulkan::external::ExternalMemory;
 use gpu_vulkan::memory::Buffer;
 use gpu_vulkan::timeline::Timeline;
-use gpu_vulkan::{ExternalRun, LentRays, VulkanDevice};
+use gpu_vulkan::{ExternalVertices, LentRays, VulkanDevice};
 use std::sync::Arc;
 
 impl ExternalRays<'_> {
@@ -42,10 +42,10 @@ impl ResidentScene {
         buffer: &ExternalBuffer,
         offset: u64,
     ) -> Result<()> {
-        let source = ExternalRun {
+        let source = ExternalVertices {
             memory: &buffer.0,
             offset,
-            run: self.joined.range_of(mesh),
+            range: self.joined.range_of(mesh),
             vertex_count: self.joined.animation.vertex_count(),
         };
         let set = self.exporter()?.set_external_points(source);

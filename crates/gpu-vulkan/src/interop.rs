@@ -15,14 +15,14 @@ use std::sync::Arc;
 
 const POINT: u64 = size_of::<Point>() as u64;
 
-/// A run of a scene's positions in external memory.
-pub struct ExternalRun<'a> {
+/// External memory that holds a range of a scene's vertices.
+pub struct ExternalVertices<'a> {
     /// The memory.
     pub memory: &'a Arc<ExternalMemory>,
     /// Byte offset of the first position.
     pub offset: u64,
-    /// The run.
-    pub run: Range<usize>,
+    /// Indices of the vertices.
+    pub range: Range<usize>,
     /// Number of vertices of the scene.
     pub vertex_count: usize,
 }
@@ -34,15 +34,15 @@ impl VulkanDevice {
     /// # Errors
     /// [`backend::BackendError::Misuse`] if the memory belongs to another device or is too small, or the offset is not
     /// a multiple of 4.
-    pub fn set_external_points(&mut self, source: ExternalRun<'_>) -> Result<()> {
-        let ExternalRun { offset, run, .. } = source;
+    pub fn set_external_points(&mut self, source: ExternalVertices<'_>) -> Result<()> {
+        let ExternalVertices { offset, range, .. } = source;
         if offset % 4 != 0 {
             let why = format!("the byte offset of vertices must be a multiple of 4, not {offset}");
             return Err(BackendError::Misuse(why));
         }
-        let end = (run.len() as u64 * POINT).saturating_add(offset);
+        let end = (range.len() as u64 * POINT).saturating_add(offset);
         let buffer = Buffer::external(&self.gpu, source.memory, end)?;
-        if run.is_empty() {
+        if range.is_empty() {
             return Ok(());
         }
         if self.external.positions.is_none() {
@@ -53,7 +53,7 @@ impl VulkanDevice {
         self.external.points.set(PointsSource {
             buffer,
             offset,
-            run,
+            run: range,
         });
         Ok(())
     }

@@ -43,6 +43,6 @@ mod vulkan_device;
 pub use adapters::{adapters, all};
 pub use encoder::{NativeCommand, RayBindings, RecordingEncoder};
 pub use gpu_common::LentRays;
-pub use interop::ExternalRun;
+pub use interop::ExternalVertices;
 pub use pipelines::{Layouts, descriptor_type, with_module};
 pub use vulkan_device::{VulkanBackend, VulkanDevice, open};

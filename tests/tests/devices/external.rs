@@ -17,7 +17,7 @@ use geom::{Animation, PointBuffer};
 use gpu_vulkan::external::ExternalMemory;
 use gpu_vulkan::memory::Buffer;
 use gpu_vulkan::timeline::Timeline;
-use gpu_vulkan::{ExternalRun, VulkanBackend};
+use gpu_vulkan::{ExternalVertices, VulkanBackend};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -318,10 +318,10 @@ pub(crate) fn timeline_bounds_external_memory_access() {
     let bring = |backend: &mut VulkanBackend, wait, signal| {
         let device = backend.gpu_mut();
         device.synchronize(&timeline, wait, signal).unwrap();
-        let source = ExternalRun {
+        let source = ExternalVertices {
             memory: &vertices,
             offset: 0,
-            run: 0..400,
+            range: 0..400,
             vertex_count: 400,
         };
         device.set_external_points(source).unwrap();
