@@ -55,11 +55,9 @@
 //!
 //! # Threads
 //!
-//! [`TracerBuilder::threads`](crate::TracerBuilder::threads) sets the number of threads that trace on the host or, if a
-//! GPU traces, build trees (one less with `Update::Async`).
-//! [`TracerBuilder::builder_threads`](crate::TracerBuilder::builder_threads) sets the number that build trees. By
-//! default, if the host has four or more cores, a quarter builds while the others trace. For a GPU, one thread per two
-//! cores builds. A [`Tracer`](crate::Tracer) can be sent to another thread, and a program can have several tracers.
+//! [`TracerBuilder::threads`](crate::TracerBuilder::threads) and
+//! [`TracerBuilder::builder_threads`](crate::TracerBuilder::builder_threads) set the numbers of threads, and describe
+//! the defaults. A [`Tracer`](crate::Tracer) can be sent to another thread, and a program can have several tracers.
 //! Each has its own device and trees.
 //!
 //! Tracers can be used from tasks of rayon, tokio and other runtimes. A call blocks its thread, which runs no other
