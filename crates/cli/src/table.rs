@@ -62,7 +62,7 @@ pub(crate) fn ms(x: f64) -> String {
 
 /// Formats an integer with thousands separators.
 pub(crate) fn grouped(n: usize) -> String {
-    plot::count(n as u64)
+    plot::format_count(n as u64)
 }
 
 /// Formats a number with its noun: `1 frame`, `2,000 frames`.

@@ -11,7 +11,7 @@ use std::io::{self, BufWriter, Write};
 #[cfg(unix)]
 use std::os::unix::fs::FileTypeExt;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, MutexGuard};
+use std::sync::Mutex;
 use tempfile::NamedTempFile;
 
 /// Size of the write buffer in bytes.
@@ -40,15 +40,11 @@ const SUFFIX: &str = ".part";
 /// Existing temporary files of this process.
 static UNFINISHED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
-fn unfinished() -> MutexGuard<'static, BTreeSet<PathBuf>> {
-    lock(&UNFINISHED)
-}
-
 /// Removes all temporary files of this process, which is about to exit. While the caller holds the returned guard, no
 /// temporary file can be created.
 #[must_use]
 pub fn remove_unfinished() -> impl Sized {
-    let files = unfinished();
+    let files = lock(&UNFINISHED);
     for file in files.iter() {
         // Fails harmlessly for a file that has just been renamed.
         let _ = fs::remove_file(file);
@@ -93,7 +89,7 @@ struct UnfinishedName(PathBuf);
 
 impl Drop for UnfinishedName {
     fn drop(&mut self) {
-        unfinished().remove(&self.0);
+        lock(&UNFINISHED).remove(&self.0);
     }
 }
 
@@ -108,18 +104,24 @@ pub fn write_with(
     fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> Result<(), OutputError> {
     let write = || match UnfinishedFile::beside(path)? {
-        Some(file) => fill_and_finish(file, fill),
+        Some(mut file) => {
+            let mut out = BufWriter::with_capacity(BUFFER, file.temporary.1.as_file_mut());
+            fill(&mut out)?;
+            out.flush()?;
+            drop(out);
+            file.finish()
+        }
         None => {
             let mut bytes = Vec::new();
             fill(&mut bytes)?;
-            open_as_it_is(path)?.write_all(&bytes)
+            open_existing(path)?.write_all(&bytes)
         }
     };
     write().map_err(|e| OutputError::writing(path, e))
 }
 
 /// Opens an existing file, device or pipe for writing, without truncating it.
-pub(crate) fn open_as_it_is(path: &Path) -> io::Result<fs::File> {
+pub(crate) fn open_existing(path: &Path) -> io::Result<fs::File> {
     fs::OpenOptions::new().write(true).open(path)
 }
 
@@ -136,7 +138,7 @@ pub fn check_writable(path: &Path) -> Result<(), OutputError> {
         }
         // Opening and closing a pipe would look like the end of the file to its reader.
         None if is_pipe(path)? => Ok(()),
-        None => open_as_it_is(path).map(drop),
+        None => open_existing(path).map(drop),
     };
     check().map_err(|e| OutputError::writing(path, e))
 }
@@ -188,17 +190,6 @@ fn plain_target(path: &Path) -> io::Result<Option<PathBuf>> {
     }
 }
 
-fn fill_and_finish(
-    mut file: UnfinishedFile,
-    fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
-) -> io::Result<()> {
-    let mut out = BufWriter::with_capacity(BUFFER, file.temporary.1.as_file_mut());
-    fill(&mut out)?;
-    out.flush()?;
-    drop(out);
-    file.finish()
-}
-
 /// Removes temporary files of killed runs in `dir`: those that no living process has locked.
 fn remove_abandoned(dir: &Path) -> io::Result<()> {
     for entry in fs::read_dir(dir)? {
@@ -229,7 +220,7 @@ pub fn remove_special_file(path: &Path) -> Result<(), OutputError> {
 /// Creates a temporary file that is locked while it is open, so that [`remove_abandoned`] keeps it.
 fn temporary_in(dir: &Path) -> io::Result<(UnfinishedName, NamedTempFile)> {
     loop {
-        let mut files = unfinished();
+        let mut files = lock(&UNFINISHED);
         let file = unlocked_in(dir)?;
         files.insert(file.path().to_owned());
         drop(files);

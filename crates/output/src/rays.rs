@@ -95,16 +95,17 @@ impl RayFile {
         let bytes = values.saturating_add(self.rays.saturating_mul(size_of::<Ray>()));
         let checked = host::check_memory(bytes as u64);
         checked.map_err(|e| unreadable(io::Error::new(io::ErrorKind::OutOfMemory, e)))?;
-        let table = Table {
-            rays: self.rays,
-            columns: self.columns,
-            order: self.header.order(),
-            offset,
-        };
+        let (shape, order) = ([self.rays, self.columns], self.header.order());
         let file = NpyFile::with_header(self.header, self.reader);
         match self.format {
-            Format::Single => file.into_vec::<f32>().map(|values| table.rays(&values)),
-            Format::Double => file.into_vec::<f64>().map(|values| table.rays(&values)),
+            Format::Single => {
+                let values = file.into_vec::<f32>();
+                values.map(|values| rays_of(&values, shape, order, offset))
+            }
+            Format::Double => {
+                let values = file.into_vec::<f64>();
+                values.map(|values| rays_of(&values, shape, order, offset))
+            }
         }
         .map_err(unreadable)
     }
@@ -221,34 +222,30 @@ fn check(header: &NpyHeader) -> Result<(Format, [u64; 2]), String> {
     }
 }
 
-/// Order of the numbers in the file, and the offset to subtract from origins.
-struct Table {
-    rays: usize,
-    columns: usize,
+/// Converts the numbers of a file, in its order, to rays. Subtracts `offset` from the origins.
+fn rays_of<T: Copy + Into<f64>>(
+    values: &[T],
+    [rays, columns]: [usize; 2],
     order: Order,
     offset: [f64; 3],
-}
-
-impl Table {
-    fn rays<T: Copy + Into<f64>>(&self, values: &[T]) -> Vec<Ray> {
-        let at = |ray: usize, column: usize| -> f64 {
-            let place = match self.order {
-                Order::C => ray * self.columns + column,
-                Order::Fortran => column * self.rays + ray,
-            };
-            values[place].into()
+) -> Vec<Ray> {
+    let at = |ray: usize, column: usize| -> f64 {
+        let index = match order {
+            Order::C => ray * columns + column,
+            Order::Fortran => column * rays + ray,
         };
-        let ray = |i| {
-            let origin = std::array::from_fn(|c| (at(i, c) - self.offset[c]) as f32);
-            let direction = std::array::from_fn(|c| at(i, 3 + c) as f32);
-            let mut ray = Ray::new(origin, direction);
-            if self.columns == 8 {
-                (ray.t_min, ray.t_max) = (at(i, 6) as f32, at(i, 7) as f32);
-            }
-            ray
-        };
-        (0..self.rays).map(ray).collect()
-    }
+        values[index].into()
+    };
+    let ray = |i| {
+        let origin = std::array::from_fn(|c| (at(i, c) - offset[c]) as f32);
+        let direction = std::array::from_fn(|c| at(i, 3 + c) as f32);
+        let mut ray = Ray::new(origin, direction);
+        if columns == 8 {
+            (ray.t_min, ray.t_max) = (at(i, 6) as f32, at(i, 7) as f32);
+        }
+        ray
+    };
+    (0..rays).map(ray).collect()
 }
 
 /// Formats a shape in Python syntax.

@@ -1,7 +1,7 @@
 //! Videos of all frames in order: uncompressed YUV4MPEG2, or encoded by `ffmpeg`, which reads YUV4MPEG2 from a pipe.
 
 use crate::OutputError;
-use crate::atomic::{UnfinishedFile, open_as_it_is};
+use crate::atomic::{UnfinishedFile, open_existing};
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{self, prelude::*};
@@ -73,9 +73,9 @@ impl<F: AsRef<VideoPlanes> + Send + 'static> Video<F> {
         }))
     }
 
-    /// Queues the frame with index `place` of the run. Frames may arrive in any order. They are dropped once written.
-    pub fn take(&self, place: usize, frame: F) {
-        self.send(Some((place, frame)));
+    /// Queues the frame with this index in the run. Frames may arrive in any order. They are dropped once written.
+    pub fn queue(&self, index: usize, frame: F) {
+        self.send(Some((index, frame)));
     }
 
     fn send(&self, frame: Option<(usize, F)>) {
@@ -105,21 +105,21 @@ impl<F: AsRef<VideoPlanes> + Send + 'static> Video<F> {
 
 fn write<F: AsRef<VideoPlanes>>(
     frames: &Receiver<Option<(usize, F)>>,
-    sinks: Vec<(Bytes, Sink)>,
+    sinks: Vec<(OutputStream, Sink)>,
     header: &impl Fn() -> EncoderBuilder,
 ) -> Result<()> {
     // A run that fails before its first frame writes nothing.
     let Ok(first) = frames.recv() else {
         return Ok(());
     };
-    let begin = |(out, mut sink): (Bytes, Sink)| Ok((sink.begin(out, header())?, sink));
+    let begin = |(out, mut sink): (OutputStream, Sink)| Ok((sink.begin(out, header())?, sink));
     let mut sinks = sinks.into_iter().map(begin).collect::<Result<Vec<_>>>()?;
     let (mut next, mut early) = (0, BTreeMap::new());
     for frame in iter::once(first).chain(frames) {
-        let Some((place, frame)) = frame else {
+        let Some((index, frame)) = frame else {
             return (sinks.into_iter()).try_for_each(|(out, sink)| sink.end(out));
         };
-        early.insert(place, frame);
+        early.insert(index, frame);
         while let Some(frame) = early.remove(&next) {
             for (out, sink) in &mut sinks {
                 sink.frame(out, frame.as_ref())?;
@@ -133,7 +133,7 @@ fn write<F: AsRef<VideoPlanes>>(
 
 /// Stream that receives a video's bytes: a file, standard output or the input of `ffmpeg`. It must be dropped before
 /// its [`Sink`], so that no encoder writes to a removed file.
-type Bytes = Box<dyn Write + Send>;
+type OutputStream = Box<dyn Write + Send>;
 
 /// Output file of a video, and the encoder that writes it, if any.
 struct Sink {
@@ -144,18 +144,18 @@ struct Sink {
 
 impl Sink {
     /// Opens a file, or standard output for `-`. If `format` is given, an encoder writes the file.
-    fn open(path: &Path, format: Option<&str>) -> Result<(Bytes, Self)> {
+    fn open(path: &Path, format: Option<&str>) -> Result<(OutputStream, Self)> {
         let cannot = |e| OutputError::writing(path, e);
         let is_named = path.as_os_str() != "-";
         let beside = || UnfinishedFile::beside(path).map_err(cannot);
         let file = is_named.then(beside).transpose()?.flatten();
-        let place = file.as_ref().map_or(path, UnfinishedFile::path);
-        let (encoder, out): (_, Bytes) = match format {
+        let target = file.as_ref().map_or(path, UnfinishedFile::path);
+        let (encoder, out): (_, OutputStream) = match format {
             Some(format) => {
-                let (started, pipe) = Encoder::start(format, place)?;
+                let (started, pipe) = Encoder::start(format, target)?;
                 (Some(started), Box::new(pipe))
             }
-            None if is_named => (None, Box::new(open_as_it_is(place).map_err(cannot)?)),
+            None if is_named => (None, Box::new(open_existing(target).map_err(cannot)?)),
             None => (None, Box::new(io::stdout())),
         };
         let sink = Self {
@@ -166,12 +166,16 @@ impl Sink {
         Ok((out, sink))
     }
 
-    fn begin(&mut self, out: Bytes, header: EncoderBuilder) -> Result<y4m::Encoder<Bytes>> {
+    fn begin(
+        &mut self,
+        out: OutputStream,
+        header: EncoderBuilder,
+    ) -> Result<y4m::Encoder<OutputStream>> {
         let begun = header.with_colorspace(Colorspace::C444).write_header(out);
         begun.map_err(|e| self.failed(&e))
     }
 
-    fn frame(&mut self, out: &mut y4m::Encoder<Bytes>, planes: &VideoPlanes) -> Result<()> {
+    fn frame(&mut self, out: &mut y4m::Encoder<OutputStream>, planes: &VideoPlanes) -> Result<()> {
         let written = out.write_frame(&planes.frame());
         written.map_err(|e| self.failed(&e))
     }
@@ -183,7 +187,7 @@ impl Sink {
         }
     }
 
-    fn end(self, out: y4m::Encoder<Bytes>) -> Result<()> {
+    fn end(self, out: y4m::Encoder<OutputStream>) -> Result<()> {
         drop(out);
         let is_encoded = self.encoder.is_some();
         self.encoder.map_or(Ok(()), Encoder::end)?;

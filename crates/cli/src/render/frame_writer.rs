@@ -131,7 +131,7 @@ impl<'a> FrameWriter<'a> {
             if let Err(error) = self.write_files(row, &mut borrowed.buffers) {
                 self.lock().failed.get_or_insert(error);
             } else if let Some(video) = &self.lock().video {
-                video.take(place, borrowed);
+                video.queue(place, borrowed);
             }
         };
         // This thread is a rayon worker only if no other thread could be started. Spawned work would then run only at

@@ -86,38 +86,28 @@ const SHAPES: [MarkShape; Intersector::ALL.len()] =
 /// The fills of [`Policy::ALL`], in that order.
 const FILLS: [f64; Policy::ALL.len()] = [0.0, 0.4, 1.0, 0.7];
 
-/// Pairs each name with its mark.
-fn pair<T: Copy, const N: usize>(
-    names: [&'static str; N],
-    marks: [T; N],
-) -> [(&'static str, T); N] {
-    std::array::from_fn(|i| (names[i], marks[i]))
-}
-
-/// Returns the value of a name in a list, or `other` for an unknown name.
-fn find<T: Copy>(list: &[(&str, T)], name: &str, other: T) -> T {
-    let found = list.iter().find(|(known, _)| *known == name);
-    found.map_or(other, |(_, value)| *value)
+/// Returns the value that corresponds to `name` in a list of names, or `other` for an unknown name.
+fn find<T: Copy>(names: &[&str], values: &[T], name: &str, other: T) -> T {
+    let index = names.iter().position(|known| *known == name);
+    index.map_or(other, |index| values[index])
 }
 
 /// Returns the appearance for three names. An unknown name uses the corresponding value of [`PLAIN`].
 pub(crate) fn of_names([backend, intersector, update]: [&str; 3]) -> MarkStyle {
     MarkStyle {
         colour: find(
-            &pair(BackendName::ALL.map(BackendName::name), COLOURS),
+            &BackendName::ALL.map(BackendName::name),
+            &COLOURS,
             backend,
             colour_of_other(backend),
         ),
         shape: find(
-            &pair(Intersector::ALL.map(Intersector::name), SHAPES),
+            &Intersector::ALL.map(Intersector::name),
+            &SHAPES,
             intersector,
             PLAIN.shape,
         ),
-        fill: find(
-            &pair(Policy::ALL.map(Policy::name), FILLS),
-            update,
-            PLAIN.fill,
-        ),
+        fill: find(&Policy::ALL.map(Policy::name), &FILLS, update, PLAIN.fill),
     }
 }
 

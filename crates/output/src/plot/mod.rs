@@ -19,7 +19,7 @@ mod table;
 mod tests;
 
 pub use page::{html, svg};
-pub use table::{SCHEMA, count, csv, csv_table, json, row};
+pub use table::{SCHEMA, csv, csv_table, format_count, json, row};
 
 use serde::Serialize;
 use std::collections::BTreeSet;

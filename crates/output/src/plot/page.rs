@@ -2,7 +2,7 @@
 
 use super::mark_style::{GREY, INK, LegendEntry, legend, names, of_names, of_point};
 use super::panel::{Axis, LINE, Mark, Panel, WIDTH, font, short};
-use super::table::{count, described, escape, row};
+use super::table::{described, escape, format_count, row};
 use super::{Chart, ChartPoint, ChartScene, Machine, Rate, Result};
 use plotters::backend::SVGBackend;
 use plotters::drawing::IntoDrawingArea;
@@ -118,7 +118,7 @@ fn scatter_plot(chart: &Chart, scene: &ChartScene, axes: [Axis; 2]) -> Panel {
 /// Returns the heading of a plot, including the number of points that are not drawn.
 fn heading(chart: &Chart, scene: &ChartScene, drawn: usize) -> String {
     let (name, [width, height]) = (&scene.name, scene.size);
-    let [triangles, frames] = [scene.triangles, scene.frames].map(count);
+    let [triangles, frames] = [scene.triangles, scene.frames].map(format_count);
     let about =
         format!("{name}: {triangles} triangles, {width} x {height} pixels, {frames} frames");
     let all = chart.points.iter().filter(|p| p.scene == *name).count();

@@ -115,7 +115,7 @@ fn plain(x: Option<impl ToString>) -> String {
 #[must_use]
 pub fn row(p: &ChartPoint) -> Vec<(&'static str, String)> {
     let maybe = |x: Option<f64>| x.map_or_else(|| "-".to_owned(), number);
-    let of = |n, rays| format!("{} of {}", count(n), count(rays));
+    let of = |n, rays| format!("{} of {}", format_count(n), format_count(rays));
     let ms = p.ms_per_frame;
     let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
     let sum = |count: fn(&FamilyCounts) -> u64| {
@@ -135,7 +135,7 @@ pub fn row(p: &ChartPoint) -> Vec<(&'static str, String)> {
         ("wrong", of(p.wrong, p.rays_tested)),
         ("wrong aimed", of(p.aimed.wrong, p.aimed.rays)),
         ("wrong mixed range", mixed),
-        ("wrong shadows", count(p.wrong_shadow)),
+        ("wrong shadows", format_count(p.wrong_shadow)),
         ("MiB", maybe(p.memory_bytes.map(mib))),
     ]
 }
@@ -143,7 +143,7 @@ pub fn row(p: &ChartPoint) -> Vec<(&'static str, String)> {
 /// Describes a point in one line.
 pub(crate) fn described(p: &ChartPoint) -> String {
     let ms = number(p.ms_per_frame.median);
-    let (wrong, of) = (count(p.wrong), count(p.rays_tested));
+    let (wrong, of) = (format_count(p.wrong), format_count(p.rays_tested));
     format!(
         "{}, {}: {ms} ms a frame, {wrong} wrong of {of} rays",
         p.scene,
@@ -162,7 +162,7 @@ pub(crate) fn number(x: f64) -> String {
 
 /// Formats an integer with thousands separators.
 #[must_use]
-pub fn count(n: u64) -> String {
+pub fn format_count(n: u64) -> String {
     let digits: Vec<char> = n.to_string().chars().collect();
     let groups = digits.rchunks(3).rev().map(String::from_iter);
     groups.collect::<Vec<_>>().join(",")
@@ -194,7 +194,7 @@ mod tests {
         for (x, text) in cases {
             assert_eq!(number(x), text);
         }
-        let counts = [0, 999, 1000, 1_234_567].map(count);
+        let counts = [0, 999, 1000, 1_234_567].map(format_count);
         assert_eq!(counts, ["0", "999", "1,000", "1,234,567"]);
     }
 }
