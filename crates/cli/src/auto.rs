@@ -1,7 +1,8 @@
 //! Chooses the update policy for `auto`. The choice uses estimates and never traces a frame. It affects only the speed.
 
+use crate::devices::Selected;
 use crate::error::CliError;
-use crate::tracer_settings::{ChosenPolicy, TracerSettings, Workload};
+use crate::tracer_settings::{TracerSettings, Workload};
 use backend::{Backend, DeviceKind, Policy};
 use geom::Animation;
 use output::AutoChoice;
@@ -40,13 +41,13 @@ pub(crate) fn choose_policy(
     animation: &Animation,
     settings: &TracerSettings,
     workload: Workload<'_>,
-) -> Result<ChosenPolicy, CliError> {
+) -> Result<Selected<Policy>, CliError> {
     if !settings.is_policy_auto() || workload.frames.is_empty() {
         return Ok(settings.policy());
     }
-    let (policy, why) = facts(capabilities, animation, settings, workload)?.choose();
+    let (value, why) = facts(capabilities, animation, settings, workload)?.choose();
     let why = Some(why);
-    Ok(ChosenPolicy { policy, why })
+    Ok(Selected { value, why })
 }
 
 fn facts(
@@ -89,7 +90,6 @@ fn facts(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::DeviceSettings;
     use backend::{BackendName, Intersector};
     use pipeline::Frame;
     use scene::Scene;
@@ -122,30 +122,8 @@ mod tests {
                 builds_trees,
             };
             let chosen = choose_policy(capabilities, &scene.animation, &settings(), workload);
-            let policy = chosen.unwrap().policy;
+            let policy = chosen.unwrap().value;
             assert_eq!(policy, expected, "{device:?} {builds_trees}");
         }
-    }
-
-    #[test]
-    fn a_policy_left_open_is_chosen_with_a_reason() {
-        let scene = demo("demo:collide:400");
-        let device = DeviceSettings::of(Some(BackendName::Cpu));
-        let capabilities = Capabilities::of(device.open().unwrap().as_ref());
-        let chosen = |count| {
-            let frame = |index| Frame {
-                index,
-                time: index as f64 / 8.0,
-            };
-            let frames: Vec<Frame> = (0..count).map(frame).collect();
-            let workload = Workload {
-                frames: &frames,
-                rays: 64 * 36,
-            };
-            choose_policy(capabilities, &scene.animation, &settings(), workload).unwrap()
-        };
-        let why = chosen(32).why.unwrap();
-        assert!(why.contains("frames") || why.contains("tree"), "{why}");
-        assert_eq!(chosen(1).policy, Policy::Refit);
     }
 }

@@ -148,7 +148,7 @@ impl BenchSettings {
         let mut contenders = Contenders::default();
         for &backend in &self.measure.backend {
             for &update in &self.measure.update {
-                if let Some(why) = nonsense(backend, update) {
+                if let Some(why) = skip_reason(backend, update) {
                     contenders.skipped.push(why);
                     continue;
                 }
@@ -186,7 +186,7 @@ impl BenchSettings {
 }
 
 /// Returns a remark if a backend cannot build the trees of an update policy.
-fn nonsense(backend: BackendChoice, update: PolicyChoice) -> Option<String> {
+fn skip_reason(backend: BackendChoice, update: PolicyChoice) -> Option<String> {
     let is_sound = !update.is_some_and(Policy::builds_on_device) || builds_trees(backend);
     let (name, policy) = (backend_name(backend), policy_name(update));
     (!is_sound).then(|| format!("{name} with {policy} is skipped: it builds on the host"))

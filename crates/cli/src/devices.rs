@@ -50,21 +50,10 @@ impl DeviceSettings {
     }
 }
 
-/// A value, and the reason why `auto` chose its backend.
+/// A value, and the reason if `auto` chose it or its backend.
 pub(crate) struct Selected<T> {
     pub(crate) value: T,
     pub(crate) why: Option<String>,
-}
-
-impl<T> Selected<T> {
-    /// Replaces the value by the result of `ready`.
-    pub(crate) fn and_then<U>(
-        self,
-        ready: impl FnOnce(T) -> Result<U, CliError>,
-    ) -> Result<Selected<U>, CliError> {
-        let (value, why) = (ready(self.value)?, self.why);
-        Ok(Selected { value, why })
-    }
 }
 
 impl DeviceSettings {

@@ -54,13 +54,15 @@ impl<'a> CommandFiles<'a> {
     /// Refuses an output file that is also an input or another output.
     pub(crate) fn check_apart(&self) -> Result<(), CliError> {
         for (i, (option, file)) in self.written.iter().enumerate() {
-            let Some(place) = place(file) else { continue };
-            let is_same = |other: &&NamedFile<'_>| self::place(&other.1).as_ref() == Some(&place);
+            let Some(path) = regular_path(file) else {
+                continue;
+            };
+            let is_same = |other: &&NamedFile<'_>| regular_path(&other.1).as_ref() == Some(&path);
             let what = if let Some((other, file)) = self.read.iter().find(is_same) {
                 format!("{} of {other}", file.display())
             } else if let Some((other, _)) = self.written[..i].iter().find(is_same) {
                 format!("the output of {other}")
-            } else if let Some(folder) = self.folder_of(&place) {
+            } else if let Some(folder) = self.folder_of(&path) {
                 format!("a file that {folder} writes")
             } else {
                 continue;
@@ -71,7 +73,7 @@ impl<'a> CommandFiles<'a> {
             )));
         }
         for (_, file) in &self.read {
-            if let Some(folder) = place(file).and_then(|place| self.folder_of(&place)) {
+            if let Some(folder) = regular_path(file).and_then(|path| self.folder_of(&path)) {
                 let file = format!("{}, which is read", file.display());
                 return Err(CliError::invalid(format!("{folder} may overwrite {file}")));
             }
@@ -79,18 +81,18 @@ impl<'a> CommandFiles<'a> {
         Ok(())
     }
 
-    /// Returns the option of the output folder that contains `place`, if the run may write a file of that name.
-    fn folder_of(&self, place: &Path) -> Option<&'a str> {
-        let name = place.file_name()?.to_string_lossy();
+    /// Returns the option of the output folder that contains `path`, if the run may write a file of that name.
+    fn folder_of(&self, path: &Path) -> Option<&'a str> {
+        let name = path.file_name()?.to_string_lossy();
         let is_ours = name.starts_with("abvh-run") || output::is_frame_file(&name);
-        let folder = place.parent().filter(|_| is_ours)?;
+        let folder = path.parent().filter(|_| is_ours)?;
         let found = self.folders.iter().find(|(_, f)| absolute(f) == folder);
         found.map(|(option, _)| *option)
     }
 }
 
 /// Returns the absolute path of a file. Returns `None` for devices and pipes, which several options may share.
-fn place(file: &Path) -> Option<PathBuf> {
+fn regular_path(file: &Path) -> Option<PathBuf> {
     let metadata = fs::metadata(file).ok();
     let is_special = metadata.is_some_and(|metadata| !metadata.is_file() && !metadata.is_dir());
     (!is_special).then(|| absolute(file))

@@ -8,7 +8,7 @@ use crate::frame_list;
 use crate::parsers;
 use crate::scene_source::{self, SceneSettings, is_demo, scene_facts};
 use crate::setup;
-use crate::table::{KEY_FRAMES, TRIANGLES, counted, grouped, table};
+use crate::table::{KEY_FRAMES, TRIANGLES, counted, format_count, table};
 use crate::tracer_settings::{TracerSettings, Workload};
 use backend::Intersector;
 use clap::Args;
@@ -93,8 +93,8 @@ fn text(scene: &Scene, i: &Inspection) -> String {
         "{}: {} ({} live, {} moving), {}, {}\n",
         scene.name,
         counted(animation.triangle_count(), TRIANGLES),
-        grouped(animation.live_count()),
-        grouped(animation.moving_count()),
+        format_count(animation.live_count()),
+        format_count(animation.moving_count()),
         counted(animation.vertex_count(), ["vertex", "vertices"]),
         counted(animation.key_count(), KEY_FRAMES)
     );
@@ -125,15 +125,15 @@ fn text(scene: &Scene, i: &Inspection) -> String {
     text
 }
 
-fn refit_table(decay: &[RefitCosts]) -> String {
-    let row = |d: &RefitCosts| {
-        let ratio = d.ratio.map_or("-".to_owned(), |r| format!("{r:.3}"));
+fn refit_table(costs: &[RefitCosts]) -> String {
+    let row = |c: &RefitCosts| {
+        let ratio = c.ratio.map_or("-".to_owned(), |r| format!("{r:.3}"));
         vec![
-            ("time", format!("{:.2}", d.time)),
-            ("first tree refitted", format!("{:.2}", d.refitted)),
-            ("fresh tree", format!("{:.2}", d.fresh)),
+            ("time", format!("{:.2}", c.time)),
+            ("first tree refitted", format!("{:.2}", c.refitted)),
+            ("fresh tree", format!("{:.2}", c.fresh)),
             ("SAH ratio", ratio),
         ]
     };
-    table(decay.iter().map(row), 0)
+    table(costs.iter().map(row), 0)
 }

@@ -373,7 +373,7 @@ impl MeasuredRow {
         let TimedFrames {
             warm_up,
             stats,
-            held,
+            max_device_memory,
         } = timed;
         let MeasuredScene {
             name,
@@ -405,8 +405,8 @@ impl MeasuredRow {
             trees: stats.iter().filter(|f| f.tree.adopted).count(),
             rejected: stats.iter().filter(|f| f.tree.rejected).count(),
             first_ms: stats.first().map(|f| f.wall_ms),
-            memory: held.map(|bytes| device_memory(bytes, triangles)),
-            device_bytes: held.map(|bytes| bytes.total()),
+            memory: max_device_memory.map(|bytes| device_memory(bytes, triangles)),
+            device_bytes: max_device_memory.map(|bytes| bytes.total()),
             differing: None,
             medians,
             per_frame: stats,
@@ -415,8 +415,8 @@ impl MeasuredRow {
 }
 
 /// Returns the device memory of each use, in bytes and in bytes per triangle.
-fn device_memory(held: DeviceBytes, triangles: usize) -> Value {
-    let parts = [held.tree, held.scratch, held.scene, held.frames];
+fn device_memory(bytes: DeviceBytes, triangles: usize) -> Value {
+    let parts = [bytes.tree, bytes.scratch, bytes.scene, bytes.frames];
     let named = |[tree, scratch, scene, frames]: [Value; 4]| json!({ "tree": tree, "scratch": scratch, "scene": scene, "frames": frames });
     let each = |bytes: u64| json!(bytes as f64 / triangles.max(1) as f64);
     json!({

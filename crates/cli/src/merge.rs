@@ -12,7 +12,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Maximum number of missing frames that the message lists.
-const NAMED: usize = 12;
+const MAX_LISTED: usize = 12;
 
 #[derive(Args, Debug)]
 pub(crate) struct MergeSettings {
@@ -102,8 +102,12 @@ fn read(folders: &[PathBuf]) -> Result<Vec<MergedFolder<'_>>, CliError> {
 
 /// Returns the message about missing frames of a run with `of` frames.
 fn absent(missing: &[u64], of: usize) -> String {
-    let mut names: Vec<String> = missing.iter().take(NAMED).map(u64::to_string).collect();
-    if missing.len() > NAMED {
+    let mut names: Vec<String> = missing
+        .iter()
+        .take(MAX_LISTED)
+        .map(u64::to_string)
+        .collect();
+    if missing.len() > MAX_LISTED {
         names.push("…".to_owned());
     }
     let (missing, names) = (missing.len(), names.join(", "));

@@ -22,9 +22,9 @@ use abvh::Tracer;
 use abvh::frames::{Frame, FrameRecord, OutputSelection};
 use clap::Args;
 use files::FrameFiles;
-use frame_writer::{FrameLog, FrameWriter, Rendered};
+use frame_writer::{FrameContext, FrameLog, FrameWriter};
 use output::{SCHEMA, Video, VideoFiles};
-use resume::{EarlierRun, Progressed, RunPlan};
+use resume::{DividedFrames, EarlierRun, RunPlan};
 use scene::Scene;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -91,7 +91,73 @@ pub(crate) struct RenderSettings {
 
 impl RunCommand for RenderSettings {
     fn run(&self) -> Result<(), CliError> {
-        run(self)
+        self.check_files()?;
+        let files = FrameFiles::of(self);
+        let earlier = EarlierRun::find(self, &files)?;
+        if let Some(rows) = earlier.finished(self, &files)? {
+            return finish_complete(self, &earlier, &rows);
+        }
+        let opening = setup::begin(&self.tracer);
+        let rays = self.camera.pixels();
+        let scene = self.source.open(&self.scene, rays)?;
+        let keys = scene.animation.key_count();
+        let all = resume::all_frames(self, keys)?;
+        let frames = frame_list::of_shard(&all, self.shard);
+        let plan = RunPlan {
+            manifest: resume::manifest(self, keys)?,
+            list: all.iter().map(|frame| frame.index).collect(),
+        };
+        if frames.is_empty() {
+            return finish_empty_shard(self, earlier, &files, &scene, &plan);
+        }
+        let lit_camera = self.camera.aim(&scene)?;
+        // The encoder starts while the device is opened.
+        let videos = VideoFiles {
+            encoded: self.video.as_deref(),
+            y4m: self.y4m.as_deref(),
+        };
+        let video = Video::begin(videos, self.camera.size, self.source.fps);
+        let video = video.map_err(CliError::invalid)?;
+        let workload = Workload {
+            frames: &frames,
+            rays,
+        };
+        let Started { mut tracer, setup } =
+            setup::start_tracer(&scene, &self.tracer, workload, opening)?;
+        let mut wanted = OutputSelection {
+            hits: files.has_hits(),
+            pixels: files.has_pictures() || files.has_video,
+        };
+        let on_device = tracer.prepare_frames(lit_camera.view(), wanted)?;
+        // If the host shades, it needs the hits of each frame. They count towards the memory limit of the frame writer.
+        wanted.hits |= wanted.pixels && !on_device;
+        let new_folders = files.create_folders()?;
+        self.write_rays(&scene, &lit_camera).inspect_err(|_| {
+            // The run ends here, so remove the folders that it created.
+            for folder in &new_folders {
+                let _ = std::fs::remove_dir(folder);
+            }
+        })?;
+        let DividedFrames { done, todo } = earlier.divide(frames, &files);
+        let stats = statistics_of(self, &scene, &setup);
+        let mut journals = earlier.begin(self, &plan, &stats)?;
+        signals::defer();
+        let context = FrameContext {
+            scene: &scene,
+            lit_camera: &lit_camera,
+            files: &files,
+            wanted,
+        };
+        let log = FrameLog {
+            journals: &mut journals,
+            progress: self.begin_progress(&scene, &setup, todo.len(), done.len()),
+            video,
+            rows: Vec::new(),
+            failed: None,
+        };
+        let rows = render_frames(tracer, &todo, context, log)?;
+        self.write_stats(stats, &[&done[..], &rows].concat())?;
+        self.print(&results(self, &scene, &setup, &rows))
     }
 
     fn requirements(&self) -> Vec<Requirement> {
@@ -186,76 +252,6 @@ impl RenderSettings {
     }
 }
 
-fn run(settings: &RenderSettings) -> Result<(), CliError> {
-    settings.check_files()?;
-    let files = FrameFiles::of(settings);
-    let earlier = EarlierRun::find(settings, &files)?;
-    if let Some(rows) = earlier.finished(settings, &files)? {
-        return finish_complete(settings, &earlier, &rows);
-    }
-    let opening = setup::begin(&settings.tracer);
-    let rays = settings.camera.pixels();
-    let scene = settings.source.open(&settings.scene, rays)?;
-    let keys = scene.animation.key_count();
-    let all = resume::all_frames(settings, keys)?;
-    let frames = frame_list::of_shard(&all, settings.shard);
-    let plan = RunPlan {
-        manifest: resume::manifest(settings, keys)?,
-        list: all.iter().map(|frame| frame.index).collect(),
-    };
-    if frames.is_empty() {
-        return finish_empty_shard(settings, earlier, &files, &scene, &plan);
-    }
-    let lit_camera = settings.camera.aim(&scene)?;
-    // The encoder starts while the device is opened.
-    let videos = VideoFiles {
-        encoded: settings.video.as_deref(),
-        y4m: settings.y4m.as_deref(),
-    };
-    let video = Video::begin(videos, settings.camera.size, settings.source.fps);
-    let video = video.map_err(CliError::invalid)?;
-    let workload = Workload {
-        frames: &frames,
-        rays,
-    };
-    let Started { mut tracer, setup } =
-        setup::start_tracer(&scene, &settings.tracer, workload, opening)?;
-    let mut wanted = OutputSelection {
-        hits: files.has_hits(),
-        pixels: files.has_pictures() || files.has_video,
-    };
-    let on_device = tracer.prepare_frames(lit_camera.view(), wanted)?;
-    // If the host shades, it needs the hits of each frame. They count towards the memory limit of the frame writer.
-    wanted.hits |= wanted.pixels && !on_device;
-    let new_folders = files.create_folders()?;
-    settings.write_rays(&scene, &lit_camera).inspect_err(|_| {
-        // The run ends here, so remove the folders that it created.
-        for folder in &new_folders {
-            let _ = std::fs::remove_dir(folder);
-        }
-    })?;
-    let Progressed { done, todo } = earlier.divide(frames, &files);
-    let stats = statistics_of(settings, &scene, &setup);
-    let mut journals = earlier.begin(settings, &plan, &stats)?;
-    signals::defer();
-    let rendered = Rendered {
-        scene: &scene,
-        lit_camera: &lit_camera,
-        files: &files,
-        wanted,
-    };
-    let log = FrameLog {
-        journals: &mut journals,
-        progress: settings.begin_progress(&scene, &setup, todo.len(), done.len()),
-        video,
-        rows: Vec::new(),
-        failed: None,
-    };
-    let rows = render_frames(tracer, &todo, rendered, log)?;
-    settings.write_stats(stats, &[&done[..], &rows].concat())?;
-    settings.print(&results(settings, &scene, &setup, &rows))
-}
-
 /// Finishes a run whose frames are all complete. Writes only the statistics, from the journals of earlier runs.
 fn finish_complete(
     settings: &RenderSettings,
@@ -292,11 +288,11 @@ fn finish_empty_shard(
 fn render_frames(
     mut tracer: Tracer,
     frames: &[Frame],
-    rendered: Rendered<'_>,
+    context: FrameContext<'_>,
     log: FrameLog<'_>,
 ) -> Result<Vec<FrameRecord>, CliError> {
-    let (view, wanted) = (rendered.lit_camera.view(), rendered.wanted);
-    let writer = FrameWriter::new(rendered, log);
+    let (view, wanted) = (context.lit_camera.view(), context.wanted);
+    let writer = FrameWriter::new(context, log);
     let mut places = 0..;
     rayon::in_place_scope(|scope| {
         tracer.render_frames::<CliError>(frames, view, wanted, |frame, outputs| {
@@ -319,7 +315,7 @@ fn results(
         "{}: {} ({} moving), {}; {} of {width}x{height}\n{}\n",
         scene.name,
         table::counted(scene.animation.triangle_count(), table::TRIANGLES),
-        table::grouped(scene.animation.moving_count()),
+        table::format_count(scene.animation.moving_count()),
         table::counted(scene.animation.key_count(), table::KEY_FRAMES),
         table::counted(rows.len(), table::FRAMES),
         setup.caption,

@@ -3,9 +3,9 @@
 //! `render` and `trace` use the library's tracer. Other commands use the frame driver on which the tracer is built.
 
 use crate::auto::{self, Capabilities};
-use crate::devices::{DeviceSettings, Opening, SelectedBackend};
+use crate::devices::{DeviceSettings, Opening, Selected, SelectedBackend};
 use crate::error::CliError;
-use crate::tracer_settings::{ChosenPolicy, TracerSettings, Workload};
+use crate::tracer_settings::{TracerSettings, Workload};
 use abvh::{Mesh, Tracer};
 use backend::{Backend, BackendName, DeviceKind};
 use geom::Animation;
@@ -114,7 +114,10 @@ fn start<T>(
         let tracer = load(resolved)?;
         Ok(Started { tracer, setup })
     };
-    let first = opened.map(|opened| opened.and_then(ready));
+    let first = opened.map(|opened| {
+        let why = opened.why;
+        ready(opened.value).map(|value| Selected { value, why })
+    });
     // If a backend that `auto` chose fails here, try the backends again with the scene.
     let is_auto = settings.device.backend.is_none();
     let first = first.filter(|first| first.is_ok() || !is_auto);
@@ -141,8 +144,8 @@ fn resolve(
     workload: Workload<'_>,
 ) -> Result<Resolved, CliError> {
     let capabilities = Capabilities::of(backend.as_ref());
-    let ChosenPolicy {
-        policy,
+    let Selected {
+        value: policy,
         why: why_policy,
     } = auto::choose_policy(capabilities, animation, settings, workload)?;
     let threads = settings.share(capabilities.device, policy);

@@ -5,7 +5,7 @@ use crate::console::{self, ProgressLine};
 use crate::error::CliError;
 use crate::file_checks::CommandFiles;
 use crate::parsers;
-use crate::table::{grouped, table};
+use crate::table::{format_count, table};
 use crate::tested_backends::{OpenedBackends, TestSettings, TestedBackends};
 use backend::{Backend, Intersector};
 use clap::Args;
@@ -185,7 +185,7 @@ impl StabilityReport {
             text += &self.tables(backend, intersectors);
         }
         for row in self.rows.iter().filter(|r| !r.cell.is_ok()) {
-            text += &self.complaint(row);
+            text += &self.failure_text(row);
         }
         text
     }
@@ -229,7 +229,7 @@ impl StabilityReport {
     }
 
     /// Returns the counts outside their bounds, and the command that reproduces them.
-    fn complaint(&self, row: &StabilityRow) -> String {
+    fn failure_text(&self, row: &StabilityRow) -> String {
         let (backend, intersector) = (row.backend, row.cell.intersector);
         let out = row.cell.measured.iter().filter(|m| !m.is_ok());
         let out = out.map(|m| {
@@ -238,7 +238,7 @@ impl StabilityReport {
                 Some([low, high]) => format!("{} to {}", percent(low), percent(high)),
                 None => "an unknown rate; abvh stability --record measures it".to_owned(),
             };
-            let [count, of] = [m.count, m.of].map(|n| grouped(n as usize));
+            let [count, of] = [m.count, m.of].map(|n| format_count(n as usize));
             let (what, rate) = (m.measure.name().replace('_', " "), percent(m.rate()));
             format!("{what} {count} of {of} ({rate}), expected {expected}")
         });
@@ -254,7 +254,7 @@ impl StabilityReport {
 fn share(m: &MeasuredRate) -> String {
     let text = match m.count {
         0 => "0".to_owned(),
-        n => format!("{} {}", percent(m.rate()), grouped(n as usize)),
+        n => format!("{} {}", percent(m.rate()), format_count(n as usize)),
     };
     match m.bound {
         _ if m.is_ok() => text,

@@ -61,13 +61,13 @@ pub(crate) fn ms(x: f64) -> String {
 }
 
 /// Formats an integer with thousands separators.
-pub(crate) fn grouped(n: usize) -> String {
+pub(crate) fn format_count(n: usize) -> String {
     plot::format_count(n as u64)
 }
 
 /// Formats a number with its noun: `1 frame`, `2,000 frames`.
 pub(crate) fn counted(n: usize, [one, many]: [&str; 2]) -> String {
-    format!("{} {}", grouped(n), if n == 1 { one } else { many })
+    format!("{} {}", format_count(n), if n == 1 { one } else { many })
 }
 
 /// Singular and plural of a noun, for [`counted`].

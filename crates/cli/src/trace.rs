@@ -55,7 +55,67 @@ pub(crate) struct TraceSettings {
 
 impl RunCommand for TraceSettings {
     fn run(&self) -> Result<(), CliError> {
-        run(self)
+        let files = CommandFiles {
+            read: vec![("--rays", self.rays.clone())],
+            written: vec![("--out", self.out.clone())],
+            ..CommandFiles::default()
+        };
+        files.check(std::slice::from_ref(&self.scene))?;
+        let tracer = self.tracer();
+        let opening = setup::begin(&tracer);
+        let file = output::RayFile::open(&self.rays).map_err(CliError::invalid)?;
+        let scene = self.source.open(&self.scene, file.count())?;
+        let offset = scene.facts.offset;
+        let rays = file
+            .read(offset.unwrap_or_default())
+            .map_err(CliError::invalid)?;
+        let keys = scene.animation.key_count();
+        let time = frame_list::check_time("--time", self.time, keys)?;
+        let tree_time = match self.update {
+            Some(Policy::Refit) => {
+                let time = self.tree_time.unwrap_or(0.0);
+                Some(frame_list::check_time("--tree-time", time, keys)?)
+            }
+            _ => None,
+        };
+        let query = if self.any_hit {
+            Query::Any
+        } else {
+            Query::Closest
+        };
+        let workload = Workload {
+            frames: &[],
+            rays: rays.len(),
+        };
+        let Started { mut tracer, setup } =
+            setup::start_tracer(&scene, &tracer, workload, opening)?;
+        if !self.quiet {
+            setup.auto.iter().for_each(|t| console::say(&t.to_string()));
+            scene.facts.notes.iter().for_each(|note| console::say(note));
+        }
+        if let Some(time) = tree_time {
+            tracer.warm_up(time)?;
+        }
+        let mut step = tracer.step(time);
+        let query = step.trace(&rays, query)?;
+        let done = step.submit()?;
+        let hits = tracer.hits(done, query)?;
+        if self.any_hit {
+            output::write_any_hits(&self.out, hits.any())?;
+        } else {
+            let shape = [rays.len() as u64];
+            let hits = HitArrays {
+                offset,
+                ..HitArrays::of(hits.in_scene(), &shape)
+            };
+            hits.write(&self.out)?;
+        }
+        let closest = hits.in_scene().iter().filter(|h| h.is_hit()).count();
+        let any = hits.any().iter().filter(|&&b| b != 0).count();
+        let caption = &setup.caption;
+        let rays = counted(rays.len(), ["ray", "rays"]);
+        let met = counted(closest + any, ["hit", "hits"]);
+        console::print(&format!("{rays}, {met} at time {time}\n{caption}\n"))
     }
 
     fn requirements(&self) -> Vec<Requirement> {
@@ -78,75 +138,10 @@ impl RunCommand for TraceSettings {
 
 impl TraceSettings {
     fn tracer(&self) -> TracerSettings {
+        let update = self.update.unwrap_or(Policy::Rebuild);
         TracerSettings {
             device: self.device.clone(),
-            intersector: self.intersector,
-            update: Some(self.update.unwrap_or(Policy::Rebuild)),
-            lockstep: None,
-            predict: true,
+            ..TracerSettings::of(self.device.backend, self.intersector, Some(update))
         }
     }
-}
-
-fn run(settings: &TraceSettings) -> Result<(), CliError> {
-    let files = CommandFiles {
-        read: vec![("--rays", settings.rays.clone())],
-        written: vec![("--out", settings.out.clone())],
-        ..CommandFiles::default()
-    };
-    files.check(std::slice::from_ref(&settings.scene))?;
-    let tracer = settings.tracer();
-    let opening = setup::begin(&tracer);
-    let file = output::RayFile::open(&settings.rays).map_err(CliError::invalid)?;
-    let scene = settings.source.open(&settings.scene, file.count())?;
-    let offset = scene.facts.offset;
-    let rays = file
-        .read(offset.unwrap_or_default())
-        .map_err(CliError::invalid)?;
-    let keys = scene.animation.key_count();
-    let time = frame_list::check_time("--time", settings.time, keys)?;
-    let tree_time = match settings.update {
-        Some(Policy::Refit) => {
-            let time = settings.tree_time.unwrap_or(0.0);
-            Some(frame_list::check_time("--tree-time", time, keys)?)
-        }
-        _ => None,
-    };
-    let query = if settings.any_hit {
-        Query::Any
-    } else {
-        Query::Closest
-    };
-    let workload = Workload {
-        frames: &[],
-        rays: rays.len(),
-    };
-    let Started { mut tracer, setup } = setup::start_tracer(&scene, &tracer, workload, opening)?;
-    if !settings.quiet {
-        setup.auto.iter().for_each(|t| console::say(&t.to_string()));
-        scene.facts.notes.iter().for_each(|note| console::say(note));
-    }
-    if let Some(time) = tree_time {
-        tracer.warm_up(time)?;
-    }
-    let mut step = tracer.step(time);
-    let query = step.trace(&rays, query)?;
-    let done = step.submit()?;
-    let hits = tracer.hits(done, query)?;
-    if settings.any_hit {
-        output::write_any_hits(&settings.out, hits.any())?;
-    } else {
-        let shape = [rays.len() as u64];
-        let hits = HitArrays {
-            offset,
-            ..HitArrays::of(hits.in_scene(), &shape)
-        };
-        hits.write(&settings.out)?;
-    }
-    let closest = hits.in_scene().iter().filter(|h| h.is_hit()).count();
-    let any = hits.any().iter().filter(|&&b| b != 0).count();
-    let caption = &setup.caption;
-    let rays = counted(rays.len(), ["ray", "rays"]);
-    let met = counted(closest + any, ["hit", "hits"]);
-    console::print(&format!("{rays}, {met} at time {time}\n{caption}\n"))
 }

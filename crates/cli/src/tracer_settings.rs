@@ -1,7 +1,7 @@
 //! Options that control tracing: device, intersector and update policy.
 
 use crate::command::Requirement;
-use crate::devices::{BackendChoice, DeviceSettings};
+use crate::devices::{BackendChoice, DeviceSettings, Selected};
 use crate::parsers::{self, AUTO};
 use backend::{DeviceKind, Intersector, Policy};
 use clap::{ArgAction, Args};
@@ -36,13 +36,6 @@ pub(crate) fn policy_name(update: PolicyChoice) -> &'static str {
     update.map_or(AUTO, Policy::name)
 }
 
-/// A policy, and the reason if `auto` chose it.
-#[derive(Clone, Debug)]
-pub(crate) struct ChosenPolicy {
-    pub(crate) policy: Policy,
-    pub(crate) why: Option<String>,
-}
-
 impl TracerSettings {
     /// Returns settings with defaults for all other options.
     pub(crate) fn of(
@@ -61,16 +54,16 @@ impl TracerSettings {
 
     /// Returns the policy that the options determine without an open backend. If the policy is left to `auto`, returns
     /// `async`, which [`crate::auto`] may replace.
-    pub(crate) fn policy(&self) -> ChosenPolicy {
+    pub(crate) fn policy(&self) -> Selected<Policy> {
         let concurrent = self.lockstep.map_or(Policy::Async, Policy::Lockstep);
-        let (policy, why) = match self.update {
+        let (value, why) = match self.update {
             Some(named) if named.builds_concurrently() => (concurrent, None),
             Some(named) => (named, None),
             None if self.is_policy_auto() => (concurrent, Some("it suits most scenes that deform")),
             None => (concurrent, Some("--lockstep requires it")),
         };
         let why = why.map(str::to_owned);
-        ChosenPolicy { policy, why }
+        Selected { value, why }
     }
 
     /// Returns whether the policy is left to `auto`. [`crate::auto`] chooses it once the backend is open.
@@ -86,7 +79,7 @@ impl TracerSettings {
 
     /// Returns the device to open. A backend on the host gets the rendering threads, not those of the builder.
     pub(crate) fn opened_device(&self) -> DeviceSettings {
-        let host = self.share(DeviceKind::Cpu, self.policy().policy);
+        let host = self.share(DeviceKind::Cpu, self.policy().value);
         DeviceSettings {
             threads: Some(host.render),
             ..self.device.clone()
@@ -96,19 +89,18 @@ impl TracerSettings {
     /// Returns what `--lockstep`, `--predict` and `--builder-threads` require of the policy.
     pub(crate) fn requirements(&self) -> Vec<Requirement> {
         vec![
-            needs_async("lockstep", &[self.update]),
-            needs_async("predict", &[self.update]),
+            needs_async("lockstep", self.update),
+            needs_async("predict", self.update),
             needs_host_builds(&[self.update]),
         ]
     }
 }
 
 /// Requires a policy that builds trees while frames are traced.
-pub(crate) fn needs_async(option: &'static str, updates: &[PolicyChoice]) -> Requirement {
-    let may_be_async = |update: &PolicyChoice| update.is_none_or(Policy::builds_concurrently);
+fn needs_async(option: &'static str, update: PolicyChoice) -> Requirement {
     Requirement::new(
         option,
-        updates.iter().any(may_be_async),
+        update.is_none_or(Policy::builds_concurrently),
         "applies only with --update async",
     )
 }
@@ -166,7 +158,7 @@ mod tests {
             (settings(Some(Policy::Async), None), free, true),
         ] {
             let chosen = settings.policy();
-            let found = (chosen.policy, chosen.why.is_none());
+            let found = (chosen.value, chosen.why.is_none());
             assert_eq!(found, (policy, is_named), "{settings:?}");
         }
         assert!(settings(None, None).is_policy_auto() && !settings(None, Some(3)).is_policy_auto());

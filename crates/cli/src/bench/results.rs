@@ -3,7 +3,7 @@
 use super::Results;
 use crate::error::CliError;
 use crate::measure::MeasuredRow;
-use crate::table::{Cells, grouped, ms, table};
+use crate::table::{Cells, format_count, ms, table};
 use output::plot::{Failure, csv_table};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
@@ -77,7 +77,7 @@ fn cells(r: &MeasuredRow) -> Cells<'static> {
         ("backend", how.backend.to_owned()),
         ("update", how.update.to_owned()),
         ("intersector", intersector),
-        ("moving", grouped(r.moving)),
+        ("moving", format_count(r.moving)),
         ("interp", time("interpolate_ms")),
         ("preproc", time("preprocess_ms")),
         ("refit", time("refit_ms")),

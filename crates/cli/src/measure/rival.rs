@@ -68,30 +68,29 @@ impl RunningRival {
     /// Times the frames of a plan, with a warm-up after the first frame.
     pub(super) fn time(&mut self, plan: TimingPlan<'_>) -> Result<TimedFrames, CliError> {
         let TimingPlan { frames, query, .. } = plan;
-        let (mut stats, mut held, mut warmed) = (Vec::new(), None::<DeviceBytes>, None);
+        let mut timed = TimedFrames::default();
         for (number, &frame) in frames.iter().enumerate() {
             let begun = Instant::now();
             let report = self.frame(frame.time, query)?;
             let wall_ms = begun.elapsed().as_secs_f64() * 1e3;
-            let bytes = self.rival.device_bytes();
-            held = held.into_iter().chain(bytes).max_by_key(|b| b.total());
-            stats.push(FrameRecord {
+            let device_memory = self.rival.device_bytes();
+            timed.add(FrameRecord {
                 frame,
                 report,
                 tree: self.tree_stats(number),
                 wall_ms,
-                host_bytes: host::resident(),
-                device_bytes: bytes.map(DeviceBytes::total),
+                device_bytes: device_memory.map(DeviceBytes::total),
+                device_memory,
                 ..FrameRecord::default()
             });
             if number == 0 && frames.len() > 1 {
                 let kind = self.rival.device().kind;
-                warmed = WarmUp::begin(plan.warm_up, kind)
+                timed.warm_up = WarmUp::begin(plan.warm_up, kind)
                     .map(|warm_up| self.warm_up(warm_up, frame.time, query))
                     .transpose()?;
             }
         }
-        for frame in &mut stats {
+        for frame in &mut timed.stats {
             let moment = self
                 .animation
                 .at(frame.frame.time)
@@ -101,11 +100,7 @@ impl RunningRival {
             [report.inactive, report.degenerate] =
                 inactive_and_degenerate_at(&moment).map(|count| count as u64);
         }
-        Ok(TimedFrames {
-            warm_up: warmed,
-            stats,
-            held,
-        })
+        Ok(timed)
     }
 
     fn frame(&mut self, time: f64, query: Query<'_>) -> Result<FrameReport, CliError> {

@@ -14,11 +14,27 @@ pub(super) struct TimingPlan<'a> {
 }
 
 /// The times of a run's frames.
+#[derive(Default)]
 pub(super) struct TimedFrames {
     pub(super) warm_up: Option<Warmed>,
     pub(super) stats: Vec<FrameRecord>,
     /// Device memory of the frame that used the most.
-    pub(super) held: Option<DeviceBytes>,
+    pub(super) max_device_memory: Option<DeviceBytes>,
+}
+
+impl TimedFrames {
+    /// Adds a frame, with the resident memory of the process.
+    pub(super) fn add(&mut self, frame: FrameRecord) {
+        let both = self
+            .max_device_memory
+            .into_iter()
+            .chain(frame.device_memory);
+        self.max_device_memory = both.max_by_key(|bytes| bytes.total());
+        self.stats.push(FrameRecord {
+            host_bytes: host::resident(),
+            ..frame
+        });
+    }
 }
 
 pub(super) fn time_frames(
@@ -26,26 +42,17 @@ pub(super) fn time_frames(
     plan: TimingPlan<'_>,
 ) -> Result<TimedFrames, CliError> {
     let TimingPlan { frames, query, .. } = plan;
-    let (mut stats, mut held) = (Vec::new(), None::<DeviceBytes>);
-    let mut note = |frame: &FrameRecord| {
-        stats.push(FrameRecord {
-            host_bytes: host::resident(),
-            ..frame.clone()
-        });
-        let both = held.into_iter().chain(frame.device_memory);
-        held = both.max_by_key(|bytes| bytes.total());
+    let mut timed = TimedFrames::default();
+    let mut add = |frame: &FrameRecord| {
+        timed.add(frame.clone());
         Ok::<(), CliError>(())
     };
-    let (warm_up, rest) = driver.warm_up(plan.warm_up, frames, query, &mut note)?;
+    let (warm_up, rest) = driver.warm_up(plan.warm_up, frames, query, &mut add)?;
     let rest = rest.iter().copied();
     driver.run(rest, query, OutputSelection::default(), |frame, _| {
-        note(frame)
+        add(frame)
     })?;
-    Ok(TimedFrames {
-        warm_up,
-        stats,
-        held,
-    })
+    Ok(TimedFrames { warm_up, ..timed })
 }
 
 /// Traces one frame and returns its hits.

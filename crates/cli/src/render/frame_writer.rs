@@ -25,7 +25,7 @@ const COLOUR_BYTES: usize = 4 + 3 + 3;
 const PLANE_BYTES: usize = 3;
 
 /// Parameters that all frames share: the scene, the view, and the outputs that are written.
-pub(super) struct Rendered<'a> {
+pub(super) struct FrameContext<'a> {
     pub(super) scene: &'a Scene,
     pub(super) lit_camera: &'a LitCamera,
     pub(super) files: &'a FrameFiles,
@@ -34,7 +34,7 @@ pub(super) struct Rendered<'a> {
 
 /// Writes the files of frames, and collects the results of written frames.
 pub(super) struct FrameWriter<'a> {
-    rendered: Rendered<'a>,
+    context: FrameContext<'a>,
     log: Mutex<FrameLog<'a>>,
     /// Receives free buffers. Only one thread submits frames, so this lock is never contended.
     free: Mutex<Receiver<FrameBuffers>>,
@@ -81,7 +81,7 @@ impl Drop for BorrowedBuffers {
     }
 }
 
-impl Rendered<'_> {
+impl FrameContext<'_> {
     /// Returns the number of frames that may wait to be written.
     fn frames_in_flight(&self) -> usize {
         let hits = if self.wanted.hits { HIT_BYTES } else { 0 };
@@ -95,14 +95,14 @@ impl Rendered<'_> {
 }
 
 impl<'a> FrameWriter<'a> {
-    pub(super) fn new(rendered: Rendered<'a>, log: FrameLog<'a>) -> Self {
+    pub(super) fn new(context: FrameContext<'a>, log: FrameLog<'a>) -> Self {
         let (returned, free) = channel();
-        for _ in 0..rendered.frames_in_flight() {
+        for _ in 0..context.frames_in_flight() {
             // Sending cannot fail, because the receiver exists.
             let _ = returned.send(FrameBuffers::default());
         }
         Self {
-            rendered,
+            context,
             log: Mutex::new(log),
             free: Mutex::new(free),
             returned,
@@ -136,7 +136,7 @@ impl<'a> FrameWriter<'a> {
         };
         // This thread is a rayon worker only if no other thread could be started. Spawned work would then run only at
         // the end of the run.
-        let files = self.rendered.files;
+        let files = self.context.files;
         let writes_any = files.any() || files.has_video;
         if !writes_any || rayon::current_thread_index().is_some() {
             write();
@@ -175,12 +175,12 @@ impl<'a> FrameWriter<'a> {
 
     fn write_files(&self, row: FrameRecord, buffers: &mut FrameBuffers) -> Result<(), CliError> {
         let Frame { index, time } = row.frame;
-        let Rendered {
+        let FrameContext {
             scene,
             lit_camera,
             files,
             ..
-        } = self.rendered;
+        } = self.context;
         let FrameOutputs { hits, pixels } = &buffers.outputs;
         let [width, height] = [lit_camera.camera.width, lit_camera.camera.height];
         if files.has_pictures() {

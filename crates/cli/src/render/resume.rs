@@ -26,7 +26,7 @@ pub(super) struct RunPlan {
 }
 
 /// Frames that are complete, and the others.
-pub(super) struct Progressed {
+pub(super) struct DividedFrames {
     pub(super) done: Vec<FrameRecord>,
     pub(super) todo: Vec<Frame>,
 }
@@ -65,7 +65,7 @@ impl EarlierRun {
     }
 
     /// Separates frames whose files are all complete from those to render. With a video, all frames are rendered.
-    pub(super) fn divide(&self, frames: Vec<Frame>, files: &FrameFiles) -> Progressed {
+    pub(super) fn divide(&self, frames: Vec<Frame>, files: &FrameFiles) -> DividedFrames {
         let (mut done, mut todo) = (Vec::new(), Vec::new());
         for frame in frames {
             match self.row(frame.index, files).filter(|_| !files.has_video) {
@@ -73,7 +73,7 @@ impl EarlierRun {
                 None => todo.push(frame),
             }
         }
-        Progressed { done, todo }
+        DividedFrames { done, todo }
     }
 
     fn row(&self, frame: u64, files: &FrameFiles) -> Option<FrameRecord> {
