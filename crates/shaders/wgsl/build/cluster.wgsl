@@ -12,6 +12,7 @@
 // Each round adds at most one level to the tree. To bound the depth, fixed pairs of neighbours merge after
 // params.phase.search_rounds rounds.
 
+import package::build::costs::half_area;
 import package::geometry::node::{LEAF, TWO_TRIANGLES, child_row};
 import package::lib::buffers::{costs, nodes};
 import package::lib::params::params;
@@ -59,12 +60,6 @@ fn store_cluster(i: u32, c: Cluster) {
     references[i] = c.reference;
 }
 
-// Returns half the surface area; 0 if the box is empty.
-fn half_area_of(low: vec3<f32>, high: vec3<f32>) -> f32 {
-    let d = max(high - low, vec3<f32>(0.0));
-    return d.x * d.y + d.y * d.z + d.z * d.x;
-}
-
 // Returns the neighbour j for which the box around clusters i and j has the least surface area. For equal areas,
 // returns the j with the least i ^ j. This order is the same from both sides of a pair. So the best pair is always
 // mutual, and equal boxes merge in pairs.
@@ -76,7 +71,7 @@ fn nearest_to(i: u32, count: u32) -> u32 {
     for (var j = max(i, SEARCH_RADIUS) - SEARCH_RADIUS; j < end; j += 1u) {
         if j == i { continue; }
         let other = load_cluster(j);
-        let area = bitcast<u32>(half_area_of(min(current.low, other.low), max(current.high, other.high)));
+        let area = bitcast<u32>(half_area(min(current.low, other.low), max(current.high, other.high)));
         if area < least || (area == least && (i ^ j) < (i ^ best)) {
             best = j;
             least = area;
@@ -138,7 +133,7 @@ fn result_of_round(i: u32, count: u32, merges: u32, inner: u32) -> RoundResult {
     let merge_index = merged_before(j);
     if merge_index >= merges { return RoundResult(current, place, 0.0); }
     let other = load_cluster(j);
-    let area = half_area_of(current.low, current.high) + half_area_of(other.low, other.high);
+    let area = half_area(current.low, current.high) + half_area(other.low, other.high);
     return RoundResult(merge(current, other, inner - merge_index), place, area);
 }
 

@@ -2,8 +2,8 @@
 
 import package::geometry::node::LEAF;
 import package::geometry::record::{NO_TRIANGLE, record_of, store_triangle_index};
-import package::geometry::triangle::{corner, is_finite, is_flat};
-import package::geometry::units::scaled_point;
+import package::geometry::triangle::{corner, is_degenerate, surely_has_area};
+import package::geometry::units::{is_finite, scaled_point};
 import package::lib::buffers::{counts, records};
 import package::lib::counters::{DEGENERATE_COUNT, INACTIVE_COUNT};
 import package::lib::params::{element_index, params};
@@ -11,16 +11,6 @@ import package::lib::params::{element_index, params};
 // The triangles of the leaves, in the order of the curve.
 @group(0) @binding(next) var<storage, read> sorted: array<u32>;
 @group(0) @binding(next) var<storage, read_write> clusters: array<vec4<u32>>;
-
-const HITTABLE: u32 = 0u;
-const INACTIVE: u32 = 1u;
-const DEGENERATE: u32 = 2u;
-
-// Returns the state of a triangle, given its corners in scene units and in scaled units.
-fn triangle_state(scene_a: vec3<u32>, scene_b: vec3<u32>, scene_c: vec3<u32>, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> u32 {
-    if !(is_finite(scene_a) && is_finite(scene_b) && is_finite(scene_c)) { return INACTIVE; }
-    return select(HITTABLE, DEGENERATE, is_flat(scene_a, scene_b, scene_c, a, b, c));
-}
 
 // Writes triangle records and the clusters that `cluster` merges, in leaf order.
 //
@@ -42,16 +32,18 @@ fn cluster_leaves(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_wor
     records[3u * leaf + 1u] = record.second;
     records[3u * leaf + 2u] = record.third;
 
-    let state = triangle_state(scene_a, scene_b, scene_c, a, b, c);
+    let is_active = is_finite(scene_a) && is_finite(scene_b) && is_finite(scene_c);
+    let is_hittable = is_active
+        && (surely_has_area(scene_a, scene_b, scene_c, a, b, c) || !is_degenerate(scene_a, scene_b, scene_c));
     var low = vec3<u32>(0x7f800000u);
     var high = vec3<u32>(0xff800000u);
-    if state == HITTABLE {
+    if is_hittable {
         low = bitcast<vec3<u32>>(min(min(a, b), c));
         high = bitcast<vec3<u32>>(max(max(a, b), c));
     } else {
         // The empty box does not suffice: rasterization reads records without testing boxes.
         records[3u * leaf].w = NO_TRIANGLE;
-        atomicAdd(&counts[select(INACTIVE_COUNT, DEGENERATE_COUNT, state == DEGENERATE)], 1u);
+        atomicAdd(&counts[select(INACTIVE_COUNT, DEGENERATE_COUNT, is_active)], 1u);
     }
     clusters[2u * leaf] = vec4<u32>(low, LEAF | leaf);
     clusters[2u * leaf + 1u] = vec4<u32>(high, 0u);

@@ -16,9 +16,18 @@ const GROUP: u32 = 256u;
 var<workgroup> partial_sums: array<f32, GROUP>;
 
 // Returns half the surface area of a box; 0 if it is empty.
-fn half_area(low: vec4<u32>, high: vec4<u32>) -> f32 {
-    let d = bitcast<vec3<f32>>(high.xyz) - bitcast<vec3<f32>>(low.xyz);
-    return select(0.0, d.x * d.y + d.y * d.z + d.z * d.x, d.x >= 0.0);
+fn half_area(low: vec3<f32>, high: vec3<f32>) -> f32 {
+    let d = max(high - low, vec3<f32>(0.0));
+    return d.x * d.y + d.y * d.z + d.z * d.x;
+}
+
+// Returns one of sixteen partial sums of all values in `partial_sums` to each of the first sixteen invocations.
+fn sixteenth_sum(local: u32) -> f32 {
+    var sum = 0.0;
+    if local < 16u {
+        for (var k = 0u; k < GROUP / 16u; k += 1u) { sum += partial_sums[local + 16u * k]; }
+    }
+    return sum;
 }
 
 // Sums `x` over the workgroup in a fixed order. Only invocation 0 receives the result. Must be called by all invocations, in
@@ -26,11 +35,8 @@ fn half_area(low: vec4<u32>, high: vec4<u32>) -> f32 {
 fn sum_of_group(local: u32, x: f32) -> f32 {
     partial_sums[local] = x;
     workgroupBarrier();
-    var sum = 0.0;
-    if local < 16u {
-        for (var k = 0u; k < GROUP / 16u; k += 1u) { sum += partial_sums[local + 16u * k]; }
-        partial_sums[local] = sum;
-    }
+    var sum = sixteenth_sum(local);
+    if local < 16u { partial_sums[local] = sum; }
     workgroupBarrier();
     if local == 0u {
         for (var k = 1u; k < 16u; k += 1u) { sum += partial_sums[k]; }
@@ -51,6 +57,7 @@ fn sum_costs(@builtin(local_invocation_index) local: u32) {
     let sum = sum_of_group(local, (sums.x + sums.y) + (sums.z + sums.w));
     if local == 0u {
         counts[params.sum.counter] = bitcast<u32>(sum);
-        counts[ROOT_AREA] = bitcast<u32>(half_area(nodes[0], nodes[1]));
+        let root_area = half_area(bitcast<vec3<f32>>(nodes[0].xyz), bitcast<vec3<f32>>(nodes[1].xyz));
+        counts[ROOT_AREA] = bitcast<u32>(root_area);
     }
 }

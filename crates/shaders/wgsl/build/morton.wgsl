@@ -1,8 +1,7 @@
 // Computes sort keys of triangles: their positions on a space-filling curve.
 
-import package::geometry::triangle::corner;
-import package::geometry::units::{is_finite_point, scaled_point};
-import package::lib::buffers::positions;
+import package::geometry::triangle::{point_of, points_of};
+import package::geometry::units::{is_finite, is_finite_point, scaled_point};
 import package::lib::params::{element_index, params};
 
 // Bounding boxes of parts of the scene, two rows each.
@@ -47,8 +46,8 @@ fn bounds(
     var low = vec3<f32>(bitcast<f32>(0x7f7fffffu));
     var high = -low;
     for (var i = id.x; i < params.count; i += groups.x * 256u) {
-        let bits = vec3<u32>(positions[3u * i], positions[3u * i + 1u], positions[3u * i + 2u]);
-        if is_finite_point(bitcast<vec3<f32>>(bits)) {
+        let bits = point_of(i);
+        if is_finite(bits) {
             let point = scaled_point(bits);
             low = min(low, point);
             high = max(high, point);
@@ -85,7 +84,7 @@ fn key_of(point: vec3<f32>, cell: vec3<f32>) -> u32 {
 
 // Triangles with a vertex that is not finite come last.
 fn key_of_triangle(triangle: u32) -> u32 {
-    let corners = array<vec3<u32>, 3>(corner(triangle, 0u), corner(triangle, 1u), corner(triangle, 2u));
+    let corners = points_of(triangle);
     let a = scaled_point(corners[0]);
     let b = scaled_point(corners[1]);
     let c = scaled_point(corners[2]);

@@ -83,12 +83,12 @@ fn leaf_reference(leaf: u32) -> u32 {
 
 // Computes the box at `index` as the union of two others. Returns their half areas.
 fn merge_boxes(index: u32, left: u32, right: u32) -> f32 {
-    let left_low = low_of(left);
-    let left_high = high_of(left);
-    let right_low = low_of(right);
-    let right_high = high_of(right);
-    let low = min(bitcast<vec3<f32>>(left_low.xyz), bitcast<vec3<f32>>(right_low.xyz));
-    let high = max(bitcast<vec3<f32>>(left_high.xyz), bitcast<vec3<f32>>(right_high.xyz));
+    let left_low = bitcast<vec3<f32>>(low_of(left).xyz);
+    let left_high = bitcast<vec3<f32>>(high_of(left).xyz);
+    let right_low = bitcast<vec3<f32>>(low_of(right).xyz);
+    let right_high = bitcast<vec3<f32>>(high_of(right).xyz);
+    let low = min(left_low, right_low);
+    let high = max(left_high, right_high);
     store_box(index, bitcast<vec3<u32>>(low), bitcast<vec3<u32>>(high));
     return half_area(left_low, left_high) + half_area(right_low, right_high);
 }

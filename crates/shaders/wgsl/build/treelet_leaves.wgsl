@@ -9,8 +9,8 @@ import package::build::treelet::{
 import package::build::treelet_refit::{finish_and_refit_parents, prefetch_parent};
 import package::geometry::node::{LEAF, TWO_TRIANGLES};
 import package::geometry::record::{record_of, store_triangle_index};
-import package::geometry::triangle::{is_degenerate, is_finite, point_of, surely_has_area};
-import package::geometry::units::scaled_point;
+import package::geometry::triangle::{is_degenerate, point_of, surely_has_area};
+import package::geometry::units::{is_finite, scaled_point};
 import package::lib::buffers::{costs, counts, records, topology, triangles};
 import package::lib::counters::{DEGENERATE_COUNT, INACTIVE_COUNT};
 import package::lib::params::{element_index, params};
@@ -40,10 +40,10 @@ fn gather_corners(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_wor
     leaf_corners[i] = triangles[3u * triangle + i % 3u];
 }
 
-// A triangle's corners, from positions.
-
-@if(!preprocess_treelets_from_key_frames)
+// A triangle's corners in scene units, as bits.
 struct SceneCorners { a: vec3<u32>, b: vec3<u32>, c: vec3<u32> }
+
+// Corners from positions.
 
 @if(!preprocess_treelets_from_key_frames)
 fn load_corners(vertices: vec3<u32>) -> SceneCorners {
@@ -54,10 +54,7 @@ fn load_corners(vertices: vec3<u32>) -> SceneCorners {
 @if(!preprocess_treelets_from_key_frames)
 fn reload_corners(vertices: vec3<u32>) -> SceneCorners { return load_corners(vertices); }
 
-// A triangle's corners, blended from two key frames to the same bits that `interpolate` writes.
-
-@if(preprocess_treelets_from_key_frames)
-struct SceneCorners { a: vec3<u32>, b: vec3<u32>, c: vec3<u32> }
+// Corners blended from two key frames, to the same bits that `interpolate` writes.
 
 @if(preprocess_treelets_from_key_frames)
 fn earlier_point(vertex: u32) -> vec3<u32> {

@@ -1,11 +1,12 @@
 // Computes the boxes of treelets above those of triangles: one level per dispatch, or all levels in one dispatch.
 
-import package::build::costs::{GROUP, half_area, partial_sums, sum_of_group};
+import package::build::costs::{GROUP, half_area, partial_sums, sixteenth_sum, sum_of_group};
 import package::build::treelet::{
     ENTRY_WORDS, LEAVES, PARENT_IN_ENTRY, ROOT_ROW_IN_ENTRY, SIBLINGS_IN_ENTRY, Treelet, high_of, inner_word, load_treelet,
     low_of, refit_treelet, row_of, store_box, store_leaf_reference, treelet_of_dispatch, write_treelet,
 };
 import package::lib::buffers::{costs, counts, nodes, topology};
+import package::lib::counters::ROOT_AREA;
 import package::lib::params::params;
 
 // Refits a treelet whose leaves are roots of the level below. Each kind of kernel defines below where these roots are (`root_low`
@@ -25,15 +26,6 @@ fn other_costs(first: u32, treelet_index: u32, all: u32) -> vec4<f32> {
     let at = min(i, vec4<u32>(all - 1u));
     let areas = vec4<f32>(cost_at(at.x), cost_at(at.y), cost_at(at.z), cost_at(at.w));
     return select(vec4<f32>(0.0), areas, (i == at) & (i != vec4<u32>(treelet_index)));
-}
-
-// Returns one of sixteen partial sums of all values in `partial_sums` to each of the first sixteen invocations.
-fn sixteenth_sum(local: u32) -> f32 {
-    var sum = 0.0;
-    if local < 16u {
-        for (var k = 0u; k < GROUP / 16u; k += 1u) { sum += partial_sums[local + 16u * k]; }
-    }
-    return sum;
 }
 
 // Returns two sums to invocation 0: of `x` over the workgroup, and of `part` over the first sixteen invocations. Adds
@@ -84,7 +76,8 @@ fn store_sums(t: Treelet, treelet_index: u32, local: u32, all: u32, partials: ve
     store_cost(treelet_index, sums.x);
     if all > 0u {
         store_count(params.treelets.sum_counter, sums.x + sums.y);
-        store_count(5u, half_area(low_of(root), high_of(root)));
+        let root_area = half_area(bitcast<vec3<f32>>(low_of(root).xyz), bitcast<vec3<f32>>(high_of(root).xyz));
+        store_count(ROOT_AREA, root_area);
     }
 }
 

@@ -2,10 +2,11 @@
 
 import package::geometry::ray::{PreparedRay, prepare_scaled_ray, root_relative_to};
 import package::geometry::record::corners_of;
+import package::geometry::triangle::point_of;
 import package::geometry::units::{flushed, is_finite_point, scaled_point, snapped3};
 import package::intersect::intersector::{BestHit, trace_any};
 import package::intersect::line::set_line;
-import package::lib::buffers::{nodes, positions, triangles};
+import package::lib::buffers::{nodes, triangles};
 import package::lib::double_float::sub_each;
 import package::lib::ieee::{add, mul, sub};
 import package::lib::params::params;
@@ -72,10 +73,7 @@ fn shadow_segment(v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>, hit: vec4<u32>, e
 
 // The segment from a hit to the light, computed from the triangle's vertices.
 
-fn scaled_vertex(vertex: u32) -> vec3<f32> {
-    let at = 3u * vertex;
-    return scaled_point(vec3<u32>(positions[at], positions[at + 1u], positions[at + 2u]));
-}
+fn scaled_vertex(vertex: u32) -> vec3<f32> { return scaled_point(point_of(vertex)); }
 
 // Returns the segment in scaled units. `eye` is the origin of the ray that hit.
 fn shadow_segment_of_hit(hit: vec4<u32>, eye: vec3<f32>) -> ShadowSegment {

@@ -22,11 +22,7 @@ fn points_of(triangle: u32) -> array<vec3<u32>, 3> {
     );
 }
 
-// Tests of a triangle's corners: whether they are finite and span an area.
-
-fn is_finite(v: vec3<u32>) -> bool {
-    return all((v & vec3<u32>(0x7f800000u)) != vec3<u32>(0x7f800000u));
-}
+// Tests whether a triangle's corners span an area.
 
 // Returns whether scaling turned a non-zero coordinate into zero.
 fn flushes_coordinate(before: vec3<u32>, after: vec3<f32>) -> bool {
@@ -41,12 +37,6 @@ fn surely_has_area(
 ) -> bool {
     let is_flushed = flushes_coordinate(scene_a, a) || flushes_coordinate(scene_b, b) || flushes_coordinate(scene_c, c);
     return !is_flushed && has_area_when_rounded(a, b, c);
-}
-
-// Returns whether the corners span no area.
-fn is_flat(scene_a: vec3<u32>, scene_b: vec3<u32>, scene_c: vec3<u32>, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> bool {
-    if surely_has_area(scene_a, scene_b, scene_c, a, b, c) { return false; }
-    return is_degenerate(scene_a, scene_b, scene_c);
 }
 
 // The exact test for zero area. In units of 2^-149 every coordinate is an integer below 2^277, and a component of the cross

@@ -23,6 +23,11 @@ fn scale_bits(bits: u32, m: i32) -> f32 {
     return bitcast<f32>((bits & 0x80000000u) | round_quotient(p.mantissa << 1u, false, p.exponent + m));
 }
 
+// Returns a point times 2^m, each coordinate rounded once.
+fn scale_point(bits: vec3<u32>, m: i32) -> vec3<f32> {
+    return vec3<f32>(scale_bits(bits.x, m), scale_bits(bits.y, m), scale_bits(bits.z, m));
+}
+
 // Returns a coordinate in scaled units. A result below 2^-64 becomes zero.
 fn scaled_coordinate(bits: u32) -> f32 {
     var x = bitcast<f32>(bits);
@@ -39,9 +44,12 @@ fn snapped(x: f32) -> f32 { return select(x, 0.0, abs(x) < 5.421010862427522e-20
 
 fn snapped3(v: vec3<f32>) -> vec3<f32> { return vec3<f32>(snapped(v.x), snapped(v.y), snapped(v.z)); }
 
-fn is_finite_point(v: vec3<f32>) -> bool {
-    return all((bitcast<vec3<u32>>(v) & vec3<u32>(0x7f800000u)) != vec3<u32>(0x7f800000u));
+// Returns whether all coordinates are finite, given as bits.
+fn is_finite(bits: vec3<u32>) -> bool {
+    return all((bits & vec3<u32>(0x7f800000u)) != vec3<u32>(0x7f800000u));
 }
+
+fn is_finite_point(v: vec3<f32>) -> bool { return is_finite(bitcast<vec3<u32>>(v)); }
 
 // Replaces products, weights and distances below 2^-100 by zero.
 fn flushed(x: f32) -> f32 { return select(x, 0.0, abs(x) < 7.888609052210118e-31); }

@@ -4,7 +4,7 @@ import package::geometry::node::{LEAF, NO_NODE, child_row, first_triangle_of, se
 import package::geometry::ray::{MISS, are_negative, each_away_from_zero};
 import package::geometry::record::NO_TRIANGLE;
 import package::geometry::triangle::points_of;
-import package::geometry::units::{bits_from_ordered, ordered, power_of_two, scale_bits};
+import package::geometry::units::{bits_from_ordered, ordered, power_of_two, scale_bits, scale_point};
 import package::intersect::line::{
     ExactIntersection, compare_intersections, intersect_exactly, is_within_limits, line, prepare_line,
 };
@@ -26,10 +26,6 @@ fn max_exponent_field(given: i32, point: vec3<u32>, shift: i32) -> i32 {
         if magnitude != 0u { most = max(most, max(i32(magnitude >> 23u), 1) + shift); }
     }
     return most;
-}
-
-fn scale_point(point: vec3<u32>, exponent: i32) -> vec3<f32> {
-    return vec3<f32>(scale_bits(point.x, exponent), scale_bits(point.y, exponent), scale_bits(point.z, exponent));
 }
 
 // Less than every exponent field.

@@ -1,7 +1,6 @@
 // Imports the intersector of a kernel under common names.
 
 import package::geometry::ray::PreparedRay;
-import package::lib::buffers::{counts, occluded};
 import package::traversal::traverse::find_any;
 
 @if(EXACT)
@@ -27,7 +26,6 @@ import package::traversal::traverse::find_any;
     watertight_intersect_leaf_closest as intersect_leaf_closest,
     watertight_intersect_leaf_any as intersect_leaf_any,
     watertight_hit_of as hit_of,
-    watertight_is_undecided as is_undecided,
 };
 
 @if(MOLLER_TRUMBORE || WOOP)
@@ -38,8 +36,6 @@ import package::traversal::traverse::find_any;
     textbook_intersect_leaf_closest as intersect_leaf_closest,
     textbook_intersect_leaf_any as intersect_leaf_any,
     textbook_hit_of as hit_of,
-    textbook_is_undecided as is_undecided,
-    textbook_inverse_for as inverse_for,
     textbook_nearest_t as nearest_t,
     textbook_intersect_single as intersect_single,
     textbook_has_hit as has_hit,
@@ -47,6 +43,9 @@ import package::traversal::traverse::find_any;
 
 @if(WATERTIGHT || EXACT)
 @publish import package::intersect::sheared::{sheared_inverse_for as inverse_for};
+// The reciprocal is rounded once, because it decides whether a ray meets the own box of a triangle.
+@elif(MOLLER_TRUMBORE || WOOP)
+@publish import package::geometry::ray::{rounded_inverse as inverse_for};
 
 // Whether extreme rays are misses here, because the kernels `extreme_*` trace them. The textbook intersectors trace them like
 // all other rays, without guarantees.
@@ -55,12 +54,12 @@ const DEFERS_EXTREME_RAYS: bool = true;
 @else
 const DEFERS_EXTREME_RAYS: bool = false;
 
-// Writes whether a ray hit anything. If it did, increments word `count` of `counts`.
 @if(!EXACT)
-fn store_occluded(i: u32, is_hit: bool, count: u32) {
-    occluded[i] = select(0u, 1u, is_hit);
-    if is_hit { atomicAdd(&counts[count], 1u); }
-}
+@publish import package::intersect::candidates::{write_any_hit as store_occluded};
+
+// Every hit is decided.
+@if(!EXACT)
+fn is_undecided(hit: vec4<u32>) -> bool { return false; }
 
 @if(!EXACT)
 fn trace_any(ray: PreparedRay, ignore: u32) -> bool { return find_any(ray, ignore); }

@@ -1,15 +1,12 @@
 // The textbook intersectors `moller_trumbore` and `woop`.
 
-import package::geometry::ray::{MISS, PreparedRay, clamp_to_span, padded_slab, rounded_inverse};
+import package::geometry::ray::{MISS, PreparedRay, clamp_to_span, padded_slab};
 import package::geometry::record::{Corners, corners_of};
 import package::geometry::units::in_ray_units;
 import package::lib::buffers::{counts, records};
 import package::lib::counters::HIT_COUNT;
 
 // Shared by both: t is clamped to the triangle's own box, so that the hit does not depend on the tree.
-
-// Returns the correctly rounded reciprocal, because it decides whether a ray meets the own box of a triangle.
-fn textbook_inverse_for(ray: PreparedRay) -> vec3<f32> { return rounded_inverse(ray); }
 
 struct TriangleHit { is_hit: bool, t: f32, u: f32, v: f32, triangle: u32 }
 
@@ -83,9 +80,6 @@ fn textbook_hit_of(i: u32, ray: PreparedRay, best: TextbookBest) -> vec4<u32> {
     let t = in_ray_units(best.t, ray.exponent);
     return vec4<u32>(t, bitcast<u32>(best.u), bitcast<u32>(best.v), best.triangle);
 }
-
-// Every hit is decided.
-fn textbook_is_undecided(hit: vec4<u32>) -> bool { return false; }
 
 // Rasterization: the hit of one triangle.
 

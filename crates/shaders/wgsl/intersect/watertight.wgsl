@@ -118,9 +118,6 @@ fn watertight_hit_of(i: u32, ray: PreparedRay, best: WatertightBest) -> vec4<u32
     return vec4<u32>(in_ray_units(t, ray.exponent), bitcast<vec2<u32>>(weights), corners.triangle);
 }
 
-// Every hit is decided.
-fn watertight_is_undecided(hit: vec4<u32>) -> bool { return false; }
-
 // Any-hit search: returns whether the ray hits a leaf's triangle.
 
 fn watertight_intersect_leaf_any(ray: PreparedRay, leaf: u32, ignore: u32) -> bool {

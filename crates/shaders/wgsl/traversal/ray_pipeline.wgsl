@@ -4,7 +4,7 @@ import package::geometry::queries::{is_invalid_ray, pixel_direction};
 import package::geometry::ray::MISS;
 import package::geometry::record::NO_TRIANGLE;
 import package::geometry::shadow_ray::shadow_segment_of_hit;
-import package::geometry::units::{is_finite_point, scale_bits, scaled_point, snapped3};
+import package::geometry::units::{is_finite_point, scale_point, scaled_point, snapped3};
 import package::lib::buffers::{hits, occluded, rays};
 import package::lib::params::params;
 
@@ -47,9 +47,7 @@ fn hit_of_payload() -> vec4<u32> {
 
 fn unscaled(v: vec3<f32>) -> vec3<f32> {
     if params.scale_exponent == 0 { return v; }
-    let bits = bitcast<vec3<u32>>(v);
-    let k = params.scale_exponent;
-    return vec3<f32>(scale_bits(bits.x, k), scale_bits(bits.y, k), scale_bits(bits.z, k));
+    return scale_point(bitcast<vec3<u32>>(v), params.scale_exponent);
 }
 
 // Returns 1 if the hit is in shadow. `origin` is the start of the ray that hit, in scene units, as bits.

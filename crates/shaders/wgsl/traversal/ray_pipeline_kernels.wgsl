@@ -1,6 +1,7 @@
 // Compute kernels that support the ray-tracing pipeline: they prepare triangles for the driver's tree, and count hits.
 
-import package::geometry::triangle::{corner, is_finite};
+import package::geometry::triangle::corner;
+import package::geometry::units::is_finite;
 import package::lib::buffers::counts;
 import package::lib::params::{element_index, params};
 

@@ -3,7 +3,7 @@
 
 import package::geometry::queries::pixel_direction;
 import package::geometry::triangle::points_of;
-import package::geometry::units::{flushed, scale_bits, snapped};
+import package::geometry::units::{flushed, scale_point, snapped3};
 import package::lib::buffers::{hits, occluded};
 import package::lib::double_float::{add_each, mul_each, sub_each};
 import package::lib::ieee::{add, decode_float, mul, sub};
@@ -85,13 +85,7 @@ fn exponent_of(v: vec3<u32>) -> i32 {
 }
 
 // Returns a point in units of 2^exponent. Coordinates below 2^-64 become zero.
-fn scale_to_unit(v: vec3<u32>, exponent: i32) -> vec3<f32> {
-    return vec3<f32>(
-        snapped(scale_bits(v.x, -exponent)),
-        snapped(scale_bits(v.y, -exponent)),
-        snapped(scale_bits(v.z, -exponent)),
-    );
-}
+fn scale_to_unit(v: vec3<u32>, exponent: i32) -> vec3<f32> { return snapped3(scale_point(v, -exponent)); }
 
 // Interpolates a point within a triangle along one axis.
 fn within(a: f32, e1: f32, e2: f32, u: f32, v: f32) -> f32 {
