@@ -214,6 +214,14 @@ impl Kernel {
     pub fn builds_trees(&self) -> bool {
         rebuild::KERNELS.contains(&self.entry)
     }
+
+    /// Checks that the kernel declares a constant with the host's value.
+    #[cfg(test)]
+    #[track_caller]
+    pub(crate) fn assert_declares(&self, constant: &str, value: u32) {
+        let text = format!("const {constant}: u32 = {value}u;");
+        assert!(self.code.wgsl.contains(&text), "{} lacks {text}", self.name);
+    }
 }
 
 /// Returns the kernel with this entry point that serves `intersector`.

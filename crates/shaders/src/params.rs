@@ -295,21 +295,36 @@ mod tests {
         naga::front::wgsl::parse_str(kernel.code.wgsl).unwrap()
     }
 
-    fn members<'a>(module: &'a naga::Module, name: &str) -> &'a [naga::StructMember] {
+    /// Returns the members of a struct, and its size in bytes.
+    fn layout<'a>(module: &'a naga::Module, name: &str) -> (&'a [naga::StructMember], u32) {
         let mut types = module.types.iter();
         let found = types.find(|(_, t)| t.name.as_deref() == Some(name));
         match &found.unwrap().1.inner {
-            naga::TypeInner::Struct { members, .. } => members,
+            naga::TypeInner::Struct { members, span } => (members, *span),
             _ => panic!("{name} is no struct"),
         }
     }
 
     #[test]
-    fn own_params_match_kernel_sources() {
+    fn params_match_kernel_sources() {
         let mut found = Vec::new();
         for kernel in KERNELS.iter().chain(RAY_KERNELS) {
             let module = structs(kernel);
-            let own = members(&module, "Params").last().unwrap();
+            let (all, size) = layout(&module, "Params");
+            let offset = |name: &str| {
+                let member = all.iter().find(|m| m.name.as_deref() == Some(name));
+                member.unwrap().offset as usize
+            };
+            macro_rules! same { ($($field:ident)*) => { $(
+                assert_eq!(offset(stringify!($field)), offset_of!(Params, $field), "{}", stringify!($field));
+            )* } }
+            same!(eye width corner height across leaf_triangles_at down alpha light scale_exponent
+                  count node_count zero start_row start_count extreme tiny spread scaled_eye
+                  depth_exponent column wide_at row wide_lanes depth wide_root pixel_margin clearance);
+            let has_own = kernel.parameters.is_some();
+            assert_eq!(all.len(), 28 + usize::from(has_own), "{}", kernel.name);
+            assert!(size as usize <= size_of::<Params>(), "{}", kernel.name);
+            let own = all.last().unwrap();
             let Some(name) = kernel.parameters else {
                 assert_eq!(own.name.as_deref(), Some("clearance"), "{}", kernel.name);
                 continue;
@@ -317,8 +332,8 @@ mod tests {
             let (of, _, fields) = OWN.iter().find(|(_, of, _)| *of == name).unwrap();
             assert_eq!(own.name.as_deref(), Some(name), "{}", kernel.name);
             assert_eq!(own.offset as usize, offset_of!(Params, own));
-            let members = members(&module, of).iter();
-            let members = members.map(|m| (m.offset, m.name.clone().unwrap()));
+            let (members, _) = layout(&module, of);
+            let members = members.iter().map(|m| (m.offset, m.name.clone().unwrap()));
             let expected = (0..).step_by(4).zip(fields.iter().map(|f| (*f).to_owned()));
             assert!(members.eq(expected), "{}", kernel.name);
             found.push(name);

@@ -94,27 +94,28 @@ pub(crate) fn is_rasterization_faster(params: &Params, how: Packets) -> bool {
 
 /// Number of traces without rasterization after an incomplete rasterization. An incomplete one costs about a tenth of
 /// a trace.
-const REST: u32 = 64;
+const BACKOFF_TRACES: u32 = 64;
 
 /// Suspends rasterization for a while if it was incomplete, for example because of many layers of triangles.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct RasterBackoff {
-    rest: u32,
+    /// Number of traces until rasterization is allowed again.
+    traces_left: u32,
 }
 
 impl RasterBackoff {
     /// Updates the state from the counts of a submission.
     pub fn update(&mut self, counts: &Counts) {
         if counts.raster_incomplete != 0 {
-            self.rest = REST;
+            self.traces_left = BACKOFF_TRACES;
         }
     }
 
     /// Returns whether the next trace may be rasterized, given whether the device `rasterizes`.
     pub fn allow(&mut self, rasterizes: bool) -> bool {
-        let rests = self.rest > 0;
-        self.rest = self.rest.saturating_sub(1);
-        rasterizes && !rests
+        let is_suspended = self.traces_left > 0;
+        self.traces_left = self.traces_left.saturating_sub(1);
+        rasterizes && !is_suspended
     }
 }
 
@@ -199,8 +200,8 @@ mod tests {
         assert!(!backoff.allow(true));
         backoff.update(&counts(1));
         backoff.update(&counts(0));
-        let rested = (0..1000).position(|_| backoff.allow(true));
-        assert_eq!(rested, Some(REST as usize));
+        let suspended = (0..1000).position(|_| backoff.allow(true));
+        assert_eq!(suspended, Some(BACKOFF_TRACES as usize));
         assert!(!backoff.allow(false));
     }
 }

@@ -47,11 +47,11 @@ pub fn sort(mut params: Params, vertices: usize, tree: &Shape) -> Vec<Work> {
     }
     params.count = vertices as u32;
     let mut work = vec![
-        Work::new(common("bounds"), params, Groups::Linear(PARTS * 256)),
+        Work::new(common("bounds"), params, Groups::Each(PARTS)),
         Work::linear(common("morton"), params, count),
     ];
     params.count = count;
-    let tiles = Groups::Linear(count.div_ceil(SORT_TILE) * 256);
+    let tiles = Groups::Each(count.div_ceil(SORT_TILE));
     for (pass, shift) in (0..32).step_by(DIGIT_BITS).enumerate() {
         let odd = pass as u32 % 2;
         let params = params.with(SortParams {
@@ -61,7 +61,7 @@ pub fn sort(mut params: Params, vertices: usize, tree: &Shape) -> Vec<Work> {
         });
         let steps = [
             ("sort_count", tiles),
-            ("sort_scan", Groups::Linear(DIGITS * 256)),
+            ("sort_scan", Groups::Each(DIGITS)),
             ("sort_scatter", tiles),
         ];
         work.extend(steps.map(|(entry, groups)| Work::new(common(entry), params, groups)));
@@ -87,7 +87,7 @@ pub fn cluster(params: Params, tree: &Shape) -> Vec<Work> {
             count: phase.count,
             ..params.with(phase.own)
         };
-        Work::new(cluster, params, Groups::Linear(phase.tiles() * 256))
+        Work::new(cluster, params, Groups::Each(phase.tiles()))
     };
     let mut work: Vec<_> = phases.iter().map(phase).collect();
     let groups = phases.iter().map(Phase::tiles).sum();
@@ -106,7 +106,7 @@ pub(crate) fn cost_bytes(leaves: u32) -> u64 {
 pub fn buffers(animation: &Animation) -> Vec<(BufferName, u64)> {
     let count = animation.live_count() as u64;
     let tiles = count.div_ceil(u64::from(SORT_TILE));
-    let survivors = phases::of(count.max(1) as u32)[0].left();
+    let survivors = phases::of(count.max(1) as u32)[0].remaining();
     vec![
         (BufferName::Live, count * 4),
         (BufferName::Keys, count * 8),
@@ -147,14 +147,9 @@ mod tests {
 
     #[test]
     fn rebuild_constants_match_kernel_sources() {
-        let has = |kernel: &str, text: &str| {
-            let found = common(kernel).code.wgsl.contains(text);
-            assert!(found, "{kernel} lacks {text}");
-        };
-        let tile = format!("const CLUSTER_TILE: u32 = {}u;", phases::TILE);
-        has("cluster", &tile);
+        common("cluster").assert_declares("CLUSTER_TILE", phases::TILE);
         for kernel in ["sort_count", "sort_scan", "sort_scatter"] {
-            has(kernel, &format!("const TILE: u32 = {SORT_TILE}u;"));
+            common(kernel).assert_declares("TILE", SORT_TILE);
         }
         for kernel in KERNELS.into_iter().filter(|k| *k != "cluster_leaves") {
             assert_eq!(common(kernel).workgroup, [256, 1, 1], "{kernel}");

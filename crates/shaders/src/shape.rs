@@ -23,25 +23,27 @@ pub struct Shape {
 }
 
 /// Maximum number of boxes that 64 invocations test in less time than they would take to traverse the levels above.
-const MANY: u32 = 2048;
+const MAX_START_BOXES: u32 = 2048;
 
 impl Shape {
     /// Returns the shape of a tree that the host built. The words of [`Treelets`] are its topology.
     pub fn of(tree: &Treelets) -> Self {
         let mut params = params_of(tree.leaf_count);
         params.leaf_triangles_at = tree.triangles_at() as u32;
-        (params.start_row, params.start_count) = tree.few_roots(MANY);
+        (params.start_row, params.start_count) = tree.few_roots(MAX_START_BOXES);
         if let Some(wide) = &tree.wide {
             let [words, lists, _] = tree.parts();
             params.wide_at = (words.len() + lists.len()) as u32;
             (params.wide_lanes, params.wide_root) = (wide.lanes as u32, wide.root);
         }
+        let lists_at = tree.words().len() as u32;
+        let level = |list: &Range<usize>| lists_at + list.start as u32..lists_at + list.end as u32;
         let mut shape = Self {
             params,
             leaf_count: tree.leaf_count,
             treelets: tree.levels.clone(),
             moving: tree.moving.as_ref().map(|moving| MovingShape {
-                levels: behind(tree.words().len() as u32, &moving.lists),
+                levels: moving.lists.iter().map(level).collect(),
                 degenerate_elsewhere: moving.degenerate_elsewhere,
             }),
             node_rows: tree.rows() as u64,
@@ -118,12 +120,6 @@ pub struct MovingShape {
     pub levels: Vec<Range<u32>>,
     /// Number of zero-area triangles in treelets that are not listed.
     pub degenerate_elsewhere: u32,
-}
-
-/// Returns the ranges of `lists` plus `at`.
-fn behind(at: u32, lists: &[Range<usize>]) -> Vec<Range<u32>> {
-    let place = |l: &Range<usize>| at + l.start as u32..at + l.end as u32;
-    lists.iter().map(place).collect()
 }
 
 #[cfg(test)]

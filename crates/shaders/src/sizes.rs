@@ -81,18 +81,10 @@ mod tests {
 
     #[test]
     fn host_constants_match_kernel_sources() {
-        let has = |entry: &str, text: &str| {
-            let wgsl = kernel(entry, Intersector::Exact).code.wgsl;
-            assert!(wgsl.contains(text), "{entry} lacks {text}");
-        };
-        has(
-            "fallback_rays",
-            &format!("const STACK_SIZE: u32 = {STACK_SIZE}u;"),
-        );
-        has(
-            "trace_rays",
-            &format!("var stack: array<u32, {STACK_SIZE}>;"),
-        );
+        let exact = |entry| kernel(entry, Intersector::Exact);
+        exact("fallback_rays").assert_declares("STACK_SIZE", STACK_SIZE as u32);
+        let stack = format!("var stack: array<u32, {STACK_SIZE}>;");
+        assert!(exact("trace_rays").code.wgsl.contains(&stack), "{stack}");
     }
 
     #[test]

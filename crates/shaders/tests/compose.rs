@@ -21,10 +21,6 @@ fn compose_with(files: &[(&str, &str)], prefix: &str, on: &[&str]) -> Result<Str
     Sources::new(&files, conditions)?.compose("k/main", &["main"], prefix, on)
 }
 
-fn compose(files: &[(&str, &str)]) -> String {
-    compose_with(files, "", &[]).unwrap()
-}
-
 /// Composes one file.
 fn compose_file(main: &str, on: &[&str]) -> String {
     compose_with(&[("k/main", main)], "", on).unwrap()
@@ -51,10 +47,8 @@ fn files_follow_in_order_of_use() {
     let b = "import package::k::a::Type;\nfn b_one() -> u32 { return 1u; }\nfn b_two(x: u32, t: Type) {}";
     let expected = "fn main() { b_two(b_one(), Type()); }\n\nfn b_one() -> u32 { return 1u; }\n\n\
                     fn b_two(x: u32, t: Type) {}\n\nstruct Type { x: u32 }\n";
-    assert_eq!(
-        compose(&[("k/main", main), ("k/a", a), ("k/b", b)]),
-        expected
-    );
+    let files = [("k/main", main), ("k/a", a), ("k/b", b)];
+    assert_eq!(compose_with(&files, "", &[]).unwrap(), expected);
 }
 
 #[test]

@@ -32,7 +32,7 @@ impl Phase {
     }
 
     /// Returns the number of clusters after the phase.
-    pub(super) fn left(&self) -> u32 {
+    pub(super) fn remaining(&self) -> u32 {
         let whole = self.tiles() - 1;
         let last = self.count - (whole * TILE).saturating_sub(self.own.tile_offset);
         whole * self.own.clusters_per_tile + last.min(self.own.clusters_per_tile)
@@ -61,7 +61,7 @@ pub(super) fn of(leaves: u32) -> Vec<Phase> {
             },
         };
         phases.push(phase);
-        next.count = phase.left();
+        next.count = phase.remaining();
         next.own.source_at = phase.own.target_at;
         next.own.first_tile += phase.tiles();
     }
@@ -100,13 +100,13 @@ mod tests {
             for pair in phases.windows(2) {
                 let [before, after] = [pair[0], pair[1]];
                 assert!(after.count < before.count, "{leaves}");
-                let there = (before.left(), before.own.target_at);
+                let there = (before.remaining(), before.own.target_at);
                 assert_eq!((after.count, after.own.source_at), there, "{leaves}");
                 let read = before.own.source_at..before.own.source_at + before.count;
                 let written = after.own.source_at..after.own.source_at + after.count;
                 assert!(read.end <= written.start || written.end <= read.start);
             }
-            assert_eq!(phases.last().map(Phase::left), Some(1), "{leaves}");
+            assert_eq!(phases.last().map(Phase::remaining), Some(1), "{leaves}");
         }
     }
 

@@ -15,7 +15,7 @@ pub(super) enum Extremes {
 }
 
 /// Number of invocations that search for extreme rays if most rays are not extreme.
-const SEEKERS: u32 = 1 << 16;
+const SEARCH_INVOCATIONS: u32 = 1 << 16;
 
 /// Returns whether separate kernels trace extreme rays.
 fn has_extremes(intersector: Intersector) -> bool {
@@ -58,12 +58,12 @@ pub(super) fn work(input: &TraceInput<'_>, how: Extremes) -> Vec<Work> {
         }
         RaySource::Camera(camera) => params.with_camera(camera),
     };
-    let sharers = match how {
+    let invocations = match how {
         Extremes::All => rays.count(),
-        _ => rays.count().min(SEEKERS),
+        _ => rays.count().min(SEARCH_INVOCATIONS),
     };
     let over = |entry, params| Work {
-        groups: Groups::Linear(sharers),
+        groups: Groups::Linear(invocations),
         ..Work::linear(common(entry), params, rays.count())
     };
     let hits = over("extreme_rays", params);

@@ -154,8 +154,8 @@ mod tests {
 
     #[test]
     fn list_length_matches_kernel_source() {
-        let wgsl = include_str!("../../wgsl/visibility/cover.wgsl");
-        assert!(wgsl.contains(&format!("const LARGE_CAPACITY: u32 = {LARGE_CAPACITY}u;")));
+        let kernel = kernel("cover_small", Intersector::Watertight);
+        kernel.assert_declares("LARGE_CAPACITY", LARGE_CAPACITY);
     }
 
     fn camera(eye: Point, target: Point, fov: f32) -> Camera {

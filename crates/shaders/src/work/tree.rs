@@ -207,10 +207,10 @@ mod tests {
     use super::*;
 
     /// Entry point, first treelet, count, number of all treelets and `uses_list` of a dispatch.
-    type Told = (&'static str, u32, u32, u32, u32);
+    type Summary = (&'static str, u32, u32, u32, u32);
 
-    fn told(work: &[Work]) -> Vec<Told> {
-        let told = |w: &Work| {
+    fn summaries(work: &[Work]) -> Vec<Summary> {
+        let summary = |w: &Work| {
             let own: TreeletsParams = w.params.own.get();
             (
                 w.kernel.entry,
@@ -220,14 +220,14 @@ mod tests {
                 own.uses_list,
             )
         };
-        work.iter().map(told).collect()
+        work.iter().map(summary).collect()
     }
 
     fn sum_counter(work: &Work) -> usize {
         4 * work.params.own.get::<TreeletsParams>().sum_counter as usize
     }
 
-    fn beside(work: &[Work]) -> Vec<bool> {
+    fn alongside_flags(work: &[Work]) -> Vec<bool> {
         work.iter().map(|w| w.alongside).collect()
     }
 
@@ -249,8 +249,8 @@ mod tests {
             ("gather_corners", 0, 60_000, 94, 0),
             ("preprocess_treelets_from_key_frames", 0, 90, 94, 0),
         ];
-        assert_eq!((told(&work), uncounted), (whole, 0));
-        assert_eq!(beside(&work), [true, false]);
+        assert_eq!((summaries(&work), uncounted), (whole, 0));
+        assert_eq!(alongside_flags(&work), [true, false]);
         assert_eq!(sum_counter(&work[1]), offset_of!(Counts, areas));
         progress.preprocessed(&tree);
         let work = progress.refit(params, &tree);
@@ -258,21 +258,21 @@ mod tests {
         progress.submitted();
         let (work, uncounted) = progress.preprocess(intersector, params, &tree);
         let listed = vec![("preprocess_treelets_from_key_frames", 500, 7, 94, 1)];
-        assert_eq!((told(&work), uncounted), (listed, 4));
-        assert_eq!(beside(&work), [true]);
+        assert_eq!((summaries(&work), uncounted), (listed, 4));
+        assert_eq!(alongside_flags(&work), [true]);
         assert_eq!(sum_counter(&work[0]), offset_of!(Counts, areas));
         let work = progress.refit(params, &tree);
         let whole = [
             ("refit_treelets", 90, 3, 0, 0),
             ("refit_treelets", 93, 1, 94, 0),
         ];
-        assert_eq!(told(&work), whole);
+        assert_eq!(summaries(&work), whole);
         progress.refitted();
         let work = progress.refit(params, &tree);
         let listed = [
             ("refit_treelets", 507, 1, 0, 1),
             ("refit_treelets", 508, 1, 94, 1),
         ];
-        assert_eq!(told(&work), listed);
+        assert_eq!(summaries(&work), listed);
     }
 }
