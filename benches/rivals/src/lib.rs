@@ -60,6 +60,11 @@ pub trait Rival {
     fn device_bytes(&self) -> Option<DeviceBytes> {
         None
     }
+
+    /// Returns the messages of the driver's validation layer in this process.
+    fn complaints(&self) -> Vec<String> {
+        Vec::new()
+    }
 }
 
 named! {

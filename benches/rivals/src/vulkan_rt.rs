@@ -16,7 +16,7 @@ pub use support::ray_adapters;
 use crate::RivalName;
 use backend::{Hits, Result, Ticket};
 use geom::Pose;
-use gpu_common::{Engine, GpuDevice, Options};
+use gpu_common::{Engine, Options};
 use gpu_vulkan::VulkanDevice;
 use gpu_vulkan::gpu::Gpu;
 use gpu_vulkan::instance::Host;
@@ -48,12 +48,13 @@ impl VulkanRt {
     /// [`backend::BackendError::Limit`] if it is too small for any scene.
     pub fn new(options: &Options, name: RivalName) -> Result<Self> {
         let host = Host::new(options.validation)?;
-        let able = support::able(&host, options.adapter)?;
-        let gpu = Gpu::open(host, &able, options, true)?;
+        let adapters = support::ray_adapters_of(&host, options.adapter)?;
+        let gpu = Gpu::open(host, &adapters, options, true)?;
         let rays = RayTracing::of(&gpu)?;
-        let device = VulkanDevice::over(&gpu, name.name())?;
+        let device = VulkanDevice::over(&gpu)?;
         let shared = ["arithmetic", "interpolate"].map(common);
         let mut engine = Engine::new(device, shared.into_iter().chain(RAY_KERNELS))?;
+        engine.info.device.backend = name.name();
         let rays = RayPipeline::new(&mut engine.gpu, &rays)?;
         Ok(Self {
             engine,
@@ -64,10 +65,5 @@ impl VulkanRt {
             hits: Hits::default(),
             rays,
         })
-    }
-
-    /// Returns the messages of the validation layer in this process.
-    pub fn complaints(&mut self) -> Vec<String> {
-        self.engine.gpu.info().complaints
     }
 }

@@ -54,11 +54,8 @@ fn main() -> ExitCode {
     libtest_mimic::run(&arguments, trials).exit_code()
 }
 
-/// A rival with a scene, and the Vulkan driver's messages.
-enum Subject {
-    Vulkan(Box<VulkanRt>),
-    Other(Box<dyn Rival>),
-}
+/// A rival with a scene.
+struct Subject(Box<dyn Rival>);
 
 impl Subject {
     fn load(rival: RivalName, animation: &Arc<Animation>, tree_update: TreeUpdate) -> Self {
@@ -66,31 +63,19 @@ impl Subject {
             validation: Validation::IfInstalled,
             ..Options::default()
         };
-        let mut subject = match rival {
-            RivalName::Embree => Self::Other(rival.open(None, 2).unwrap()),
-            _ => Self::Vulkan(Box::new(VulkanRt::new(&options, rival).unwrap())),
+        let mut opened: Box<dyn Rival> = match rival {
+            RivalName::Embree => rival.open(None, 2).unwrap(),
+            _ => Box::new(VulkanRt::new(&options, rival).unwrap()),
         };
-        subject
-            .rival()
-            .load(Arc::clone(animation), tree_update)
-            .unwrap();
-        subject
-    }
-
-    fn rival(&mut self) -> &mut dyn Rival {
-        match self {
-            Self::Vulkan(vulkan) => vulkan.as_mut(),
-            Self::Other(other) => other.as_mut(),
-        }
+        opened.load(Arc::clone(animation), tree_update).unwrap();
+        Self(opened)
     }
 
     fn trace(&mut self, pose: Pose, query: Query<'_>) -> (Hits, FrameReport) {
         let (rays, light) = (query.rays, query.kind.light());
-        let report = self.rival().frame(pose, rays, light).unwrap();
-        let hits = self.rival().hits().unwrap().clone();
-        if let Self::Vulkan(vulkan) = self {
-            assert_eq!(vulkan.complaints(), [""; 0]);
-        }
+        let report = self.0.frame(pose, rays, light).unwrap();
+        let hits = self.0.hits().unwrap().clone();
+        assert_eq!(self.0.complaints(), [""; 0]);
         (hits, report)
     }
 }

@@ -134,7 +134,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
         tree.progress.preprocessed(&tree.shape);
         let work = tree.progress.refit(params, &tree.shape);
         engine.run(Some(Stage::Refit), &work, |name| tree.get(name))?;
-        engine.frames.record().tree_stages.evaluated_candidate = true;
+        engine.frames.recorder.tree_stages.evaluated_candidate = true;
         Ok(())
     }
 
@@ -160,7 +160,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
         }
         tree.current.grow(&engine.gpu, &mut engine.frames, &shape)?;
         let params = Params::of(animation.scale_exponent(), &shape);
-        let tree_stages = &mut engine.frames.record().tree_stages;
+        let tree_stages = &mut engine.frames.recorder.tree_stages;
         tree_stages.uncounted = Some(0);
         tree_stages.summed_areas = true;
         let sort = rebuild::sort(params, animation.vertex_count(), &shape);
@@ -215,7 +215,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()> {
         self.require_later(generation);
         let Engine { gpu, frames, .. } = &mut self.engine;
-        let is_between = frames.record().is_empty();
+        let is_between = frames.recorder.is_empty();
         assert!(is_between, "trees are adopted between submissions");
         let current = self.tree.as_mut().expect("a scene was loaded");
         current.adopt(gpu, frames, tree, generation)?;
@@ -272,7 +272,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         let progress = &tree.progress;
         let (work, uncounted) = progress.preprocess(self.intersector, params, &tree.shape);
         self.run(Stage::Preprocess, &work)?;
-        self.engine.frames.record().tree_stages.uncounted = Some(uncounted);
+        self.engine.frames.recorder.tree_stages.uncounted = Some(uncounted);
         let tree = &mut self.tree_mut().current;
         tree.progress.preprocessed(&tree.shape);
         self.engine.next_stage = NextStage::Refit;
@@ -287,7 +287,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         let (params, tree) = (self.params(), &self.tree().current);
         let work = tree.progress.refit(params, &tree.shape);
         self.run(Stage::Refit, &work)?;
-        self.engine.frames.record().tree_stages.summed_areas = true;
+        self.engine.frames.recorder.tree_stages.summed_areas = true;
         self.tree_mut().current.progress.refitted();
         self.engine.next_stage = NextStage::Trace;
         Ok(())
@@ -348,7 +348,9 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     }
 
     fn load_palette(&mut self, palette: &Palette) -> Result<bool> {
-        self.engine.load_palette(palette)?;
+        let Engine { scene, gpu, .. } = &mut self.engine;
+        let scene = scene.as_mut().expect("a scene was loaded");
+        scene.load_palette(gpu, palette)?;
         Ok(true)
     }
 
@@ -378,7 +380,8 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     }
 
     fn is_done(&mut self, ticket: Ticket) -> Result<bool> {
-        self.engine.is_done(ticket)
+        let Engine { frames, gpu, .. } = &self.engine;
+        frames.is_done(gpu, ticket)
     }
 
     fn retain_traces(&mut self, tickets: &[Ticket]) {

@@ -4,8 +4,7 @@ use crate::device::read_all;
 use crate::snapshots::Snapshots;
 use crate::{AnimationBuffers, BufferTable, DeviceInfo, Frames, GpuDevice, Pipelines, Stage};
 use backend::{
-    Arithmetic, BackendError, DeviceBytes, FrameReport, Hits, Palette, Query, Rays, Result,
-    Snapshot, Ticket,
+    Arithmetic, BackendError, DeviceBytes, FrameReport, Hits, Query, Rays, Result, Snapshot, Ticket,
 };
 use geom::{Animation, Pose};
 use shaders::arithmetic;
@@ -125,7 +124,7 @@ impl<D: GpuDevice> Engine<D> {
     pub fn interpolate(&mut self, pose: Pose, params: Params, measure: Option<Work>) -> Result<()> {
         let gpu = &mut self.gpu;
         let (position, overwritten) = self.snapshots.position_to_write(gpu, self.position)?;
-        self.frames.record().overwrites(overwritten);
+        self.frames.recorder.overwrites(overwritten);
         (self.position, self.pose) = (position, pose);
         let scene = self.scene.as_mut().expect("a scene was loaded");
         let last = self.frames.submitted;
@@ -183,7 +182,7 @@ impl<D: GpuDevice> Engine<D> {
             let found = own(name).or_else(|| scene.get(name, key, position));
             found.unwrap_or_else(|| panic!("no buffer {name:?}"))
         };
-        self.frames.record().record(pipelines, stage, work, find)
+        self.frames.recorder.record(pipelines, stage, work, find)
     }
 
     /// Records the shading of the pending trace of `query`, if there is a palette and a tree.
@@ -206,12 +205,6 @@ impl<D: GpuDevice> Engine<D> {
         shaded
     }
 
-    /// Uploads the colour tables for shading.
-    pub fn load_palette(&mut self, palette: &Palette) -> Result<()> {
-        let scene = self.scene.as_mut().expect("a scene was loaded");
-        scene.load_palette(&mut self.gpu, palette)
-    }
-
     /// Blocks until a submission has finished and copies its pixels. Returns whether it has any.
     pub fn pixels(&mut self, ticket: Ticket, out: &mut Vec<u8>) -> Result<bool> {
         self.wait(ticket)?;
@@ -229,7 +222,7 @@ impl<D: GpuDevice> Engine<D> {
         let scene = self.scene.as_mut().expect("a scene was loaded");
         scene.make_positions(&mut self.gpu)?;
         self.snapshots.request(self.position);
-        self.frames.record().split();
+        self.frames.recorder.split();
         Ok(())
     }
 
@@ -276,11 +269,6 @@ impl<D: GpuDevice> Engine<D> {
         self.wait(ticket)?;
         let trace = self.frames.trace(ticket, index);
         trace.read_hits(&mut self.gpu, hits)
-    }
-
-    /// See [`backend::Backend::is_done`].
-    pub fn is_done(&self, ticket: Ticket) -> Result<bool> {
-        self.frames.is_done(&self.gpu, ticket)
     }
 
     /// Returns the oldest requested positions if they have arrived.
@@ -343,7 +331,7 @@ fn test_arithmetic<D: GpuDevice>(
     buffers.fill(gpu, &[(BufferName::Operands, operands)])?;
     let find = |name| buffers.get(name).expect("the kernel binds no other buffer");
     let work = [work::arithmetic(all.len())];
-    frames.record().record(pipelines, None, &work, find)?;
+    frames.recorder.record(pipelines, None, &work, find)?;
     let ticket = frames.submit(gpu, None, 0)?;
     frames.retire(gpu, ticket)?;
     let results = read_all(gpu, find(BufferName::Results), all.len())?;

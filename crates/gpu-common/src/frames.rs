@@ -9,7 +9,8 @@ use std::time::Instant;
 
 /// The recording, and the results of submissions.
 pub struct Frames<D: GpuDevice> {
-    recorder: Recorder<D>,
+    /// The recording.
+    pub recorder: Recorder<D>,
     /// Last submitted ticket.
     pub(crate) submitted: Ticket,
     /// Number of the upload that the next submission must wait for; 0 for no upload.
@@ -70,11 +71,6 @@ impl<D: GpuDevice> Frames<D> {
             raster_backoff: RasterBackoff::default(),
             spread: false,
         }
-    }
-
-    /// Returns the recording.
-    pub fn record(&mut self) -> &mut Recorder<D> {
-        &mut self.recorder
     }
 
     /// Makes the next submission wait for this upload and all uploads before it.
@@ -155,7 +151,7 @@ impl<D: GpuDevice> Frames<D> {
         positions: Option<(&D::Buffer, u64)>,
         never_active: u64,
     ) -> Result<Ticket> {
-        self.record().close();
+        self.recorder.close();
         while self.unfinished().count() >= FRAMES_IN_FLIGHT {
             let oldest = self.unfinished().next();
             self.finish(gpu, oldest.expect("counted just now"))?;

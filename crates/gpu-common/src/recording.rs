@@ -1,36 +1,26 @@
 //! Work of one submission, as data that a device executes.
 
-use crate::Stage;
+use crate::{GpuDevice, Stage};
 use backend::Ticket;
 use shaders::work::Work;
 use shaders::{Binding, BufferName};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// The commands of one submission, with the buffers that they use.
-///
-/// `P` is a compiled kernel, `B` refers to a buffer, and `N` is a command that only one type of device can execute.
-/// The device sets all counts to 0 before the first command.
-pub struct Recording<P, B, N> {
+/// The commands of one submission, with the buffers that they use. The device sets all counts to 0 before the first
+/// command.
+pub struct Recording<D: GpuDevice> {
     /// Commands in order.
-    pub commands: Vec<RecordedCommand<P, N>>,
+    pub commands: Vec<RecordedCommand<D>>,
     /// Buffers of all dispatches. See [`Dispatch::buffers`].
-    pub buffers: Vec<B>,
-    /// Positions to copy to the host. The copy waits only for the commands before [`RecordedCommand::Split`].
-    pub positions: Option<PositionsCopy<B>>,
+    pub buffers: Vec<D::Binding>,
+    /// Positions to copy to the host: their buffer, and the number of bytes from its beginning. The copy waits only for
+    /// the commands before [`RecordedCommand::Split`].
+    pub positions: Option<(D::Binding, u64)>,
     /// Number of the upload that must have finished before the commands run; 0 for no upload.
     pub after_upload: u64,
     /// Submission whose copy of positions reads a buffer that the commands overwrite. They wait for the copy.
     pub overwrites: Option<Ticket>,
-}
-
-/// A copy of positions to the host.
-#[derive(Clone, Copy, Debug)]
-pub struct PositionsCopy<B> {
-    /// Buffer of the positions.
-    pub from: B,
-    /// Number of bytes, from the beginning of the buffer.
-    pub bytes: u64,
 }
 
 /// A command of a [`Recording`].
@@ -38,9 +28,9 @@ pub struct PositionsCopy<B> {
     clippy::large_enum_variant,
     reason = "nearly all commands are dispatches"
 )]
-pub enum RecordedCommand<P, N> {
+pub enum RecordedCommand<D: GpuDevice> {
     /// Runs a kernel.
-    Dispatch(Dispatch<P>),
+    Dispatch(Dispatch<D>),
     /// Ends a stage. The commands since the previous end are timed as this stage.
     EndStage(Stage),
     /// Sets this number of bytes at the beginning of the counts to 0.
@@ -48,22 +38,22 @@ pub enum RecordedCommand<P, N> {
     /// Ends the part that the copy of positions waits for. Only for devices with [`crate::DeviceInfo::splits`].
     Split,
     /// A command that only this type of device can execute.
-    Native(N),
+    Native(D::Native),
 }
 
 /// One run of a kernel. It starts when the previous commands have finished, unless [`Work::alongside`] is set.
-pub struct Dispatch<P> {
+pub struct Dispatch<D: GpuDevice> {
     /// Kernel and parameters.
     pub work: Work,
     /// The compiled kernel.
-    pub pipeline: Arc<P>,
+    pub pipeline: Arc<D::Pipeline>,
     /// Range of [`Recording::buffers`]: one for each binding of the kernel, in order, except parameters and counts.
     pub buffers: Range<usize>,
     /// Number of workgroups along both axes.
     pub groups: [u32; 2],
 }
 
-impl<P, B, N> Default for Recording<P, B, N> {
+impl<D: GpuDevice> Default for Recording<D> {
     fn default() -> Self {
         Self {
             commands: Vec::new(),
@@ -75,7 +65,7 @@ impl<P, B, N> Default for Recording<P, B, N> {
     }
 }
 
-impl<P, B, N> Recording<P, B, N> {
+impl<D: GpuDevice> Recording<D> {
     /// Removes all commands and buffers. The vectors keep their capacity.
     pub(crate) fn clear(&mut self) {
         self.commands.clear();
@@ -84,15 +74,15 @@ impl<P, B, N> Recording<P, B, N> {
     }
 
     /// Returns the buffers of a dispatch, except parameters and counts, which the device owns.
-    pub fn buffers_of(&self, dispatch: &Dispatch<P>) -> &[B] {
+    pub fn buffers_of(&self, dispatch: &Dispatch<D>) -> &[D::Binding] {
         &self.buffers[dispatch.buffers.clone()]
     }
 
     /// Returns each binding of a dispatch with its buffer.
     pub fn bindings_of<'a>(
         &'a self,
-        dispatch: &'a Dispatch<P>,
-    ) -> impl Iterator<Item = (&'static Binding, BoundBuffer<&'a B>)> + Clone {
+        dispatch: &'a Dispatch<D>,
+    ) -> impl Iterator<Item = (&'static Binding, BoundBuffer<&'a D::Binding>)> + Clone {
         let mut buffers = self.buffers_of(dispatch).iter();
         dispatch.work.kernel.bindings.iter().map(move |binding| {
             let bound = match binding.name {

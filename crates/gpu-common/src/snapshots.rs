@@ -36,7 +36,7 @@ impl Snapshots {
                 busy_until[*position] = Some(i);
             }
         }
-        let (position, busy) = soonest(current, self.requested, busy_until);
+        let (position, busy) = first_free(current, self.requested, busy_until);
         Ok((position, busy.map(|i| self.unfinished[i].0)))
     }
 
@@ -71,7 +71,7 @@ impl Snapshots {
 
 /// Returns the position buffer that is free first, and the index of the copy it waits for. Prefers the current buffer
 /// and never returns the one `requested` in this recording.
-fn soonest(
+fn first_free(
     current: usize,
     requested: Option<usize>,
     busy_until: [Option<usize>; 2],
@@ -90,10 +90,10 @@ mod tests {
 
     #[test]
     fn picks_the_buffer_freed_first() {
-        assert_eq!(soonest(1, None, [None, None]), (1, None));
-        assert_eq!(soonest(1, None, [None, Some(3)]), (0, None));
-        assert_eq!(soonest(1, Some(1), [Some(3), None]), (0, Some(3)));
-        assert_eq!(soonest(0, None, [Some(5), Some(4)]), (1, Some(4)));
-        assert_eq!(soonest(0, Some(1), [Some(5), None]), (0, Some(5)));
+        assert_eq!(first_free(1, None, [None, None]), (1, None));
+        assert_eq!(first_free(1, None, [None, Some(3)]), (0, None));
+        assert_eq!(first_free(1, Some(1), [Some(3), None]), (0, Some(3)));
+        assert_eq!(first_free(0, None, [Some(5), Some(4)]), (1, Some(4)));
+        assert_eq!(first_free(0, Some(1), [Some(5), None]), (0, Some(5)));
     }
 }

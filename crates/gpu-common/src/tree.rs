@@ -18,7 +18,7 @@ pub(crate) struct TreeBuffers<D: GpuDevice> {
     /// The tree that was evaluated last. Its buffers are created at the first evaluation.
     pub(crate) candidate: Option<DeviceTree<D>>,
     /// Visibility buffers, as large as the largest trace so far.
-    picture: BufferTable<D>,
+    visibility_buffers: BufferTable<D>,
     /// Topology buffers that no tree uses.
     free: Pool<D::Buffer>,
     /// Bytes of the topology that was uploaded last; 0 before the first.
@@ -99,13 +99,13 @@ impl<D: GpuDevice> TreeBuffers<D> {
         intersector: Intersector,
     ) -> Result<Self> {
         let leaves = animation.live_count() as u64;
-        let picture = [BufferName::Covers, BufferName::Visibility];
+        let names = [BufferName::Covers, BufferName::Visibility];
         Ok(Self {
             animation: Arc::clone(animation),
             intersector,
             current: DeviceTree::new(gpu, intersector, leaves)?,
             candidate: None,
-            picture: BufferTable::new(gpu, picture.map(|name| (name, 0)))?,
+            visibility_buffers: BufferTable::new(gpu, names.map(|name| (name, 0)))?,
             free: Pool::default(),
             last_bytes: 0,
             sent: None,
@@ -117,7 +117,10 @@ impl<D: GpuDevice> TreeBuffers<D> {
 
     pub(crate) fn get(&self, name: BufferName) -> Option<&D::Buffer> {
         let build = || self.build.as_ref().and_then(|b| b.get(name));
-        let own = self.current.get(name).or_else(|| self.picture.get(name));
+        let own = self
+            .current
+            .get(name)
+            .or_else(|| self.visibility_buffers.get(name));
         own.or_else(build)
     }
 
@@ -297,13 +300,13 @@ impl<D: GpuDevice> TreeBuffers<D> {
     }
 
     /// Enlarges the visibility buffers to fit a trace.
-    pub(crate) fn grow_picture(
+    pub(crate) fn grow_visibility_buffers(
         &mut self,
         gpu: &D,
         frames: &mut Frames<D>,
         tracing: &Trace,
     ) -> Result<()> {
-        let buffers = &mut self.picture;
+        let buffers = &mut self.visibility_buffers;
         frames.replace(buffers.grow(gpu, BufferName::Covers, tracing.cover_bytes)?);
         frames.replace(buffers.grow(gpu, BufferName::Visibility, tracing.visibility_bytes)?);
         Ok(())
@@ -322,9 +325,9 @@ impl<D: GpuDevice> TreeBuffers<D> {
     pub(crate) fn held(&self) -> [u64; 3] {
         let build = self.build.as_ref().map_or(0, BufferTable::held);
         let candidate = self.candidate.as_ref().map_or(0, DeviceTree::held);
-        let visibility = self.picture.get(BufferName::Visibility);
+        let visibility = self.visibility_buffers.get(BufferName::Visibility);
         let visibility = visibility.map_or(0, |b| D::size(b).allocated);
-        let covers = self.picture.held() - visibility;
+        let covers = self.visibility_buffers.held() - visibility;
         let trees = self.current.held() + candidate + covers + self.free.held();
         [trees, build, visibility]
     }

@@ -13,11 +13,11 @@ use std::ffi::CStr;
 /// # Errors
 /// [`NoDevice`](backend::BackendError::NoDevice) without a loader or a driver.
 pub fn adapters() -> Result<Vec<AdapterInfo>> {
-    all(Host::new(Validation::Off)?.as_ref())
+    adapters_of(Host::new(Validation::Off)?.as_ref())
 }
 
 /// Returns all devices of the instance, in Vulkan's order.
-pub fn all(host: &Host) -> Result<Vec<AdapterInfo>> {
+pub fn adapters_of(host: &Host) -> Result<Vec<AdapterInfo>> {
     let devices = host.physical_devices()?;
     let each = devices.iter().enumerate();
     Ok(each.map(|(i, &d)| describe(host, i, d)).collect())

@@ -40,7 +40,7 @@ pub mod transfer;
 mod validation;
 mod vulkan_device;
 
-pub use adapters::{adapters, all};
+pub use adapters::{adapters, adapters_of};
 pub use encoder::{NativeCommand, RayBindings, RecordingEncoder};
 pub use gpu_common::LentRays;
 pub use interop::ExternalVertices;

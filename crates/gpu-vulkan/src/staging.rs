@@ -2,7 +2,6 @@
 
 use crate::gpu::Gpu;
 use crate::memory::{Buffer, BufferUse};
-use crate::timeline::Timeline;
 use crate::transfer::{BufferCopy, Transfer};
 use backend::Result;
 use geom::{Point, SharedMemory, copy_in_parallel};
@@ -34,25 +33,6 @@ impl Staging for StagingBuffer {
     }
 }
 
-/// Timelines of the work that may use a buffer.
-#[derive(Clone, Copy)]
-pub(crate) struct Timelines<'a> {
-    pub(crate) uploads: &'a Timeline,
-    pub(crate) submissions: &'a Timeline,
-}
-
-impl Timelines<'_> {
-    /// Returns whether the last use of a buffer has finished. Waits for it first if `may_wait` is set.
-    pub(crate) fn has_ended(self, last: LastUse, may_wait: bool) -> Result<bool> {
-        if may_wait {
-            self.submissions.wait(last.ticket)?;
-            self.uploads.wait(last.upload_value)?;
-        }
-        Ok(self.submissions.has_reached(last.ticket)?
-            && self.uploads.has_reached(last.upload_value)?)
-    }
-}
-
 /// Staging buffers for one kind of data.
 pub(crate) struct StagingPool {
     what: &'static str,
@@ -65,18 +45,15 @@ impl StagingPool {
         Self { what, free }
     }
 
-    /// Returns a staging buffer of at least `bytes`. A new one is created with slack.
+    /// Returns a staging buffer of at least `bytes`. A new one is created with slack. See [`Pool::fit`] for `has_ended`.
     pub(crate) fn take(
         &mut self,
         gpu: &Arc<Gpu>,
-        timelines: Timelines<'_>,
         bytes: u64,
+        has_ended: impl Fn(LastUse, bool) -> Result<bool>,
     ) -> Result<StagingBuffer> {
         let of = |bytes| Buffer::new(gpu, self.what, bytes, BufferUse::Staging);
-        let free = self
-            .free
-            .fit(bytes, |last, may_wait| timelines.has_ended(last, may_wait))?;
-        let buffer = match free {
+        let buffer = match self.free.fit(bytes, has_ended)? {
             Some(buffer) => buffer,
             None => with_slack(bytes, of)?,
         };

@@ -1,13 +1,13 @@
 //! The implementation of [`GpuDevice`] for Vulkan.
 
-use crate::adapters::all;
-use crate::encoder::{NativeCommand, RecordingEncoder, VulkanRecording};
+use crate::adapters::adapters_of;
+use crate::encoder::{NativeCommand, RecordingEncoder};
 use crate::external_inputs::ExternalInputs;
 use crate::gpu::{Gpu, Queue};
 use crate::instance::Host;
 use crate::memory::{Buffer, BufferRange, BufferUse};
 use crate::pipelines::Pipeline;
-use crate::staging::{HostPoints, StagingBuffer, StagingPool, Timelines};
+use crate::staging::{HostPoints, StagingBuffer, StagingPool};
 use crate::timeline::{QueueBatch, SemaphoreValue, Timeline, submit};
 use crate::transfer::{BufferCopy, Transfer, upload};
 use crate::validation::messages;
@@ -19,7 +19,7 @@ use bytemuck::Pod;
 use geom::{KeyFrame, Point};
 use gpu_common::{
     BufferSize, Clock, ComputeBackend, DeviceInfo, GpuDevice, KernelCode, LastUse, LentBuffers,
-    MemoryReport, Options, Outcome, PendingWork, Pool, Staging, Upload, read_parts,
+    MemoryReport, Options, Outcome, PendingWork, Pool, Recording, Staging, Upload, read_parts,
 };
 use shaders::{BufferName, Packets};
 use std::collections::BTreeMap;
@@ -36,14 +36,13 @@ pub type VulkanBackend = ComputeBackend<VulkanDevice>;
 /// any scene.
 pub fn open(options: &Options) -> Result<VulkanBackend> {
     let host = Host::new(options.validation)?;
-    let list = all(&host)?;
+    let list = adapters_of(&host)?;
     let gpu = Gpu::open(host, &list, options, false)?;
-    ComputeBackend::over(VulkanDevice::over(&gpu, BackendName::Vulkan.name())?)
+    ComputeBackend::over(VulkanDevice::over(&gpu)?)
 }
 
 /// A Vulkan device for one scene: a queue for frames, and queues for uploads and readbacks.
 pub struct VulkanDevice {
-    backend: &'static str,
     /// Timeline of submissions. It reaches a ticket's number when the submission has finished.
     pub done: Timeline,
     /// Timeline of the first parts of submissions. It reaches a ticket's number when the positions that the host
@@ -75,11 +74,10 @@ pub struct VulkanDevice {
 }
 
 impl VulkanDevice {
-    /// Creates the device of one scene. `backend` is the name to report. Other scenes may share `gpu`.
-    pub fn over(gpu: &Arc<Gpu>, backend: &'static str) -> Result<Self> {
+    /// Creates the device of one scene. Other scenes may share `gpu`.
+    pub fn over(gpu: &Arc<Gpu>) -> Result<Self> {
         let queues = gpu.queues.clone();
         Ok(Self {
-            backend,
             done: Timeline::new(gpu)?,
             first_part: Timeline::new(gpu)?,
             submitted: 0,
@@ -147,9 +145,10 @@ impl VulkanDevice {
             self.retain(KeyFrame::clone(key), 0, value);
             value
         } else {
-            let timelines = timelines(&self.upload, &self.done);
             let bytes = size_of_val(&key[..]) as u64;
-            let mut from = self.key_staging.take(&self.gpu, timelines, bytes)?;
+            let (uploads, submissions) = (&self.upload.done, &self.done);
+            let has_ended = |last, may_wait| has_ended(uploads, submissions, last, may_wait);
+            let mut from = self.key_staging.take(&self.gpu, bytes, has_ended)?;
             from.fill(&[bytemuck::cast_slice(key)]);
             self.key_staging.send(&mut self.upload, from, to)?
         };
@@ -186,7 +185,7 @@ impl VulkanDevice {
     }
 
     /// Submits the parts of an encoded recording. Copies of positions wait only for the first of two parts.
-    fn submit_parts(&mut self, recording: &VulkanRecording, ticket: Ticket) -> Result<()> {
+    fn submit_parts(&mut self, recording: &Recording<Self>, ticket: Ticket) -> Result<()> {
         let upload_value = Some(recording.after_upload.max(self.results_at));
         let upload_value = upload_value.filter(|&value| value > 0);
         let upload_value = upload_value.map(|value| self.upload.done.at(value));
@@ -212,17 +211,24 @@ impl VulkanDevice {
         // Later submissions to the queue wait as well.
         self.external.waits.clear();
         self.submitted = ticket.0;
-        let timelines = timelines(&self.upload, &self.done);
-        self.in_use.prune(|last| timelines.has_ended(last, false))
+        let (uploads, submissions) = (&self.upload.done, &self.done);
+        self.in_use
+            .prune(|last| has_ended(uploads, submissions, last, false))
     }
 }
 
-fn timelines<'a>(uploads: &'a Transfer, submissions: &'a Timeline) -> Timelines<'a> {
-    let uploads = &uploads.done;
-    Timelines {
-        uploads,
-        submissions,
+/// Returns whether the last use of a buffer has finished. Waits for it first if `may_wait` is set.
+fn has_ended(
+    uploads: &Timeline,
+    submissions: &Timeline,
+    last: LastUse,
+    may_wait: bool,
+) -> Result<bool> {
+    if may_wait {
+        submissions.wait(last.ticket)?;
+        uploads.wait(last.upload_value)?;
     }
+    Ok(submissions.has_reached(last.ticket)? && uploads.has_reached(last.upload_value)?)
 }
 
 /// A copy to the host by the readback queue.
@@ -241,7 +247,7 @@ impl GpuDevice for VulkanDevice {
 
     fn share_device(&self) -> impl FnOnce() -> Result<Self> + Send + use<> {
         let gpu = Arc::clone(&self.gpu);
-        move || Self::over(&gpu, BackendName::Vulkan.name())
+        move || Self::over(&gpu)
     }
 
     fn compiler(&self) -> impl Fn(KernelCode) -> Result<Pipeline> + Send + Sync + 'static + use<> {
@@ -258,15 +264,16 @@ impl GpuDevice for VulkanDevice {
             ..
         } = &*self.gpu;
         let subgroups = features.subgroups.map(|size| (size, size));
+        let name = BackendName::Vulkan.name();
         DeviceInfo {
             device: Device {
-                backend: self.backend,
+                backend: name,
                 adapter: adapter.name.clone(),
                 driver: adapter.driver.clone(),
                 kind: adapter.kind,
                 threads: 0,
                 arithmetic: Arithmetic::IEEE,
-                capabilities: Capabilities::minimal(self.backend, TreeFormat::default()),
+                capabilities: Capabilities::minimal(name, TreeFormat::default()),
             },
             packets: Packets::for_device(subgroups, self.gpu.is_software()),
             rasterizes: features.has_64_bit_atomics,
@@ -345,8 +352,9 @@ impl GpuDevice for VulkanDevice {
     }
 
     fn staging(&mut self, bytes: u64) -> Result<StagingBuffer> {
-        let timelines = timelines(&self.upload, &self.done);
-        self.tree_staging.take(&self.gpu, timelines, bytes)
+        let (uploads, submissions) = (&self.upload.done, &self.done);
+        let has_ended = |last, may_wait| has_ended(uploads, submissions, last, may_wait);
+        self.tree_staging.take(&self.gpu, bytes, has_ended)
     }
 
     fn send(&mut self, upload: Upload<'_, StagingBuffer>, to: &Buffer) -> Result<u64> {
@@ -356,18 +364,17 @@ impl GpuDevice for VulkanDevice {
         }
     }
 
-    fn submit(&mut self, recording: &mut VulkanRecording, ticket: Ticket) -> Result<()> {
+    fn submit(&mut self, recording: &mut Recording<Self>, ticket: Ticket) -> Result<()> {
         let positions = recording.positions;
-        let to = positions.map(|positions| {
+        let to = positions.map(|(_, bytes)| {
             let spare = self.spares.pop().map(|points| points.buffer);
-            self.readback_buffer(spare, positions.bytes)
+            self.readback_buffer(spare, bytes)
         });
         let to = to.transpose()?;
         self.encoder(ticket).encode(recording)?;
         self.submit_parts(recording, ticket)?;
-        if let Some((positions, buffer)) = positions.zip(to) {
-            let copy = BufferCopy::between(positions.from.vk, buffer.vk);
-            let copy = copy.range(0..positions.bytes, 0);
+        if let Some(((from, bytes), buffer)) = positions.zip(to) {
+            let copy = BufferCopy::between(from.vk, buffer.vk).range(0..bytes, 0);
             let ready = self.first_part.at(ticket.0);
             let done_at = self.readback.start(&copy, &[ready])?;
             self.copies.insert(ticket, ReadbackCopy { buffer, done_at });
@@ -382,14 +389,13 @@ impl GpuDevice for VulkanDevice {
                 Some(copy) => self.readback.done.has_reached(copy.done_at),
                 None => Ok(true),
             },
-            PendingWork::Use(last) => timelines(&self.upload, &self.done).has_ended(last, false),
+            PendingWork::Use(last) => has_ended(&self.upload.done, &self.done, last, false),
         }
     }
 
     fn wait(&self, until: Option<LastUse>) -> Result<()> {
         if let Some(last) = until {
-            let timelines = timelines(&self.upload, &self.done);
-            return timelines.has_ended(last, true).map(|_| ());
+            return has_ended(&self.upload.done, &self.done, last, true).map(|_| ());
         }
         self.done.wait(self.submitted)?;
         self.upload.wait()?;

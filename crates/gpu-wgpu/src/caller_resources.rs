@@ -94,13 +94,13 @@ impl WgpuDevice {
     /// Returns a buffer with these parameters. Changed parameters get a new buffer, because unsubmitted work may still
     /// read the previous one.
     fn module_params(&mut self, params: Params) -> Result<Buffer> {
-        if let Some((_, buffer)) = self.module.as_ref().filter(|(of, _)| *of == params) {
+        if let Some((_, buffer)) = self.module_params.as_ref().filter(|(of, _)| *of == params) {
             return Ok(buffer.clone());
         }
         let bytes = bytemuck::bytes_of(&params);
         let buffer = params_buffer(&self.gpu, bytes.len() as u64)?;
         write(&self.gpu, &buffer, 0, bytes)?;
-        self.module = Some((params, buffer.clone()));
+        self.module_params = Some((params, buffer.clone()));
         Ok(buffer)
     }
 }

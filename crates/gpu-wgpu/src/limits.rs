@@ -100,23 +100,22 @@ pub(crate) fn kernel_limits(limits: &Limits) -> Vec<KernelLimit> {
             most: limits.max_storage_buffers_per_shader_stage,
         },
         KernelLimit {
-            name: "max_compute_invocations_per_workgroup",
+            name: "max_compute_invocations_per_workgroup or max_compute_workgroup_size_x",
             need: |kernel| kernel.workgroup[0],
-            most: limits.max_compute_invocations_per_workgroup,
-        },
-        KernelLimit {
-            name: "max_compute_workgroup_size_x",
-            need: |kernel| kernel.workgroup[0],
-            most: limits.max_compute_workgroup_size_x,
+            most: workgroup_size(limits),
         },
     ]
 }
 
+/// Returns the maximum number of invocations of a workgroup along the x axis.
+fn workgroup_size(limits: &Limits) -> u32 {
+    limits
+        .max_compute_invocations_per_workgroup
+        .min(limits.max_compute_workgroup_size_x)
+}
+
 /// Returns names and values of limits that affect the work, for display.
 pub(crate) fn displayed_limits(limits: &Limits) -> Vec<(&'static str, String)> {
-    let group = limits
-        .max_compute_invocations_per_workgroup
-        .min(limits.max_compute_workgroup_size_x);
     let all = [
         (
             "max storage buffer bytes",
@@ -127,7 +126,7 @@ pub(crate) fn displayed_limits(limits: &Limits) -> Vec<(&'static str, String)> {
             "max storage buffers",
             limits.max_storage_buffers_per_shader_stage.into(),
         ),
-        ("max workgroup size", group.into()),
+        ("max workgroup size", workgroup_size(limits).into()),
         (
             "max workgroups along an axis",
             limits.max_compute_workgroups_per_dimension.into(),

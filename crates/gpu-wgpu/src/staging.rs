@@ -18,7 +18,7 @@ const RUN: usize = 96 << 10;
 const PIECE: usize = 64 * RUN;
 
 /// Bytes up to which writes through the queue are equally fast.
-const FEW: usize = 1 << 20;
+const MAX_QUEUE_WRITE: usize = 1 << 20;
 
 /// Buffers that the device reads or has read, sorted by size. Each has the mapping that makes it writable again.
 #[derive(Default)]
@@ -93,7 +93,7 @@ impl MappedPool {
         to: &Buffer,
         rows: &[T],
     ) -> Result<()> {
-        if size_of_val(rows) <= FEW {
+        if size_of_val(rows) <= MAX_QUEUE_WRITE {
             return write(gpu, to, 0, rows);
         }
         let bytes: &[u8] = bytemuck::cast_slice(rows);

@@ -2,10 +2,11 @@
 
 use crate::buffers::{Mapping, unreadable, write};
 use crate::gpu::{OpenGpu, READBACK, STORAGE, make, unmap};
-use crate::launches::{Launch, Launches, WgpuRecording};
+use crate::launches::{Launch, Launches};
 use crate::timestamps::{self, PassTimestamps};
+use crate::wgpu_device::WgpuDevice;
 use backend::{BackendError, Result, Ticket};
-use gpu_common::{Outcome, RecordedCommand, Stage, SubmissionOutput};
+use gpu_common::{Outcome, RecordedCommand, Recording, Stage, SubmissionOutput};
 use shaders::Counts;
 use std::sync::Arc;
 use std::time::Duration;
@@ -36,7 +37,7 @@ pub(crate) struct SubmissionEncoder {
     stamped: u64,
     /// Whether wgpu rejected the program's encoder, so that its commands never ran.
     is_refused: bool,
-    launches: Launches,
+    pub(crate) launches: Launches,
     /// Index of the submission, and mapping of the report. `None` until the recording is encoded. The index is `None`
     /// if the program submits the recording.
     pub(crate) sent: Option<(Option<SubmissionIndex>, Mapping)>,
@@ -74,7 +75,7 @@ impl SubmissionEncoder {
     pub(crate) fn encode(
         &mut self,
         encoder: &mut CommandEncoder,
-        recording: &mut WgpuRecording,
+        recording: &mut Recording<WgpuDevice>,
         stamp: Option<Ticket>,
     ) -> Result<()> {
         self.begin(recording)?;
@@ -182,7 +183,7 @@ impl SubmissionEncoder {
     }
 
     /// Prepares the resources for a recording. The previous submission must have finished or been dropped.
-    fn begin(&mut self, recording: &WgpuRecording) -> Result<()> {
+    fn begin(&mut self, recording: &Recording<WgpuDevice>) -> Result<()> {
         let is_free = self.sent.as_ref().is_none_or(|(_, m)| m.is_dropped());
         assert!(is_free, "each unfinished submission has its own encoder");
         (self.sent, self.is_refused) = (None, false);
@@ -262,10 +263,5 @@ impl SubmissionEncoder {
     pub(crate) fn bytes(&self) -> u64 {
         let timestamps = self.timestamps.as_ref().map_or(0, PassTimestamps::bytes);
         COUNTS * self.counts.len() as u64 + self.launches.bytes() + timestamps
-    }
-
-    /// Drops everything that belongs to the scene.
-    pub(crate) fn unload(&mut self) {
-        self.launches.unload();
     }
 }

@@ -6,7 +6,6 @@ use crate::buffers::{Arrived, MappedCopy, Mapping, unreadable, upload, write};
 use crate::caller_encoder::CallerEncoder;
 use crate::faults::layer_messages;
 use crate::gpu::{OpenGpu, STORAGE, make, unmap};
-use crate::launches::WgpuRecording;
 use crate::limits::{ATOMIC_MIN_64_BITS, kernel_limits};
 use crate::pipelines::Pipeline;
 use crate::staging::{MappedPool, MappedStaging};
@@ -19,7 +18,7 @@ use bytemuck::Pod;
 use geom::Point;
 use gpu_common::{
     BufferSize, Clock, ComputeBackend, DeviceInfo, GpuDevice, KernelCode, LastUse, LentBuffers,
-    LentRays, MemoryReport, Options, Outcome, PendingWork, Upload, read_parts,
+    LentRays, MemoryReport, Options, Outcome, PendingWork, Recording, Upload, read_parts,
 };
 use shaders::{BufferName, Params};
 use std::collections::BTreeMap;
@@ -62,7 +61,7 @@ pub struct WgpuDevice {
     /// One for each unfinished submission.
     submissions: Vec<SubmissionEncoder>,
     /// Parameters that the program's shaders read last, and their buffer.
-    pub(crate) module: Option<(Params, Buffer)>,
+    pub(crate) module_params: Option<(Params, Buffer)>,
     pub(crate) gpu: Arc<OpenGpu>,
 }
 
@@ -89,7 +88,7 @@ impl WgpuDevice {
         Ok(Self {
             scene: DeviceScene::default(),
             submissions: submissions.collect::<Result<_>>()?,
-            module: None,
+            module_params: None,
             gpu,
         })
     }
@@ -114,7 +113,7 @@ impl WgpuDevice {
     fn encode(
         &mut self,
         encoder: &mut CommandEncoder,
-        recording: &mut WgpuRecording,
+        recording: &mut Recording<Self>,
         ticket: Ticket,
         stamp: Option<Ticket>,
     ) -> Result<(Mapping, Option<MappedCopy>)> {
@@ -122,11 +121,10 @@ impl WgpuDevice {
         let (gpu, submission) = (&self.gpu, &mut self.submissions[slot]);
         self.scene.points.encode(gpu, encoder)?;
         submission.encode(encoder, recording, stamp)?;
-        let copy = recording.positions.as_ref().map(|positions| {
+        let copy = recording.positions.as_ref().map(|(from, bytes)| {
             let spare = self.scene.spares.pop();
             let spare = spare.and_then(|s| s.unmapped(&gpu.device));
-            let from = positions.from.slice(..positions.bytes);
-            MappedCopy::record(gpu, encoder, from, spare)
+            MappedCopy::record(gpu, encoder, from.slice(..*bytes), spare)
         });
         let copy = copy.transpose()?;
         Ok((submission.report(encoder), copy))
@@ -286,7 +284,7 @@ impl GpuDevice for WgpuDevice {
     }
 
     /// Submits the recording, or leaves it in the program's encoder if one was set.
-    fn submit(&mut self, recording: &mut WgpuRecording, ticket: Ticket) -> Result<()> {
+    fn submit(&mut self, recording: &mut Recording<Self>, ticket: Ticket) -> Result<()> {
         let slot = self.slot(ticket);
         let (submission, (report, copy)) = if let Some(mut encoder) = self.take_encoder() {
             let encoded = self.encode(&mut encoder, recording, ticket, Some(ticket));
@@ -354,9 +352,9 @@ impl GpuDevice for WgpuDevice {
     fn unload(&mut self) -> Result<()> {
         self.gpu.wait_idle()?;
         self.scene = DeviceScene::default();
-        self.submissions
-            .iter_mut()
-            .for_each(SubmissionEncoder::unload);
+        for submission in &mut self.submissions {
+            submission.launches.unload();
+        }
         Ok(())
     }
 }

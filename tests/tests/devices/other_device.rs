@@ -5,7 +5,7 @@
 
 use ash::vk;
 use gpu_common::{Options, Validation};
-use gpu_vulkan::all;
+use gpu_vulkan::adapters_of;
 use gpu_vulkan::external::ExternalMemory;
 use gpu_vulkan::gpu::Gpu;
 use gpu_vulkan::instance::Host;
@@ -74,7 +74,7 @@ impl Importer for OtherDevice {
 
     fn open(uuid: [u8; 16]) -> Self {
         let host = Host::new(Validation::Off).unwrap();
-        let list = all(&host).unwrap();
+        let list = adapters_of(&host).unwrap();
         let gpu = Gpu::open(host, &list, &Options::default(), false).unwrap();
         let own = ExternalMemory::new(&gpu, 16).unwrap();
         assert_eq!(own.device_uuid(), uuid, "both take the first GPU");

@@ -8,7 +8,7 @@ use backend::{
     Device, DeviceBytes, FrameReport, Hits, Intersector, Query, QueryKind, Rays, Result,
 };
 use geom::{Animation, Point, Pose};
-use gpu_common::{Stage, TraceBuffers, check_limit, reads_ray_buffer};
+use gpu_common::{GpuDevice, Stage, TraceBuffers, check_limit, reads_ray_buffer};
 use gpu_vulkan::commands::{KERNELS, RAYS};
 use gpu_vulkan::{NativeCommand, RayBindings, VulkanDevice};
 use shaders::work;
@@ -58,10 +58,14 @@ impl Rival for VulkanRt {
         let [tree, scratch] = scene.map_or([0; 2], DriverScene::held);
         Some(self.engine.bytes([tree, scratch, 0]))
     }
+
+    fn complaints(&self) -> Vec<String> {
+        self.engine.gpu.info().complaints
+    }
 }
 
 /// Returns the ray generation shader of a query.
-fn maker(query: &Query<'_>) -> &'static str {
+fn generation_shader(query: &Query<'_>) -> &'static str {
     match (query.kind.light(), reads_ray_buffer(query)) {
         (None, true) => "explicit_closest",
         (None, false) => "camera_closest",
@@ -84,7 +88,7 @@ impl VulkanRt {
                 ..self.params()
             };
             self.engine.interpolate(pose, params, None)?;
-            self.cleanse()?;
+            self.copy_finite_triangles()?;
             self.make_tree()?;
             self.pose = Some(pose);
         }
@@ -93,13 +97,13 @@ impl VulkanRt {
     }
 
     /// Records a copy of the triangles in which all vertices are finite, if the scene may have other vertices.
-    fn cleanse(&mut self) -> Result<()> {
+    fn copy_finite_triangles(&mut self) -> Result<()> {
         let params = self.params();
         let triangles = self.engine.scene().animation.triangle_count() as u32;
         let scene = self.scene.as_ref().expect("a scene was loaded");
-        let cleansed = scene.cleansed.as_ref();
-        let work = cleansed.map(|_| work::cleanse(params, triangles, scene.centre));
-        let own = |name| cleansed.filter(|_| name == BufferName::Cleansed);
+        let copy = scene.finite_triangles.as_ref();
+        let work = copy.map(|_| work::cleanse(params, triangles, scene.centre));
+        let own = |name| copy.filter(|_| name == BufferName::Cleansed);
         self.engine
             .run(Some(Stage::Preprocess), work.as_slice(), own)
     }
@@ -109,11 +113,11 @@ impl VulkanRt {
         let (engine, scene) = (&mut self.engine, self.scene.as_mut());
         let scene = scene.expect("a scene was loaded");
         let positions = &engine.scene().positions[engine.position];
-        let from = triangles_of(engine.scene(), positions, scene.cleansed.as_ref());
+        let from = triangles_of(engine.scene(), positions, scene.finite_triangles.as_ref());
         let build = scene.tree.make(from);
         engine
             .frames
-            .record()
+            .recorder
             .record_native(Stage::Refit, Some(build));
         Ok(())
     }
@@ -159,7 +163,7 @@ impl VulkanRt {
         if size[0] == 0 || !trace.has_tree {
             engine
                 .frames
-                .record()
+                .recorder
                 .record_native(Stage::TracePrimary, None);
             return;
         }
@@ -177,7 +181,7 @@ impl VulkanRt {
         let bound: Vec<_> = bound.collect();
         let (pipeline, layouts) = (self.rays.vk, Arc::clone(&self.rays.layouts));
         let tree = scene.tree.top();
-        let launch = self.rays.launch(maker(query), size);
+        let launch = self.rays.launch(generation_shader(query), size);
         let command: NativeCommand = Box::new(move |encoder| {
             encoder.commands.barrier(KERNELS, RAYS);
             encoder.bind_rays(&RayBindings {
@@ -193,7 +197,7 @@ impl VulkanRt {
         });
         engine
             .frames
-            .record()
+            .recorder
             .record_native(Stage::TracePrimary, Some(command));
     }
 

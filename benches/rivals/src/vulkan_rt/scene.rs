@@ -18,7 +18,7 @@ pub(crate) struct DriverScene {
     /// Box of all key frames, in scaled units, as the two rows of a root node.
     pub(crate) root: Buffer,
     /// Three finite vertices per triangle; `None` if positions are always finite.
-    pub(crate) cleansed: Option<Buffer>,
+    pub(crate) finite_triangles: Option<Buffer>,
     /// Point to which all vertices of inactive triangles are moved, so that no ray hits these triangles.
     pub(crate) centre: Point,
 }
@@ -33,10 +33,10 @@ impl DriverScene {
         let animation = Arc::clone(&engine.scene().animation);
         let bytes = animation.triangle_count() as u64 * 36;
         let device = |what, bytes| Buffer::new(&rays.gpu, what, bytes, BufferUse::Device);
-        let cleansed = if is_tame(&animation) {
+        let finite_triangles = if is_always_finite(&animation) {
             None
         } else {
-            Some(device("cleansed triangles", bytes)?)
+            Some(device("finite triangles", bytes)?)
         };
         let root = device("the scene's box", 32)?;
         let corners = root_of(&animation);
@@ -44,18 +44,18 @@ impl DriverScene {
             .gpu
             .upload(&[(bytemuck::cast_slice(&corners), &root)])?;
         Ok(Self {
-            tree: DriverTree::new(engine, rays, cleansed.as_ref(), flags)?,
+            tree: DriverTree::new(engine, rays, finite_triangles.as_ref(), flags)?,
             root,
-            cleansed,
+            finite_triangles,
             centre: centre_of(&animation),
         })
     }
 
     /// Returns the bytes of device memory of the tree, and of its scratch and input buffers except positions.
     pub(crate) fn held(&self) -> [u64; 2] {
-        let cleansed = self.cleansed.as_ref().map_or(0, Buffer::held);
+        let finite_triangles = self.finite_triangles.as_ref().map_or(0, Buffer::held);
         let [tree, scratch] = self.tree.held();
-        [tree + self.root.held(), scratch + cleansed]
+        [tree + self.root.held(), scratch + finite_triangles]
     }
 }
 
@@ -81,12 +81,12 @@ fn centre_of(animation: &Animation) -> Point {
 
 /// Returns whether all vertices are finite and remain finite when blended. Returns `false` for streamed animations,
 /// whose future key frames are unknown.
-fn is_tame(animation: &Animation) -> bool {
-    let is_tame_key = |key: usize| {
+fn is_always_finite(animation: &Animation) -> bool {
+    let is_finite_key = |key: usize| {
         let vertices = animation.key(key);
         vertices.is_ok_and(|vertices| vertices.iter().flatten().all(|x| x.abs() < HUGE))
     };
-    !animation.is_streamed() && (0..animation.key_count()).all(is_tame_key)
+    !animation.is_streamed() && (0..animation.key_count()).all(is_finite_key)
 }
 
 #[cfg(test)]
@@ -97,13 +97,13 @@ mod tests {
     fn detects_possibly_non_finite_vertices() {
         let of = |x: f32| {
             let keys = vec![vec![[1.0; 3]], vec![[0.0, x, 1.0]]];
-            is_tame(&Animation::new(keys, vec![]).unwrap())
+            is_always_finite(&Animation::new(keys, vec![]).unwrap())
         };
         assert!(of(2.0) && of(-1e30));
         for bad in [f32::NAN, f32::INFINITY, f32::MIN] {
             assert!(!of(bad), "{bad}");
         }
         let live = Animation::streamed(vec![[0.0; 3]], &[false], Vec::new());
-        assert!(!is_tame(&live.unwrap()));
+        assert!(!is_always_finite(&live.unwrap()));
     }
 }

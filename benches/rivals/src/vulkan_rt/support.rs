@@ -3,7 +3,7 @@
 use ash::{khr, vk};
 use backend::{AdapterInfo, BackendError, Result};
 use gpu_common::Validation;
-use gpu_vulkan::all;
+use gpu_vulkan::adapters_of;
 use gpu_vulkan::gpu::{Gpu, RAY_EXTENSIONS};
 use gpu_vulkan::instance::Host;
 use std::sync::Arc;
@@ -82,17 +82,17 @@ impl Bounds {
 /// [`NoDevice`](BackendError::NoDevice) if there is no such device. The message names one extension or feature that
 /// each device lacks.
 pub fn ray_adapters() -> Result<Vec<AdapterInfo>> {
-    able(Host::new(Validation::Off)?.as_ref(), None)
+    ray_adapters_of(Host::new(Validation::Off)?.as_ref(), None)
 }
 
 /// Returns the devices as [`ray_adapters`] does. If `wanted` is the index of an adapter, only that adapter is considered.
-pub(crate) fn able(host: &Host, wanted: Option<usize>) -> Result<Vec<AdapterInfo>> {
-    let mut list = all(host)?;
+pub(crate) fn ray_adapters_of(host: &Host, wanted: Option<usize>) -> Result<Vec<AdapterInfo>> {
+    let mut list = adapters_of(host)?;
     if wanted.is_some() {
         list = vec![AdapterInfo::choose(&list, wanted)?.clone()];
     }
     let devices = host.physical_devices()?;
-    let (mut able, mut reasons) = (Vec::new(), Vec::new());
+    let (mut supported, mut reasons) = (Vec::new(), Vec::new());
     for mut adapter in list {
         let device = devices[adapter.index];
         match lacks(host, device) {
@@ -106,14 +106,14 @@ pub(crate) fn able(host: &Host, wanted: Option<usize>) -> Result<Vec<AdapterInfo
                     ("max rays of a launch", bounds.rays.to_string()),
                     ("ray queries", queries.to_owned()),
                 ]);
-                able.push(adapter);
+                supported.push(adapter);
             }
         }
     }
-    if able.is_empty() {
+    if supported.is_empty() {
         return Err(BackendError::NoDevice(reasons.join("; ")));
     }
-    Ok(able)
+    Ok(supported)
 }
 
 /// Returns the first required extension or feature that a device lacks, or `None` if it has all.

@@ -42,7 +42,7 @@ impl DriverTree {
     pub(crate) fn new(
         engine: &mut Engine<VulkanDevice>,
         rays: &Arc<RayTracing>,
-        cleansed: Option<&Buffer>,
+        finite_triangles: Option<&Buffer>,
         flags: Flags,
     ) -> Result<Self> {
         let scene = engine.scene();
@@ -50,7 +50,7 @@ impl DriverTree {
         let what = || "the driver's tree (triangles, maxPrimitiveCount)".to_owned();
         check_limit(what, triangles, rays.bounds.triangles)?;
         let triangles = triangles as u32;
-        let geometry = [triangles_of(scene, &scene.positions[0], cleansed)];
+        let geometry = [triangles_of(scene, &scene.positions[0], finite_triangles)];
         let about = info(Level::BOTTOM_LEVEL).flags(flags).geometries(&geometry);
         let bottom = Structure::new(rays, "the driver's tree", about, triangles)?;
         let instance = Buffer::new(&rays.gpu, "the tree's instance", 64, BufferUse::Device)?;
@@ -148,24 +148,24 @@ fn at(buffer: &Buffer) -> vk::DeviceOrHostAddressConstKHR {
     }
 }
 
-/// Returns the scene's triangles over positions, or the `cleansed` triangles over their own vertices.
+/// Returns the scene's triangles over positions, or the `finite_triangles` over their own vertices.
 pub(crate) fn triangles_of<'a>(
     scene: &AnimationBuffers<VulkanDevice>,
     positions: &Buffer,
-    cleansed: Option<&Buffer>,
+    finite_triangles: Option<&Buffer>,
 ) -> Geometry<'a> {
     let corners = scene.get(BufferName::Triangles, 0, 0);
     let corners = corners.expect("every scene has triangles");
-    let vertices = match cleansed {
+    let vertices = match finite_triangles {
         None => scene.animation.vertex_count(),
         Some(_) => 3 * scene.animation.triangle_count(),
     };
     let triangles = vk::AccelerationStructureGeometryTrianglesDataKHR::default()
         .vertex_format(vk::Format::R32G32B32_SFLOAT)
-        .vertex_data(at(cleansed.unwrap_or(positions)))
+        .vertex_data(at(finite_triangles.unwrap_or(positions)))
         .vertex_stride(12)
         .max_vertex((vertices as u32).saturating_sub(1));
-    let triangles = match cleansed {
+    let triangles = match finite_triangles {
         None => triangles
             .index_type(vk::IndexType::UINT32)
             .index_data(at(corners)),

@@ -46,7 +46,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
             traits,
         );
         let tree = self.tree.as_mut().expect("a scene was loaded");
-        tree.grow_picture(&engine.gpu, &mut engine.frames, &tracing)?;
+        tree.grow_visibility_buffers(&engine.gpu, &mut engine.frames, &tracing)?;
         if let Some(first) = tracing.primary.first_mut().filter(|_| index > 0) {
             // Traces of a batch write different buffers, so they may run concurrently.
             first.alongside = true;
