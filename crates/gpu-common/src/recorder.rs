@@ -45,6 +45,11 @@ impl<D: GpuDevice> Recorder<D> {
         self.recording.commands.is_empty()
     }
 
+    /// Returns whether a recorded dispatch uses the buffer.
+    pub(crate) fn uses(&self, buffer: &D::Buffer) -> bool {
+        self.recording.buffers.contains(&D::bind(buffer))
+    }
+
     /// Drops all commands.
     pub(crate) fn abandon(&mut self) {
         self.recording.clear();

@@ -246,7 +246,11 @@ impl<D: GpuDevice> TreeBuffers<D> {
             }
             let uploaded = take_sent(&mut self.sent, frames);
             let old = candidate.place(uploaded, shape, TreeProgress::of_candidate());
-            self.release(old, frames.submitted);
+            match old {
+                // An earlier evaluation of the recording reads the topology, so the pool must not reuse the buffer yet.
+                Some(old) if frames.recorder.uses(&old.buffer) => frames.replace([old.buffer]),
+                old => self.release(old, frames.submitted),
+            }
         }
         Ok(self.candidate.as_mut())
     }
