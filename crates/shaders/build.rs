@@ -105,12 +105,12 @@ fn compile_variant(out: &Path, entry: &EntryPoint, variant: &Variant) -> Result<
     let EntryPoint {
         name: entry,
         parameters,
-        precedes_traces,
+        loads_with_scene,
         ..
     } = entry;
     Ok(format!(
         "Kernel {{ name: {name:?}, entry: {entry:?}, parameters: {parameters:?}, \
-         precedes_traces: {precedes_traces}, intersectors: &{intersectors:?}, code: {code}, \
+         loads_with_scene: {loads_with_scene}, intersectors: &{intersectors:?}, code: {code}, \
          fused: {fused}, workgroup: {workgroup:?}, \
          shared_bytes: {shared}, bindings: &[{bindings}] }},\n"
     ))

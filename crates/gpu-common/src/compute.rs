@@ -196,7 +196,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
 
     fn load(&mut self, animation: Arc<Animation>, intersector: Intersector) -> Result<()> {
         let engine = &mut self.engine;
-        let usual = KERNELS.iter().filter(|k| k.precedes_traces);
+        let usual = KERNELS.iter().filter(|k| k.loads_with_scene);
         let usual = usual.filter(|k| k.serves(intersector));
         engine.pipelines.begin(&engine.gpu, usual);
         if animation.is_streamed() {

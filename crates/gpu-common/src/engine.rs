@@ -150,7 +150,7 @@ impl<D: GpuDevice> Engine<D> {
             let ((from, start), (to, place)) = (copy.from, copy.to);
             let work = work::copy_points(words(copy.bytes), [start, place].map(words));
             self.run(None, &[work], |name| match name {
-                BufferName::Lent => Some(&from),
+                BufferName::CopySource => Some(&from),
                 BufferName::KeyFrame => Some(&to),
                 _ => None,
             })?;

@@ -99,8 +99,8 @@ impl<D: GpuDevice> TraceBuffers<D> {
         let copies = self.copies_results;
         let name = match name {
             BufferName::Answers => results,
-            // `copy_points` copies the results. It reads `Lent` and writes `KeyFrame`.
-            BufferName::Lent if copies => results,
+            // `copy_points` copies the results. It reads `CopySource` and writes `KeyFrame`.
+            BufferName::CopySource if copies => results,
             name => name,
         };
         let target = if copies {

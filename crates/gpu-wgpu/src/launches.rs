@@ -141,14 +141,14 @@ impl BindGroups {
         buffers: Vec<Buffer>,
     ) -> Result<BindGroup> {
         let mut bindings = pipeline.kernel.bindings.iter();
-        let is_lent = bindings.any(|b| b.name == BufferName::Lent);
+        let is_copy = bindings.any(|b| b.name == BufferName::CopySource);
         let key = (pipeline.kernel.name, buffers);
         if let Some(found) = self.made.get(&key) {
             return Ok(found.clone());
         }
         let group = bind(gpu, pipeline, &key.1)?;
         // The program may pass different buffers each time, so do not keep the group.
-        if !is_lent {
+        if !is_copy {
             self.made.insert(key, group.clone());
         }
         Ok(group)

@@ -50,7 +50,7 @@ pub(crate) struct EntryPoint {
     /// The kernel's own parameters, if any: a member of `Params`.
     pub(crate) parameters: Option<&'static str>,
     /// Whether a frame may need the kernel before its traces.
-    pub(crate) precedes_traces: bool,
+    pub(crate) loads_with_scene: bool,
 }
 
 /// A compiled kernel, for all intersectors for which it has the same text.
@@ -118,7 +118,7 @@ impl EntryPoint {
     /// Sets the property that a comment above the entry point declares. Ignores other comments.
     fn declare(&mut self, comment: &str) -> Result<()> {
         if comment == "// Loaded with every scene." {
-            self.precedes_traces = true;
+            self.loads_with_scene = true;
         } else if let Some(name) = declared(comment, "// Parameters: ")? {
             let known = PARAMETERS.into_iter().find(|known| *known == name);
             self.parameters = Some(known.with_context(|| format!("unknown parameters {name}"))?);

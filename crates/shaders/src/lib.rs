@@ -54,7 +54,7 @@ pub struct Kernel {
     pub parameters: Option<&'static str>,
     /// Whether a frame may run the kernel before it traces rays. A host loads such kernels with every scene, and the others
     /// when a trace, a picture or a tree first uses them.
-    pub precedes_traces: bool,
+    pub loads_with_scene: bool,
     /// Names of the intersectors that the kernel serves, with underscores. Empty if it serves all.
     pub intersectors: &'static [&'static str],
     /// Code for all devices.
@@ -105,7 +105,7 @@ backend::named! {
         Earlier = "a key frame",
         Later = "a key frame",
         /// A buffer of the program whose positions are copied to a key frame, and that key frame.
-        Lent = "lent positions",
+        CopySource = "the source of a copy",
         KeyFrame = "a key frame",
         /// Range of a key frame's coordinates, measured by a kernel if the host has not: see wgsl/geometry/range.wgsl.
         Range = "a key frame's range",
@@ -115,7 +115,7 @@ backend::named! {
         /// Three vertex indices per triangle.
         Triangles = "the triangles' vertex indices",
         /// Three finite vertices per triangle, for trees that the driver builds.
-        Cleansed = "cleansed triangles",
+        FiniteTriangles = "finite triangles",
         /// The tree's topology, as the host uploads it.
         Topology = "the tree's topology",
         /// Three vertex indices per leaf.

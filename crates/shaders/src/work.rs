@@ -8,7 +8,7 @@ mod tree;
 
 pub use extremes::{measure_range, range_kernels};
 pub use pictures::shade;
-pub use rays::{cleanse, count_answers, rays};
+pub use rays::{collapse_non_finite, count_answers, rays};
 pub use tree::TreeProgress;
 pub(crate) use tree::{sum, word_of};
 
@@ -140,8 +140,8 @@ pub fn interpolate(params: Params, vertices: usize, moving_rows: Option<usize>) 
     Work::linear(common("interpolate"), params, rows as u32)
 }
 
-/// Returns the dispatch that copies `count` words from the buffer `lent` to the buffer `key_frame`, between offsets in
-/// words.
+/// Returns the dispatch that copies `count` words from the buffer `copy_source` to the buffer `key_frame`, between
+/// offsets in words.
 pub fn copy_points(count: usize, [from, to]: [usize; 2]) -> Work {
     let params = Params::default().with(PointsParams {
         source_at: from as u32,

@@ -102,8 +102,8 @@ impl VulkanRt {
         let triangles = self.engine.scene().animation.triangle_count() as u32;
         let scene = self.scene.as_ref().expect("a scene was loaded");
         let copy = scene.finite_triangles.as_ref();
-        let work = copy.map(|_| work::cleanse(params, triangles, scene.centre));
-        let own = |name| copy.filter(|_| name == BufferName::Cleansed);
+        let work = copy.map(|_| work::collapse_non_finite(params, triangles, scene.centre));
+        let own = |name| copy.filter(|_| name == BufferName::FiniteTriangles);
         self.engine
             .run(Some(Stage::Preprocess), work.as_slice(), own)
     }

@@ -9,9 +9,9 @@ use std::mem::offset_of;
 
 /// Returns the dispatch that writes three vertices for each of `triangles` triangles. Triangles with a vertex that is
 /// not finite collapse to `point`.
-pub fn cleanse(mut params: Params, triangles: u32, point: Point) -> Work {
+pub fn collapse_non_finite(mut params: Params, triangles: u32, point: Point) -> Work {
     params.eye = point;
-    Work::linear(common("cleanse"), params, triangles)
+    Work::linear(common("collapse_non_finite"), params, triangles)
 }
 
 /// Returns the dispatches that count the hits, and the hits in shadow, of a closest-hit query of `count_of_rays` rays.

@@ -13,7 +13,7 @@ import package::visibility::outline::{BLOCK, UNBOUNDED};
 // Coverage decides which triangles are tested, never which one is hit. All 32 invocations must call these functions together.
 
 // Key of a lane that was already visited or does not overlap the packet. Greater than all depths.
-const VISITED: u32 = 0xffffffffu;
+const SKIPPED: u32 = 0xffffffffu;
 // Greater than every finite depth.
 const FARTHEST_DEPTH: u32 = 0x7f800000u;
 
@@ -26,7 +26,7 @@ fn overlaps_packet(coverage: vec4<u32>, corner: vec2<u32>, depth: u32) -> bool {
 
 // Returns the key that orders visits to lanes: the nearest depth, with the lane's index in the lowest five bits.
 fn visit_key(coverage: vec4<u32>, is_valid: bool, corner: vec2<u32>, depth: u32, lane: u32) -> u32 {
-    return select(VISITED, (coverage.z & 0x7fffffe0u) | lane, is_valid && overlaps_packet(coverage, corner, depth));
+    return select(SKIPPED, (coverage.z & 0x7fffffe0u) | lane, is_valid && overlaps_packet(coverage, corner, depth));
 }
 
 // Returns the packet's pixels within a projected rectangle, one bit each, row by row.
@@ -104,7 +104,7 @@ fn find_closest_in_packet(root: Lanes, corner: vec2<u32>, lane: u32, is_active: 
             lanes.child = covers[row_of_lane(lanes.node, lane)].w;
             continue;
         }
-        if lanes.key == nearest { lanes.key = VISITED; }
+        if lanes.key == nearest { lanes.key = SKIPPED; }
         let child = group_shuffle(lanes.child, nearest & 31u, lane);
         if (child & BLOCK) == 0u {
             key_stack[stack_depth] = lanes.key;
@@ -139,7 +139,7 @@ fn trace_packet(packet: vec2<u32>, lane: u32) {
     let i = pixel.y * params.width + pixel.x;
     // Excludes most packets that see nothing, before their rays are generated.
     let root = load_lanes(params.wide_root, corner, FARTHEST_DEPTH, lane);
-    if !group_any(root.key != VISITED, lane) {
+    if !group_any(root.key != SKIPPED, lane) {
         if is_valid { write_miss(i); }
         return;
     }

@@ -5,20 +5,20 @@ import package::geometry::units::is_finite;
 import package::lib::buffers::counts;
 import package::lib::params::{element_index, params};
 
-@group(0) @binding(next) var<storage, read_write> cleansed: array<u32>;
+@group(0) @binding(next) var<storage, read_write> finite_triangles: array<u32>;
 
 // Writes triangles for the driver's tree, three vertices each. A triangle with a corner that is not finite collapses to a point
 // (`eye`), where no ray hits it. Drivers also support inactive triangles, but a tree cannot be updated when they change, and one
 // driver (Mesa 25.0) then loses other triangles too.
 
 fn store_point(at: u32, v: vec3<u32>) {
-    cleansed[at] = v.x;
-    cleansed[at + 1u] = v.y;
-    cleansed[at + 2u] = v.z;
+    finite_triangles[at] = v.x;
+    finite_triangles[at + 1u] = v.y;
+    finite_triangles[at + 2u] = v.z;
 }
 
 @compute @workgroup_size(128)
-fn cleanse(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+fn collapse_non_finite(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let triangle = element_index(id, groups, 128u);
     if triangle >= params.count { return; }
     let a = corner(triangle, 0u);
