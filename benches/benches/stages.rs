@@ -4,8 +4,8 @@
 
 use backend::{Intersector, Query, QueryKind, Rays};
 use benches::{
-    CrateTree, Mesh, Ours, Tracer, built, camera, criterion, meshes, pool, print_table, sah_cost,
-    shadow_rays, thread_counts, trees, words,
+    CrateTree, Mesh, Ours, Tracer, arguments, built, camera, criterion, meshes, pool, print_table,
+    sah_cost, shadow_rays, thread_counts, trees,
 };
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, BenchmarkId, Criterion, Throughput};
@@ -17,7 +17,7 @@ type Stage = fn(&mut Criterion, &Mesh);
 
 fn main() {
     let mut criterion = criterion();
-    let asked = words().next();
+    let asked = arguments().next();
     let stages: [(&str, Stage); 4] = [
         ("build", build),
         ("convert", convert),
@@ -132,7 +132,7 @@ fn refit(criterion: &mut Criterion, mesh: &Mesh) {
         });
         for mut tree in trees_of(mesh, threads) {
             if tree.can_refit() && threads == 1 {
-                tree.take(&mesh.triangles(mesh.middle()));
+                tree.set_triangles(&mesh.triangles(mesh.middle()));
                 group.bench_function(BenchmarkId::new(tree.name(), threads), |b| {
                     b.iter(|| tree.refit());
                 });

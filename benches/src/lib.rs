@@ -46,7 +46,7 @@ pub fn pool(threads: usize) -> ThreadPool {
 }
 
 /// Returns the arguments after `--`, without options of the harness.
-pub fn words() -> impl Iterator<Item = String> {
+pub fn arguments() -> impl Iterator<Item = String> {
     std::env::args().skip(1).filter(|arg| !arg.starts_with('-'))
 }
 

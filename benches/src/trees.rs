@@ -16,7 +16,7 @@ pub trait CrateTree: Send + Sync {
     fn can_refit(&self) -> bool;
 
     /// Stores `triangles` in the crate's format, for the next build or refit. This is not measured.
-    fn take(&mut self, triangles: &[Triangle]);
+    fn set_triangles(&mut self, triangles: &[Triangle]);
 
     /// Builds a traversable tree from the triangles.
     fn build(&mut self);
@@ -47,7 +47,8 @@ pub trait CrateTree: Send + Sync {
 pub fn trees(triangles: &[Triangle]) -> Vec<Box<dyn CrateTree>> {
     let mut all: Vec<Box<dyn CrateTree>> =
         vec![Box::new(Obvhs::default()), Box::new(Bvh::default())];
-    all.iter_mut().for_each(|tree| tree.take(triangles));
+    all.iter_mut()
+        .for_each(|tree| tree.set_triangles(triangles));
     all
 }
 
@@ -84,7 +85,7 @@ mod tests {
             for mut tree in trees(&middle) {
                 pool(threads).install(|| tree.build());
                 // Refit the tree to the start, or build it again if the crate cannot refit.
-                tree.take(&start);
+                tree.set_triangles(&start);
                 if tree.can_refit() {
                     tree.refit();
                 } else {

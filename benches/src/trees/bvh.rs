@@ -77,7 +77,7 @@ impl CrateTree for Bvh {
         false
     }
 
-    fn take(&mut self, triangles: &[geom::Triangle]) {
+    fn set_triangles(&mut self, triangles: &[geom::Triangle]) {
         let shape = |(&corners, at): (&geom::Triangle, u32)| Shape {
             corners,
             at,

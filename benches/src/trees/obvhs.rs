@@ -26,7 +26,7 @@ impl CrateTree for Obvhs {
         true
     }
 
-    fn take(&mut self, triangles: &[geom::Triangle]) {
+    fn set_triangles(&mut self, triangles: &[geom::Triangle]) {
         let convert = |t: &geom::Triangle| {
             let [v0, v1, v2] = t.map(Vec3A::from);
             Triangle { v0, v1, v2 }
