@@ -46,7 +46,12 @@ pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &SceneOptions) ->
         ));
     }
     let polygons = mesh.polygons;
-    let colours = triangle_colours(path, &polygons, &triangles, &folder, mesh.paint, &mut notes);
+    let surface = Surface {
+        path,
+        polygons: &polygons,
+        triangles: &triangles,
+    };
+    let colours = surface.colours(&folder, mesh.paint, &mut notes);
     let kept = compact(&mut triangles, polygons.vertices);
     let exact = pick(path, &mesh.points, &kept)?;
     drop(mesh.points);
@@ -163,25 +168,32 @@ impl Sequence {
     }
 }
 
-/// Returns one colour per triangle. The triangles are vertex indices of the file at `path`.
-fn triangle_colours(
-    path: &Path,
-    polygons: &Polygons,
-    triangles: &[[u32; 3]],
-    folder: &Folder,
-    paint: Paint,
-    notes: &mut Vec<String>,
-) -> Vec<Rgb> {
-    match paint {
-        Paint::None => vec![CLAY; triangles.len()],
-        Paint::Vertices(colours) => {
-            let mean = |corners: &[u32; 3]| mean(corners.map(|v| colours[v as usize]));
-            triangles.iter().map(mean).collect()
-        }
-        Paint::Faces(colours) => polygons.per_triangle(&colours),
-        Paint::Materials(materials) => {
-            let colours = materials.colours(path, folder, polygons.faces().count(), notes);
-            polygons.per_triangle(&colours)
+/// Faces of a mesh, with their triangles as vertex indices of the file.
+struct Surface<'a> {
+    path: &'a Path,
+    polygons: &'a Polygons,
+    triangles: &'a [[u32; 3]],
+}
+
+impl Surface<'_> {
+    /// Returns one colour per triangle.
+    fn colours(&self, folder: &Folder, paint: Paint, notes: &mut Vec<String>) -> Vec<Rgb> {
+        let Self {
+            path,
+            polygons,
+            triangles,
+        } = *self;
+        match paint {
+            Paint::None => vec![CLAY; triangles.len()],
+            Paint::Vertices(colours) => {
+                let mean = |corners: &[u32; 3]| mean(corners.map(|v| colours[v as usize]));
+                triangles.iter().map(mean).collect()
+            }
+            Paint::Faces(colours) => polygons.per_triangle(&colours),
+            Paint::Materials(materials) => {
+                let colours = materials.colours(path, folder, polygons.faces().count(), notes);
+                polygons.per_triangle(&colours)
+            }
         }
     }
 }

@@ -200,10 +200,9 @@ pub(crate) fn policies(device: &Device) {
             let builder = builder.predict(predict).time_range(time_range);
             let mut tracer = pool::build(builder, scene, device);
             for (time, expected) in TIMES.into_iter().zip(&expected) {
+                let moved = triangle_at(-901.0);
                 let found = seen(&mut tracer, time, &demo.rays, |step| {
-                    streamed_id.map_or(Ok(()), |id| {
-                        step.vertices(id, Source::Host(&triangle_at(-901.0)))
-                    })
+                    streamed_id.map_or(Ok(()), |id| step.vertices(id, Source::Host(&moved)))
                 });
                 assert!(found == *expected, "{update:?} at {time}");
             }
