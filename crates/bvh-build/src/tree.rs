@@ -129,6 +129,24 @@ impl BinaryTree {
         &self.left_leaves
     }
 
+    /// Returns the depth of the deepest leaf, where the root has depth 0. Returns `least` if no leaf is deeper. A higher
+    /// `least` takes less time, because subtrees that cannot be deeper are skipped.
+    pub fn depth(&self, least: u32) -> u32 {
+        let (mut deepest, mut waiting) = (least, Vec::from_iter(self.root().map(|root| (root, 0))));
+        while let Some((node, depth)) = waiting.pop() {
+            // A leaf below `node` is at most `leaves - 1` levels deeper.
+            if depth + node.leaves - 1 <= deepest {
+                continue;
+            }
+            if node.leaves == 1 {
+                deepest = depth;
+            } else {
+                waiting.extend(self.children(node).map(|child| (child, depth + 1)));
+            }
+        }
+        deepest
+    }
+
     /// Returns the root; `None` for an empty tree.
     pub fn root(&self) -> Option<Subtree> {
         let leaves = self.order.len() as u32;

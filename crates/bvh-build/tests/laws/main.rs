@@ -38,6 +38,9 @@ fn check_holds(active: Vec<u32>, tree: &BinaryTree) -> u32 {
     }
     assert_eq!(visited, (2 * tree.leaf_count()).saturating_sub(1));
     assert!(deepest <= MAX_DEPTH);
+    assert_eq!(tree.depth(0), deepest);
+    assert_eq!(tree.depth(deepest / 2), deepest);
+    assert_eq!(tree.depth(deepest + 1), deepest + 1);
     deepest
 }
 
