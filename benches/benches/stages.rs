@@ -53,7 +53,8 @@ fn build(criterion: &mut Criterion, mesh: &Mesh) {
     group.finish();
     let ours = built(mesh, &pool(1));
     let cost = ours.sah_cost(mesh, &mesh.positions(mesh.start()));
-    let mut rows = vec![cost_row("abvh", [cost, cost], ours.record().node_count())];
+    let nodes = 2 * ours.topology().binary().leaf_count() - 1;
+    let mut rows = vec![cost_row("abvh", [cost, cost], nodes)];
     rows.extend(trees_of(mesh, 1).iter().map(|tree| {
         let nodes = tree.nodes();
         cost_row(tree.name(), [sah_cost(&nodes), cost], nodes.len())
@@ -65,20 +66,20 @@ fn build(criterion: &mut Criterion, mesh: &Mesh) {
 
 /// Measures our builds.
 ///
-/// `abvh` is the build and the conversion to a topology, which run outside the frame. `abvh and refit` adds the work of
-/// the backend before rays can be traced. The other crates' builds include this work.
+/// `abvh` is the build and the conversion to treelets, which run outside the frame. `abvh and refit` is the build, the
+/// conversion to eight-wide blocks, and the work of the backend before rays can be traced. The other crates' builds include
+/// this work.
 fn build_ours(group: &mut Group<'_>, mesh: &Mesh, threads: usize) {
     let pool = pool(threads);
     let positions = mesh.positions(mesh.start());
     let mut ours = Ours::default();
     group.bench_function(BenchmarkId::new("abvh", threads), |b| {
-        pool.install(|| b.iter(|| ours.make(mesh, &positions).bytes()));
+        pool.install(|| b.iter(|| ours.make(mesh, &positions).upload_bytes()));
     });
     let mut tracer = Tracer::new(mesh, Intersector::Watertight, threads);
     group.bench_function(BenchmarkId::new("abvh and refit", threads), |b| {
         b.iter(|| {
-            pool.install(|| ours.make(mesh, &positions).bytes());
-            tracer.adopt(ours.record());
+            tracer.adopt(&pool.install(|| ours.make_with_blocks(mesh, &positions)));
             tracer.refit();
         });
     });
@@ -96,25 +97,25 @@ fn cost_row(name: &str, [cost, ours]: [f64; 2], nodes: usize) -> Vec<String> {
     vec![name.to_owned(), cost, ratio, nodes.to_string()]
 }
 
-/// Measures conversions of trees to topologies.
+/// Measures conversions of binary trees to treelets.
 fn convert(criterion: &mut Criterion, mesh: &Mesh) {
     let mut group = group(criterion, "convert", mesh);
     for threads in thread_counts() {
         let pool = pool(threads);
         let mut ours = built(mesh, &pool);
         group.bench_function(BenchmarkId::new("convert", threads), |b| {
-            pool.install(|| b.iter(|| ours.convert(mesh).bytes()));
+            pool.install(|| b.iter(|| ours.convert(mesh).upload_bytes()));
         });
     }
     group.finish();
     let built = built(mesh, &pool(1));
-    let record = built.record().bytes() as f64 / mesh.triangle_count() as f64;
+    let bytes = built.topology().upload_bytes() as f64 / mesh.triangle_count() as f64;
     let row = vec![
         mesh.label.clone(),
-        format!("{record:.3}"),
-        format!("{:.1} %", record / 0.64),
+        format!("{bytes:.3}"),
+        format!("{:.1} %", bytes / 0.64),
     ];
-    print_table("topologies", "mesh|bytes/triangle|of 64 bytes", vec![row]);
+    print_table("treelets", "mesh|bytes/triangle|of 64 bytes", vec![row]);
 }
 
 /// Measures refits: from new positions to boxes of an unchanged tree.

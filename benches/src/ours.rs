@@ -8,58 +8,69 @@ use cpu_ref::CpuBackend;
 use geom::{Aabb, Point, Ray};
 use rayon::ThreadPool;
 use rayon::prelude::*;
+use std::sync::Arc;
 
-/// Builds trees and converts them to topologies, in memory that is reused.
+/// Builds trees and converts them, in memory that is reused.
 #[derive(Default)]
 pub struct Ours {
     builder: SahBuilder,
-    tree: BinaryTree,
+    /// The last tree built, and the one before.
+    trees: [Arc<BinaryTree>; 2],
     converter: Converter,
-    record: Topology,
+    topology: Topology,
 }
 
 impl Ours {
-    /// Builds a tree and converts it, in the caller's pool.
+    /// Builds a tree for a GPU, in the caller's pool: a binary tree with treelets.
     pub fn make(&mut self, mesh: &Mesh, positions: &[Point]) -> &Topology {
-        let boxes = boxes(mesh, positions);
-        let built = self.builder.build(&boxes, &Cancel::new(), &mut self.tree);
-        built.expect("the build is not cancelled");
+        self.build(&boxes(mesh, positions));
         self.convert(mesh)
     }
 
-    /// Converts the last tree built, in the caller's pool.
+    /// Builds a binary tree, in the caller's pool. Reuses the memory of the tree before the last, unless a backend still
+    /// shares that tree.
+    fn build(&mut self, boxes: &AnimationBoxes<'_>) {
+        self.trees.swap(0, 1);
+        let tree = &mut self.trees[0];
+        if Arc::get_mut(tree).is_none() {
+            *tree = Arc::default();
+        }
+        let tree = Arc::make_mut(tree);
+        let built = self.builder.build(boxes, &Cancel::new(), tree);
+        built.expect("the build is not cancelled");
+    }
+
+    /// Converts the last tree built to treelets, in the caller's pool.
     pub fn convert(&mut self, mesh: &Mesh) -> &Topology {
-        let spare = std::mem::take(&mut self.record).into_spare();
-        let triangles = mesh.triangle_count();
-        self.record = self.converter.convert(&self.tree, triangles, spare);
-        &self.record
+        let spare = std::mem::take(&mut self.topology).into_spare();
+        let (tree, triangles) = (Arc::clone(&self.trees[0]), mesh.triangle_count());
+        self.topology = self.converter.convert(tree, triangles, spare);
+        &self.topology
     }
 
-    /// Returns the last topology.
-    pub fn record(&self) -> &Topology {
-        &self.record
+    /// Returns the last tree made by [`Self::make`] or [`Self::convert`].
+    pub fn topology(&self) -> &Topology {
+        &self.topology
     }
 
-    /// Builds a tree for backend `cpu`, in the caller's pool: a topology with eight-wide blocks.
-    ///
-    /// Afterwards [`Self::record`] is empty.
+    /// Builds a tree for backend `cpu`, in the caller's pool: a binary tree with eight-wide blocks.
     pub fn make_with_blocks(&mut self, mesh: &Mesh, positions: &[Point]) -> Topology {
         self.builder.block_size = BlockSize::Eight;
-        self.make(mesh, positions);
         let boxes = boxes(mesh, positions);
+        self.build(&boxes);
         let triangles = (0..mesh.triangle_count() as u32).into_par_iter();
         let boxes: Vec<Aabb> = triangles.map(|t| boxes.get(t)).collect();
-        let record = std::mem::take(&mut self.record);
         let options = CollapseOptions {
             boxes: &boxes,
             first: First::Larger,
         };
-        record.with_blocks(mesh.animation.triangles(), options)
+        let topology = Topology::new(Arc::clone(&self.trees[0]), mesh.triangle_count());
+        topology.with_blocks(mesh.animation.triangles(), options)
     }
 
     /// Returns the cost by the surface area heuristic (traversal 1, intersection 1) over `positions`.
     pub fn sah_cost(&self, mesh: &Mesh, positions: &[Point]) -> f64 {
-        bvh_build::sah_cost(&self.tree, &boxes(mesh, positions))
+        bvh_build::sah_cost(&self.trees[0], &boxes(mesh, positions))
     }
 }
 
@@ -107,9 +118,9 @@ impl Tracer {
     }
 
     /// Adopts a tree.
-    pub fn adopt(&mut self, record: &Topology) {
+    pub fn adopt(&mut self, tree: &Topology) {
         self.generation.0 += 1;
-        done(self.backend.adopt(record, self.generation));
+        done(self.backend.adopt(tree, self.generation));
     }
 
     /// Computes triangle data and boxes from positions, as rays require.
@@ -149,6 +160,6 @@ fn done<T, E: std::fmt::Debug>(result: Result<T, E>) -> T {
 pub fn built(mesh: &Mesh, pool: &ThreadPool) -> Ours {
     let mut ours = Ours::default();
     let positions = mesh.positions(mesh.start());
-    pool.install(|| ours.make(mesh, &positions).bytes());
+    pool.install(|| ours.make(mesh, &positions).upload_bytes());
     ours
 }

@@ -111,7 +111,7 @@ use std::sync::Arc;
 /// The form of a [`Topology`] that a backend reads.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum TreeFormat {
-    /// The breadth-first binary tree itself.
+    /// The binary tree itself.
     #[default]
     Binary,
     /// The binary tree divided into treelets, the parts that GPUs refit: [`Topology::treelets`].
@@ -255,12 +255,12 @@ pub trait Inspect: Backend {
     /// Returns one position per vertex, after `interpolate`.
     fn positions(&mut self) -> Result<Vec<Point>>;
 
-    /// Returns one box per node, in node order and in the scene's units, after `refit`. Leaves of inactive and
-    /// degenerate triangles have [`Aabb::EMPTY`].
+    /// Returns one box per node of the binary tree, in breadth-first order and in the scene's units, after `refit`.
+    /// Leaves of inactive and degenerate triangles have [`Aabb::EMPTY`].
     fn boxes(&mut self) -> Result<Vec<Aabb>>;
 
     /// Reads back and validates the tree that the last [`Backend::rebuild`] built. The boxes of [`Inspect::boxes`] are
-    /// in its node order.
+    /// those of its nodes.
     ///
     /// # Errors
     /// [`BackendError::WrongTree`] if the device's output is no tree over the live triangles;
@@ -286,7 +286,7 @@ pub trait Inspect: Backend {
 pub fn check_tree(tree: &Topology, animation: &Animation) -> Result<()> {
     let wrong = |why| Err(BackendError::WrongTree(why));
     let triangles = (tree.triangle_count(), animation.triangle_count());
-    let leaves = (tree.leaf_count(), animation.live_count());
+    let leaves = (tree.binary().leaf_count(), animation.live_count());
     for (what, (found, expected)) in [("triangles", triangles), ("leaves", leaves)] {
         if found != expected {
             return wrong(format!("it has {found} {what}, the scene {expected}"));
@@ -295,7 +295,7 @@ pub fn check_tree(tree: &Topology, animation: &Animation) -> Result<()> {
     if animation.live_count() == animation.triangle_count() {
         return Ok(());
     }
-    let mut leaves = tree.leaf_triangles().iter();
+    let mut leaves = tree.binary().order().iter();
     match leaves.find(|&&t| !animation.is_live(t)) {
         None => Ok(()),
         Some(t) => wrong(format!("triangle {t} has a leaf but is never active")),

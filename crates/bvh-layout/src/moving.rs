@@ -82,7 +82,7 @@ mod tests {
     #[test]
     fn lists_hold_only_moving_paths() {
         for tree in [random_tree(150_000, 9), chain(40_000)] {
-            let treelets = Treelets::of_tree(&tree);
+            let treelets = Treelets::of(&tree);
             let order = tree.order();
             let everywhere: Vec<u32> = order.iter().step_by(10_000).copied().collect();
             for moves in [&order[..1], &order[order.len() / 2..][..300], &everywhere] {
@@ -114,7 +114,7 @@ mod tests {
     #[test]
     fn lists_depend_on_moving_share() {
         let tree = random_tree(20_000, 4);
-        let treelets = Treelets::of_tree(&tree);
+        let treelets = Treelets::of(&tree);
         let of = |moves: fn(u32) -> bool| {
             let parts = parts(scene(&tree), moves);
             treelets.clone().with_moving(&parts).moving

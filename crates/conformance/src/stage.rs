@@ -6,7 +6,7 @@ use backend::{
     Ticket,
 };
 use bvh_build::{AnimationBoxes, BinaryTree, Cancel, SahBuilder};
-use bvh_layout::{Converter, Spare, Topology};
+use bvh_layout::Topology;
 use geom::{Animation, Point, Triangle};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -50,7 +50,8 @@ pub(crate) fn is_extreme(animation: &Animation, time: f64, origin: Point) -> boo
     animation.range(animation.pose(time)).is_extreme(scaled)
 }
 
-/// Builds a tree over these vertices, with lists of moving treelets if [`Topology::with_moving`] adds any.
+/// Builds a tree over these vertices with treelets, and with lists of moving treelets if [`Topology::with_moving`] adds
+/// any.
 pub fn tree_over(animation: &Animation, vertices: &[Point]) -> Topology {
     let mut tree = BinaryTree::default();
     let boxes = AnimationBoxes {
@@ -59,8 +60,8 @@ pub fn tree_over(animation: &Animation, vertices: &[Point]) -> Topology {
     };
     let built = SahBuilder::default().build(&boxes, &Cancel::new(), &mut tree);
     built.expect("the build is not cancelled");
-    let record = Converter::default().convert(&tree, animation.triangle_count(), Spare::default());
-    record.with_moving(animation.static_parts())
+    let topology = Topology::new(Arc::new(tree), animation.triangle_count());
+    topology.with_moving(animation.static_parts())
 }
 
 /// Builds a tree over the scene at `time`: see [`tree_over`].

@@ -9,6 +9,7 @@ use conformance::{Case, nth_case, topology_from_splits};
 use cpu_ref::CpuBackend;
 use fastrand::Rng;
 use geom::{Aabb, Animation, KeyFrameError, Ray};
+use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -56,26 +57,23 @@ fn closest(backend: &mut CpuBackend, rays: &[Ray]) -> Hits {
         .hits
 }
 
-/// Computes the box of each node from its own triangles.
+/// Computes the box of each node from its own triangles, in breadth-first order.
 fn boxes_from_scratch(animation: &Animation, tree: &Topology, time: f64) -> Vec<Aabb> {
-    let all = triangles(animation, time);
-    let mut boxes = vec![Aabb::EMPTY; tree.node_count()];
-    for node in (0..tree.node_count()).rev() {
-        let rank = tree.ranks().of(node as u32);
-        boxes[node] = match rank.leaf() {
-            Some(leaf) => {
-                let corners = &all[tree.leaf_triangles()[leaf as usize] as usize];
-                if geom::is_active(corners) && !geom::is_degenerate(corners) {
-                    Aabb::of_triangle(corners)
-                } else {
-                    Aabb::EMPTY
-                }
-            }
-            None => {
-                let [left, right] = Topology::children_of_inner(rank.rank());
-                boxes[left as usize].union(boxes[right as usize])
-            }
-        };
+    let (all, tree) = (triangles(animation, time), tree.binary());
+    let bounds = |&triangle: &u32| {
+        let corners = &all[triangle as usize];
+        let can_be_hit = geom::is_active(corners) && !geom::is_degenerate(corners);
+        can_be_hit.then(|| Aabb::of_triangle(corners))
+    };
+    let mut queue = VecDeque::from_iter(tree.root());
+    let mut boxes = Vec::new();
+    while let Some(node) = queue.pop_front() {
+        let triangles = &tree.order()[node.first_leaf as usize..][..node.leaves as usize];
+        let own = triangles.iter().filter_map(bounds);
+        boxes.push(own.fold(Aabb::EMPTY, Aabb::union));
+        if node.leaves > 1 {
+            queue.extend(tree.children(node));
+        }
     }
     boxes
 }

@@ -16,7 +16,7 @@ pub trait Accelerator: Send + Sync {
     /// Returns the format of the trees that [`Self::adopt`] reads.
     fn format(&self) -> TreeFormat;
 
-    /// Copies the topology of a tree. Boxes and triangle data are stale afterwards.
+    /// Copies or shares the topology of a tree. Boxes and triangle data are stale afterwards.
     ///
     /// # Errors
     /// If memory does not suffice. The old tree is then still current.
@@ -33,7 +33,7 @@ pub trait Accelerator: Send + Sync {
     /// Traces all rays of a query. `tracer.tree` is [`Self::tree`].
     fn trace(&self, tracer: &QueryTracer<'_>, out: TraceOutput<'_>) -> HitCounts;
 
-    /// Returns the boxes in scaled units, in the node order of the tree that was adopted.
+    /// Returns the boxes of the binary tree that was adopted, in scaled units and breadth-first order.
     ///
     /// # Errors
     /// If memory does not suffice.

@@ -9,18 +9,26 @@ use crate::scale::PreparedRay;
 use crate::trace::QueryTracer;
 use crate::tree::{Child, TreeTraversal, TriangleVisitor, VisitedTriangle};
 use backend::{Intersector, Result, TreeFormat};
-use bvh_build::MAX_DEPTH;
-use bvh_layout::{NodeRank, Topology};
+use bvh_build::{BinaryTree, MAX_DEPTH};
+use bvh_layout::Topology;
 use geom::{Aabb, Animation, is_active, is_degenerate};
 use rayon::prelude::*;
+use std::mem::swap;
 use std::ops::{Add, Range};
 
 /// A leaf or an inner node, with its box.
 #[derive(Clone, Copy, Debug)]
 struct BinaryNode {
     bounds: Aabb,
-    /// Number in the list of leaves or in the list of inner nodes.
-    rank: NodeRank,
+    below: NodeContent,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum NodeContent {
+    /// Number of the leaf.
+    Leaf(u32),
+    /// Number of the left child. The right child is the next node.
+    Inner(u32),
 }
 
 /// A leaf, with its triangle's data of one moment.
@@ -34,7 +42,7 @@ struct BinaryLeaf {
 /// The tree, with the boxes and triangle data of one moment.
 #[derive(Debug, Default)]
 pub struct Bvh2 {
-    /// Breadth first, root first. The children of the `k`-th inner node are nodes `2k + 1` and `2k + 2`.
+    /// Breadth first, root first.
     nodes: Vec<BinaryNode>,
     /// The leaves, in node order.
     leaves: Vec<BinaryLeaf>,
@@ -46,52 +54,48 @@ pub struct Bvh2 {
 const RUN: usize = 1024;
 
 impl Bvh2 {
-    /// Returns the boxes of a tree's nodes at one moment, in node order and scaled units.
+    /// Returns the boxes of a tree's nodes at one moment, in breadth-first order and scaled units.
     ///
     /// # Errors
     /// If memory does not suffice.
-    pub fn boxes_of(tree: &Topology, geometry: &Geometry<'_>) -> Result<Vec<Aabb>> {
+    pub fn boxes_of(tree: &BinaryTree, geometry: &Geometry<'_>) -> Result<Vec<Aabb>> {
         let mut all = Self::default();
-        all.copy(tree)?;
+        all.convert(tree)?;
         all.preprocess(geometry, Intersector::Watertight);
         all.refit();
         all.boxes(geometry)
     }
 
-    /// Copies a tree's structure into existing memory.
-    fn copy(&mut self, tree: &Topology) -> Result<()> {
-        reserve(&mut self.nodes, tree.node_count(), "nodes")?;
-        reserve(&mut self.leaves, tree.leaf_count(), "triangle data")?;
-        let ranks = tree.ranks();
-        let nodes = (0..tree.node_count() as u32).into_par_iter();
-        let nodes = nodes.with_min_len(RUN).map(|node| BinaryNode {
-            bounds: Aabb::EMPTY,
-            rank: ranks.of(node),
-        });
-        nodes.collect_into_vec(&mut self.nodes);
-        let leaves = tree.leaf_triangles().par_iter().with_min_len(RUN);
-        let leaves = leaves.map(|&triangle| BinaryLeaf {
-            triangle,
-            bounds: Aabb::EMPTY,
-            data: TriangleData::default(),
-        });
-        leaves.collect_into_vec(&mut self.leaves);
-        let children = |inner: Range<u32>| {
-            let [first, _] = Topology::children_of_inner(inner.start);
-            let [end, _] = Topology::children_of_inner(inner.end);
-            first as usize..end as usize
-        };
-        let below_root = tree.levels().map(children);
-        let levels = std::iter::once(0..1).chain(below_root);
+    /// Converts a tree to breadth-first order, level by level, in existing memory.
+    fn convert(&mut self, tree: &BinaryTree) -> Result<()> {
+        let leaves = tree.leaf_count();
+        reserve(&mut self.nodes, (2 * leaves).saturating_sub(1), "nodes")?;
+        reserve(&mut self.leaves, leaves, "triangle data")?;
+        self.nodes.clear();
+        self.leaves.clear();
         self.levels.clear();
-        self.levels.extend(levels.take(tree.level_count()));
+        let (mut level, mut next) = (Vec::from_iter(tree.root()), Vec::new());
+        while !level.is_empty() {
+            let (start, end) = (self.nodes.len(), self.nodes.len() + level.len());
+            self.levels.push(start..end);
+            for node in level.drain(..) {
+                let below = if node.leaves == 1 {
+                    self.leaves.push(BinaryLeaf {
+                        triangle: tree.order()[node.first_leaf as usize],
+                        bounds: Aabb::EMPTY,
+                        data: TriangleData::default(),
+                    });
+                    NodeContent::Leaf(self.leaves.len() as u32 - 1)
+                } else {
+                    next.extend(tree.children(node));
+                    NodeContent::Inner((end + next.len()) as u32 - 2)
+                };
+                let bounds = Aabb::EMPTY;
+                self.nodes.push(BinaryNode { bounds, below });
+            }
+            swap(&mut level, &mut next);
+        }
         Ok(())
-    }
-
-    /// Returns the node numbers of an inner node's children.
-    #[inline]
-    fn children(inner: NodeRank) -> [usize; 2] {
-        Topology::children_of_inner(inner.rank()).map(|node| node as usize)
     }
 }
 
@@ -124,7 +128,7 @@ impl Accelerator for Bvh2 {
     }
 
     fn adopt(&mut self, tree: &Topology, _: &Animation) -> Result<()> {
-        self.copy(tree)
+        self.convert(tree.binary())
     }
 
     fn preprocess(&mut self, geometry: &Geometry<'_>, intersector: Intersector) -> Unhittable {
@@ -140,13 +144,11 @@ impl Accelerator for Bvh2 {
             let (upper, below) = self.nodes.split_at_mut(level.end);
             let tasks = upper[level.start..].par_chunks_mut(RUN);
             let refit = |node: &mut BinaryNode| {
-                node.bounds = match node.rank.leaf() {
-                    Some(leaf) => self.leaves[leaf as usize].bounds,
-                    None => {
-                        let [a, b] = Self::children(node.rank);
-                        below[a - level.end]
-                            .bounds
-                            .union(below[b - level.end].bounds)
+                node.bounds = match node.below {
+                    NodeContent::Leaf(leaf) => self.leaves[leaf as usize].bounds,
+                    NodeContent::Inner(left) => {
+                        let left = left as usize - level.end;
+                        below[left].bounds.union(below[left + 1].bounds)
                     }
                 };
                 node.bounds.half_area()
@@ -198,22 +200,24 @@ impl TreeTraversal for Bvh2 {
             if span.entry > bound {
                 continue;
             }
-            let rank = self.nodes[node].rank;
-            if let Some(leaf) = rank.leaf() {
-                let leaf = &self.leaves[leaf as usize];
-                let visited = VisitedTriangle {
-                    triangle: leaf.triangle,
-                    data: &leaf.data,
-                    entry: span.entry,
-                    exit: span.exit,
-                };
-                match visitor(&visited, bound) {
-                    Some(tighter) => bound = tighter,
-                    None => return true,
+            let left = match self.nodes[node].below {
+                NodeContent::Inner(left) => left as usize,
+                NodeContent::Leaf(leaf) => {
+                    let leaf = &self.leaves[leaf as usize];
+                    let visited = VisitedTriangle {
+                        triangle: leaf.triangle,
+                        data: &leaf.data,
+                        entry: span.entry,
+                        exit: span.exit,
+                    };
+                    match visitor(&visited, bound) {
+                        Some(tighter) => bound = tighter,
+                        None => return true,
+                    }
+                    continue;
                 }
-                continue;
-            }
-            let [left, right] = Self::children(rank).map(|child| meet(child, bound));
+            };
+            let [left, right] = [left, left + 1].map(|child| meet(child, bound));
             let right_is_nearer = match (&left, &right) {
                 (Some(left), Some(right)) => right.span.entry < left.span.entry,
                 _ => false,
@@ -233,12 +237,16 @@ impl TreeTraversal for Bvh2 {
         let Some(parent) = self.nodes.get(node as usize) else {
             return;
         };
-        if let Some(leaf) = parent.rank.leaf() {
-            let leaf = &self.leaves[leaf as usize];
-            return each(&leaf.bounds, Child::Triangle(leaf.triangle));
-        }
-        for child in Self::children(parent.rank) {
-            each(&self.nodes[child].bounds, Child::Node(child as u32));
+        match parent.below {
+            NodeContent::Leaf(leaf) => {
+                let leaf = &self.leaves[leaf as usize];
+                each(&leaf.bounds, Child::Triangle(leaf.triangle));
+            }
+            NodeContent::Inner(left) => {
+                for child in [left, left + 1] {
+                    each(&self.nodes[child as usize].bounds, Child::Node(child));
+                }
+            }
         }
     }
 }

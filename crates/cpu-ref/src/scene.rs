@@ -176,7 +176,7 @@ impl SceneState {
         geometry(&self.animation, &self.positions, self.range)
     }
 
-    /// Returns the boxes in node order, in the scene's units.
+    /// Returns the boxes in breadth-first order, in the scene's units.
     #[cfg(feature = "inspect")]
     pub(crate) fn boxes(&self) -> Result<Vec<geom::Aabb>> {
         let geometry = self.geometry();

@@ -7,6 +7,7 @@ use crate::simd::{InstructionSet, Plain};
 use crate::trace::trace;
 use crate::tree::{Bvh8, LANES, NOWHERE, Node8, TriangleBlock};
 use backend::{BackendError, Intersector, Result, TreeFormat};
+use bvh_build::BinaryTree;
 use bvh_layout::{BlockTree, CollapseOptions, Topology};
 use cpu_ref::{
     Accelerator, Bvh2, Geometry, HitCounts, QueryTracer, TraceOutput, TreeTraversal, Unhittable,
@@ -36,7 +37,7 @@ pub(crate) struct WideAccelerator {
     /// collapsed into the root of the wide tree.
     areas: f64,
     /// The binary tree, for computing its boxes.
-    binary: Topology,
+    binary: Arc<BinaryTree>,
 }
 
 impl WideAccelerator {
@@ -49,7 +50,7 @@ impl WideAccelerator {
             all_nodes: Vec::new(),
             moving: None,
             areas: 0.0,
-            binary: Topology::default(),
+            binary: Arc::default(),
         }
     }
 }
@@ -69,7 +70,7 @@ impl Accelerator for WideAccelerator {
             Some(shape) => Arc::clone(shape),
             None => {
                 let options = CollapseOptions::default();
-                Arc::new(BlockTree::of(tree, animation.triangles(), options))
+                Arc::new(BlockTree::of(tree.binary(), animation.triangles(), options))
             }
         };
         if shape.blocks.len() > MOST_BLOCKS {
@@ -96,10 +97,10 @@ impl Accelerator for WideAccelerator {
         let is_static = &animation.static_parts().triangles;
         let pays = StaticParts::pays(animation.moving_count(), animation.live_count());
         self.moving = pays.then(|| MovingLanes::of(&shape, is_static)).flatten();
-        self.binary.copy_words_from(tree);
-        let old = std::mem::replace(&mut self.shape, shape);
+        let old_binary = std::mem::replace(&mut self.binary, Arc::clone(tree.binary()));
+        let old_shape = std::mem::replace(&mut self.shape, shape);
         // Freeing large buffers is slow, so another thread does it.
-        rayon::spawn(move || drop((old, outgrown)));
+        rayon::spawn(move || drop((old_binary, old_shape, outgrown)));
         Ok(())
     }
 

@@ -152,7 +152,7 @@ fn ball(size: f32) -> Arc<Animation> {
 /// A good tree, and one built without regard to the triangles' positions.
 fn trees(animation: &Animation) -> [Topology; 2] {
     let good = tree_at(animation, 0.7);
-    let mut leaves = good.leaf_triangles().to_vec();
+    let mut leaves = good.binary().order().to_vec();
     leaves.sort_unstable();
     let bad = uneven_tree(animation.triangle_count(), &leaves, 20);
     [good, bad]

@@ -3,10 +3,11 @@
 use crate::device::has_ended;
 use crate::{BufferTable, Frames, GpuDevice, LastUse, Pool, Staging, Upload, with_slack};
 use backend::{BackendError, Generation, Intersector, Result, Ticket, TreeWriter, check_tree};
-use bvh_layout::Topology;
+use bvh_layout::{Topology, Treelets};
 use geom::{Animation, lock};
 use shaders::work::{Trace, TreeProgress};
 use shaders::{BufferName, Shape, rebuild, tree_buffers};
+use std::borrow::Cow;
 use std::sync::{Arc, Mutex};
 
 /// Trees of a scene, and the buffers for building and uploading them.
@@ -140,7 +141,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
         };
         let to = Arc::clone(&self.written);
         Ok(Some(Box::new(move |tree| {
-            let treelets = tree.to_treelets();
+            let treelets = treelets(tree);
             let parts = treelets.parts();
             // If the staging buffer is too small, drop it. The next tree gets a larger one.
             if let Some(written) = Written::new(staging, &parts, generation) {
@@ -190,7 +191,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
         if let Some(written) = written.filter(|written| written.generation == generation) {
             return Ok(written);
         }
-        let treelets = tree.to_treelets();
+        let treelets = treelets(tree);
         let parts = treelets.parts();
         let staging = gpu.staging(bytes(&parts))?;
         let written = Written::new(staging, &parts, generation);
@@ -288,7 +289,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
     ) -> Result<Shape> {
         check_tree(tree, &self.animation)?;
         self.send(gpu, tree, generation)?;
-        Ok(Shape::of(&tree.to_treelets()))
+        Ok(Shape::of(&treelets(tree)))
     }
 
     /// Returns a topology buffer to the pool. `last` is the last submission that may use it.
@@ -335,6 +336,12 @@ impl<D: GpuDevice> TreeBuffers<D> {
         let trees = self.current.held() + candidate + covers + self.free.held();
         [trees, build, visibility]
     }
+}
+
+/// Returns the form of a tree that is uploaded. Computes it if it is missing.
+fn treelets(tree: &Topology) -> Cow<'_, Treelets> {
+    let missing = || Cow::Owned(Treelets::of(tree.binary()));
+    tree.treelets().map_or_else(missing, Cow::Borrowed)
 }
 
 /// A topology that is on the device, or will be when the next submission runs.

@@ -49,7 +49,7 @@ impl HostBuilder {
         })
     }
 
-    /// Takes the memory of an adopted topology, which the backend has copied. No build may be in flight.
+    /// Takes the memory of an adopted topology, except for parts that the backend shares. No build may be in flight.
     pub(crate) fn recycle(&self, adopted: Topology) {
         lock(&self.builder).reuse(adopted.into_spare());
     }

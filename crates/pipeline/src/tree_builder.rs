@@ -11,7 +11,7 @@ use bvh_build::{
     BinaryTree, BlockSize, Boxes, BuildError, Cancel, MovedTree, SahBuilder, SubtreeRebuilder,
     TreeCosts, sah_cost,
 };
-use bvh_layout::{CollapseOptions, Converter, First, Spare, Topology};
+use bvh_layout::{CollapseOptions, Converter, First, Topology};
 pub(crate) use degradation::BuildStrategy;
 use degradation::DegradationMonitor;
 use extrapolation::ExtrapolationMonitor;
@@ -20,6 +20,7 @@ pub(crate) use job::{BuildInput, Job, Observed};
 pub(crate) use pose_source::pose_between;
 use pose_source::{PoseSource, blend, store};
 use rayon::prelude::*;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Source of the vertices of a build.
@@ -64,13 +65,14 @@ pub(crate) struct TreeBuilder {
     builder: SahBuilder,
     subtree_rebuilder: SubtreeRebuilder,
     /// The tree being built. Between builds, the one before the last.
-    tree: BinaryTree,
-    /// The last built tree.
-    last: BinaryTree,
+    tree: Arc<BinaryTree>,
+    /// The last built tree. Its topology shares it.
+    last: Arc<BinaryTree>,
     converter: Converter,
     positions: Vec<Point>,
     boxes: Vec<Aabb>,
-    spare: Spare,
+    /// Memory of an old topology.
+    spare: Vec<u32>,
     /// Format to which topologies are converted during the build, so that their adoption takes little time in a frame.
     format: TreeFormat,
     degradation: DegradationMonitor,
@@ -94,7 +96,7 @@ impl TreeBuilder {
     }
 
     /// Takes the memory of an old topology for the next one.
-    pub(crate) fn reuse(&mut self, spare: Spare) {
+    pub(crate) fn reuse(&mut self, spare: Vec<u32>) {
         self.spare = spare;
     }
 
@@ -255,8 +257,9 @@ impl TreeBuilder {
             tree: &self.last,
             boxes: &source.boxes(positions),
         };
+        let tree = writable(&mut self.tree);
         self.subtree_rebuilder
-            .build(&mut self.builder, previous, cancel, &mut self.tree)
+            .build(&mut self.builder, previous, cancel, tree)
     }
 
     /// Returns the costs of the last and the new tree with the current boxes.
@@ -294,7 +297,7 @@ impl TreeBuilder {
         strategy: BuildStrategy,
         cancel: &Cancel,
     ) -> Result<Option<TreeCosts>, BuildError> {
-        let (boxes, tree) = (&self.boxes[..], &mut self.tree);
+        let (boxes, tree) = (&self.boxes[..], writable(&mut self.tree));
         if strategy == BuildStrategy::Scratch {
             self.builder.build(boxes, cancel, tree)?;
             return Ok(None);
@@ -309,24 +312,31 @@ impl TreeBuilder {
 
     /// Returns the new tree as a topology, in the requested format.
     fn convert(&mut self, animation: &Animation) -> Topology {
-        let (tree, spare) = (&self.tree, std::mem::take(&mut self.spare));
-        let (converter, triangles) = (&mut self.converter, animation.triangle_count());
+        let (tree, triangles) = (Arc::clone(&self.tree), animation.triangle_count());
         match self.format {
-            TreeFormat::Binary => converter.convert(tree, triangles, spare),
+            TreeFormat::Binary => Topology::new(tree, triangles),
             TreeFormat::Treelets => {
-                let topology = converter.convert_with_treelets(tree, triangles, spare);
+                let spare = std::mem::take(&mut self.spare);
+                let topology = self.converter.convert(tree, triangles, spare);
                 topology.with_moving(animation.static_parts())
             }
             TreeFormat::WideBlocks => {
-                let topology = converter.convert(tree, triangles, spare);
                 let options = CollapseOptions {
                     boxes: &self.boxes,
                     first: self.builder.toward.map_or(First::Larger, |_| First::Left),
                 };
-                topology.with_blocks(animation.triangles(), options)
+                Topology::new(tree, triangles).with_blocks(animation.triangles(), options)
             }
         }
     }
+}
+
+/// Returns a tree to overwrite. Replaces it by an empty one if a topology or a backend still shares it.
+fn writable(tree: &mut Arc<BinaryTree>) -> &mut BinaryTree {
+    if Arc::get_mut(tree).is_none() {
+        *tree = Arc::default();
+    }
+    Arc::make_mut(tree)
 }
 
 /// Extends each triangle's box to contain its box in `from`.

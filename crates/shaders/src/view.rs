@@ -1,8 +1,10 @@
 //! The host's view of a tree that was read back from a device.
 
 use crate::params::{scale, scaled_point};
+use bvh_build::{BinaryTree, MAX_DEPTH};
 use bvh_layout::{Topology, Treelets};
 use geom::{Aabb, Animation, Point};
+use std::sync::Arc;
 
 /// The tree in use, read back from a device.
 #[derive(Clone, Copy, Debug)]
@@ -52,32 +54,47 @@ impl View<'_> {
     /// Returns the topology of a tree that was built on the device.
     ///
     /// # Errors
-    /// Fails if the nodes do not form a tree over all leaves.
+    /// Fails if the nodes do not form a tree over all leaves, or if the tree is too deep.
     pub fn topology(&self) -> Result<Topology, String> {
         let (nodes, levels) = self.nodes()?;
-        let (mut bits, mut leaves) = (vec![0_u32; nodes.len().div_ceil(32)], Vec::new());
-        for (i, node) in nodes.iter().enumerate() {
-            if let NodeContent::One(place) = node.below {
-                bits[i / 32] |= 1 << (i % 32);
-                leaves.push(self.triangles[place]);
-            }
+        let invalid =
+            |why: String| Err(format!("the device's tree is not a valid topology: {why}"));
+        if levels > MAX_DEPTH as usize + 1 {
+            return invalid(format!("it has {levels} levels"));
         }
-        let ranks = bits.iter().scan(0, |sum, word| {
-            let before = *sum;
-            *sum += word.count_ones();
-            Some(before)
-        });
-        let scene = self.animation.triangle_count();
-        let sizes = [scene, self.triangles.len(), levels.len()];
-        let mut words = vec![Topology::MAGIC, Topology::VERSION];
-        words.extend(sizes.map(|size| size as u32));
-        words.extend([0; 3]);
-        words.extend(levels);
-        words.extend(&bits);
-        words.extend(ranks);
-        words.extend(leaves);
-        let topology = Topology::from_words(words);
-        topology.map_err(|e| format!("the device's tree is not a valid topology: {e}"))
+        let (mut order, mut left_leaves) = (Vec::new(), Vec::new());
+        if let Some(&root) = nodes.first() {
+            self.add_subtree(root, &mut order, &mut left_leaves)?;
+        }
+        let (leaves, scene) = (self.triangles.len(), self.animation.triangle_count());
+        let mut sorted = order.clone();
+        sorted.sort_unstable();
+        let are_distinct = sorted.len() == leaves && sorted.is_sorted_by(|a, b| a < b);
+        if !are_distinct || sorted.last().is_some_and(|&last| last as usize >= scene) {
+            return invalid(format!("its leaves are not {leaves} triangles of {scene}"));
+        }
+        let binary = BinaryTree::new(order, left_leaves);
+        Ok(Topology::new(Arc::new(binary), scene))
+    }
+
+    /// Appends the leaves and inner nodes of a subtree in depth-first order. The subtree must be finite.
+    fn add_subtree(
+        &self,
+        node: DeviceNode,
+        order: &mut Vec<u32>,
+        left_leaves: &mut Vec<u32>,
+    ) -> Result<(), String> {
+        if let NodeContent::One(place) = node.below {
+            order.push(self.triangles[place]);
+        }
+        if let Some([left, right]) = self.children(node)? {
+            let (inner, first) = (left_leaves.len(), order.len());
+            left_leaves.push(0);
+            self.add_subtree(left, order, left_leaves)?;
+            left_leaves[inner] = (order.len() - first) as u32;
+            self.add_subtree(right, order, left_leaves)?;
+        }
+        Ok(())
     }
 
     /// Returns one box per node in breadth-first order, in scene units, as [`backend::Inspect::boxes`] defines them.
@@ -97,10 +114,10 @@ impl View<'_> {
         Ok(self.nodes()?.0.into_iter().map(bounds).collect())
     }
 
-    /// Returns all nodes in breadth-first order, and the number of inner nodes of each level.
-    fn nodes(&self) -> Result<(Vec<DeviceNode>, Vec<u32>), String> {
+    /// Returns all nodes in breadth-first order, and the number of levels.
+    fn nodes(&self) -> Result<(Vec<DeviceNode>, usize), String> {
         let most = (2 * self.triangles.len()).saturating_sub(1);
-        let (mut nodes, mut levels) = (Vec::with_capacity(most), Vec::new());
+        let (mut nodes, mut levels) = (Vec::with_capacity(most), 0);
         nodes.extend((most > 0).then(|| self.node(0)).transpose()?);
         let mut begin = 0;
         while begin < nodes.len() {
@@ -112,7 +129,7 @@ impl View<'_> {
             if nodes.len() > most {
                 return Err("the device's tree has more nodes than its leaves allow".to_owned());
             }
-            levels.push((nodes.len() - end) as u32 / 2);
+            levels += 1;
             begin = end;
         }
         Ok((nodes, levels))
@@ -192,15 +209,14 @@ impl View<'_> {
 mod tests {
     use super::*;
 
-    /// Reads a tree whose nodes have these references.
-    fn read(references: [u32; 6]) -> Result<Topology, String> {
+    /// Reads a tree whose nodes have these references, in a scene of 100 triangles.
+    fn read(names: &[u32], triangles: &[u32]) -> Result<Topology, String> {
+        let rows = names.iter().flat_map(|&name| [[0, 0, 0, name], [0; 4]]);
         let view = View {
             built_on_device: true,
-            rows: &references
-                .map(|reference| [[0, 0, 0, reference], [0; 4]])
-                .concat(),
-            triangles: &[7, 8, 9],
-            animation: &Animation::new(vec![vec![[0.0; 3]]], vec![[0; 3]; 10]).unwrap(),
+            rows: &rows.collect::<Vec<_>>(),
+            triangles,
+            animation: &Animation::new(vec![vec![[0.0; 3]]], vec![[0; 3]; 100]).unwrap(),
         };
         view.topology()
     }
@@ -209,18 +225,41 @@ mod tests {
     fn rejects_malformed_trees() {
         // The root's left child is leaf 1, its right child holds leaves 0 and 2. Element 1 is unused.
         let whole = [1, 0, LEAF | 1, 2, LEAF, LEAF | 2];
-        assert_eq!(read(whole).unwrap().leaf_triangles(), [8, 7, 9]);
+        let tree = read(&whole, &[7, 8, 99]).unwrap();
+        assert_eq!(tree.binary().order(), [8, 7, 99]);
+        assert_eq!(tree.binary().left_leaves(), [1, 1]);
         let broken = |at: usize, link| {
             let mut nodes = whole;
             nodes[at] = link;
-            read(nodes).unwrap_err()
+            read(&nodes, &[7, 8, 99]).unwrap_err()
         };
         assert!(broken(4, 4).ends_with("no node 4"));
         assert!(broken(4, 1).ends_with("more nodes than its leaves allow"));
         assert!(broken(4, LEAF | 3).ends_with("no leaf 3"));
-        // One triangle twice and another one missing.
-        for (at, link) in [(4, LEAF | 1), (2, LEAF)] {
+        // One triangle twice and another one missing, or one missing.
+        for (at, link) in [(4, LEAF | 1), (2, LEAF), (3, LEAF | 2)] {
             assert!(broken(at, link).contains("is not a valid topology: "));
         }
+        // One triangle in two places, or not in the scene.
+        for triangles in [[7, 8, 7], [7, 8, 100]] {
+            let error = read(&whole, &triangles).unwrap_err();
+            assert!(error.contains("are not 3 triangles of 100"), "{error}");
+        }
+    }
+
+    #[test]
+    fn rejects_too_deep_trees() {
+        let chain = |leaves: u32| {
+            let pairs = (1..leaves - 1).flat_map(|k| [LEAF | (k - 1), k + 1]);
+            let last = [leaves - 2, leaves - 1].map(|leaf| LEAF | leaf);
+            let names: Vec<u32> = [1, 0].into_iter().chain(pairs).chain(last).collect();
+            read(&names, &(0..leaves).collect::<Vec<_>>())
+        };
+        assert_eq!(chain(MAX_DEPTH + 1).unwrap().binary().depth(0), MAX_DEPTH);
+        assert!(
+            chain(MAX_DEPTH + 2)
+                .unwrap_err()
+                .ends_with("it has 66 levels")
+        );
     }
 }

@@ -54,7 +54,7 @@ pub(crate) fn device_memory_is_counted_and_freed(backend: &mut dyn Subject) {
     // Per leaf: 48 bytes of the record and 12 of vertex indices. Nodes and topology depend on the tree.
     let scene = 20_000 * (5 * 36 + 12);
     let topology = tree_at(&large, 0.0);
-    let treelets = topology.to_treelets();
+    let treelets = topology.treelets().unwrap();
     let tree = large.live_count() * (48 + 12) + 16 * treelets.rows() + treelets.bytes();
     let tree = tree as u64;
     for (bytes, least) in [(with.scene, scene), (with.tree, tree)] {

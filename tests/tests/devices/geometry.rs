@@ -76,10 +76,9 @@ fn resting() -> Arc<Animation> {
 
 pub(crate) fn skipping_static_treelets_preserves_bits(backend: &mut dyn Subject) {
     let animation = resting();
-    let words = tree_at(&animation, 0.0).words().to_vec();
-    let plain = Topology::from_words(words).unwrap();
-    let listed = plain.clone().with_moving(animation.static_parts());
-    let treelets = listed.to_treelets();
+    let listed = tree_at(&animation, 0.0);
+    let plain = Topology::new(Arc::clone(listed.binary()), listed.triangle_count());
+    let treelets = listed.treelets().unwrap();
     let moving = treelets.moving.as_ref().unwrap().words.len();
     assert!(
         moving > 1 && moving < treelets.treelet_count() / 4,
@@ -170,7 +169,7 @@ pub(crate) fn large_trees_match_reference_boxes(backend: &mut dyn Subject) {
     });
     static RIGHT: LazyLock<(FrameReport, Vec<Aabb>)> =
         LazyLock::new(|| refitted(&mut CpuBackend::new(Some(2)).unwrap(), &LARGE));
-    assert!(LARGE.1.leaf_count() > 1 << 19);
+    assert!(LARGE.1.binary().leaf_count() > 1 << 19);
     let ((seen, boxes), (right, right_boxes)) = (refitted(backend, &LARGE), &*RIGHT);
     let times = seen.times;
     assert!(

@@ -68,8 +68,8 @@ pub(crate) fn nested_triangles_respect_maximum_depth(backend: &mut dyn Subject) 
         };
         let key: Vec<Point> = (0..count).flat_map(corners).collect();
         let (tree, _) = made(backend, &separate_triangles(vec![key]), 0.0);
-        let levels = tree.level_count();
-        assert!((40..=65).contains(&levels), "{count}: {levels}");
+        let depth = tree.binary().depth(0);
+        assert!((39..=64).contains(&depth), "{count}: {depth}");
     }
 }
 
@@ -80,12 +80,12 @@ pub(crate) fn builds_trees_of_extreme_coordinates(backend: &mut dyn Subject) {
     let equal = |_| [1.0, 2.0, 3.0];
     let scenes: [(&dyn Fn(u32) -> Point, f32); 4] =
         [(&far, 1e30), (&line, 0.5), (&near, 1e-32), (&equal, 1.0)];
-    let levels = scenes.map(|(point, size)| {
+    let depths = scenes.map(|(point, size)| {
         let animation = at_points((0..4096).map(point), size);
-        made(backend, &animation, 0.0).0.level_count()
+        made(backend, &animation, 0.0).0.binary().depth(0)
     });
-    // The lowest possible tree has 13 levels. Tiles that begin half a tile earlier add one.
-    assert!(levels[3] <= 14, "{levels:?}");
+    // The lowest possible tree has depth 12. Tiles that begin half a tile earlier add one.
+    assert!(depths[3] <= 13, "{depths:?}");
 }
 
 /// Checks that the pass of each digit is stable. Equal keys keep the order of the triangles.

@@ -32,8 +32,8 @@ fn layers() -> Arc<Animation> {
 
 /// A chain of 40 leaves above a balanced tree of all others, which gives wide nodes at three levels.
 fn comb(animation: &Animation) -> Topology {
-    let built = tree_at(animation, 0.0);
-    uneven_tree(animation.triangle_count(), built.leaf_triangles(), 40)
+    let tree = tree_at(animation, 0.0);
+    uneven_tree(animation.triangle_count(), tree.binary().order(), 40)
 }
 
 fn open_by(backend: &mut dyn Subject, animation: &Arc<Animation>, intersector: Intersector) {

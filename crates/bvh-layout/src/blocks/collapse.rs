@@ -2,31 +2,30 @@
 
 use super::costs::CostedTree;
 use super::{Block, BlockTree, CollapseOptions, LANES, Link, RUN, Ranges, WideNode};
-use crate::{NodeRank, Topology};
+use bvh_build::{BinaryTree, Subtree};
 use rayon::prelude::*;
 
 impl BlockTree {
-    /// Collapses a record, in the rayon pool that the caller installed. `triangles` holds three vertex indices for each
-    /// triangle of the scene.
+    /// Collapses a binary tree, in the rayon pool that the caller installed. `triangles` holds three vertex indices for
+    /// each triangle of the scene.
     ///
     /// # Panics
-    /// If the record does not belong to a scene of these triangles.
+    /// If the tree does not belong to a scene of these triangles.
     #[must_use]
-    pub fn of(tree: &Topology, triangles: &[[u32; 3]], options: CollapseOptions<'_>) -> Self {
-        let costed = &CostedTree::of(tree, options);
-        let (mut all, roots) =
-            Self::nodes_of(costed, (tree.leaf_count() > 0).then(|| tree.ranks().of(0)));
-        let leaves = tree.leaf_triangles();
+    pub fn of(tree: &BinaryTree, triangles: &[[u32; 3]], options: CollapseOptions<'_>) -> Self {
+        let boxes = Some(options.boxes).filter(|boxes| boxes.len() == triangles.len());
+        let costed = &CostedTree::of(tree, boxes, options.first);
+        let (mut all, roots) = Self::nodes_of(costed, tree.root());
         roots
             .into_par_iter()
             .with_min_len(RUN / 8)
-            .map(|root| of_leaves(&costed.open_block(root), leaves, triangles))
+            .map(|root| of_leaves(&costed.open_block(root), tree.order(), triangles))
             .collect_into_vec(&mut all.blocks);
         all
     }
 
     /// Creates all wide nodes. Returns them with the binary root of each block.
-    fn nodes_of(tree: &CostedTree<'_>, root: Option<NodeRank>) -> (Self, Vec<NodeRank>) {
+    fn nodes_of(tree: &CostedTree<'_>, root: Option<Subtree>) -> (Self, Vec<Subtree>) {
         let mut all = Self::default();
         let mut roots = Vec::new();
         let mut level = Vec::from_iter(root);
@@ -48,9 +47,9 @@ impl BlockTree {
     fn add_level(
         &mut self,
         tree: &CostedTree<'_>,
-        level: &[NodeRank],
-        roots: &mut Vec<NodeRank>,
-    ) -> Vec<NodeRank> {
+        level: &[Subtree],
+        roots: &mut Vec<Subtree>,
+    ) -> Vec<Subtree> {
         let opened = level.par_iter().with_min_len(RUN / 32);
         let opened: Vec<Opened> = opened.map(|&root| tree.open_node(root)).collect();
         let (start, end) = (self.nodes.len(), self.nodes.len() + opened.len());
@@ -60,7 +59,7 @@ impl BlockTree {
             self.first_children.push((end + next.len()) as u32);
             let mut links = [Link::NONE; LANES];
             for (link, &lane) in links.iter_mut().zip(opened.lanes()) {
-                if tree.size(lane) as usize <= LANES {
+                if lane.leaves as usize <= LANES {
                     *link = Link::block(roots.len());
                     roots.push(lane);
                 } else {
@@ -76,16 +75,15 @@ impl BlockTree {
     }
 }
 
-/// Creates a block. `leaf_triangles` maps ranks of leaves to triangles, and `triangles` has their vertex indices.
-fn of_leaves(leaves: &Opened, leaf_triangles: &[u32], triangles: &[[u32; 3]]) -> Block {
+/// Creates a block. `order` maps leaves to triangles, and `triangles` has their vertex indices.
+fn of_leaves(leaves: &Opened, order: &[u32], triangles: &[[u32; 3]]) -> Block {
     let mut block = Block {
         ranges: leaves.ranges(),
         count: leaves.count as u8,
         ..Block::EMPTY
     };
     for (lane, leaf) in leaves.lanes().iter().enumerate() {
-        let rank = leaf.leaf().unwrap_or_default();
-        let triangle = leaf_triangles[rank as usize];
+        let triangle = order[leaf.first_leaf as usize];
         block.triangles[lane] = triangle;
         let vertices = triangles[triangle as usize];
         for (corner, vertex) in block.vertices.iter_mut().zip(vertices) {
@@ -98,14 +96,14 @@ fn of_leaves(leaves: &Opened, leaf_triangles: &[u32], triangles: &[[u32; 3]]) ->
 /// Neighbouring binary subtrees that become the lanes of one wide node or block.
 #[derive(Clone, Copy, Debug, Default)]
 struct Opened {
-    lanes: [NodeRank; LANES],
+    lanes: [Subtree; LANES],
     count: usize,
     /// First and end lane of each binary node that was replaced by its children. Their number is `count - 1`.
     ranges: [[u8; 2]; LANES - 1],
 }
 
 impl Opened {
-    fn of(root: NodeRank) -> Self {
+    fn of(root: Subtree) -> Self {
         let mut opened = Self::default();
         opened.lanes[0] = root;
         opened.count = 1;
@@ -113,7 +111,7 @@ impl Opened {
     }
 
     /// Replaces the inner node in `lane` by its children.
-    fn open(&mut self, lane: usize, [left, right]: [NodeRank; 2]) {
+    fn open(&mut self, lane: usize, [left, right]: [Subtree; 2]) {
         self.lanes.copy_within(lane + 1..self.count, lane + 2);
         self.lanes[lane] = left;
         self.lanes[lane + 1] = right;
@@ -134,16 +132,16 @@ impl Opened {
         ranges
     }
 
-    fn lanes(&self) -> &[NodeRank] {
+    fn lanes(&self) -> &[Subtree] {
         &self.lanes[..self.count]
     }
 }
 
 impl CostedTree<'_> {
     /// Returns the subtrees of one wide node.
-    fn open_node(&self, root: NodeRank) -> Opened {
+    fn open_node(&self, root: Subtree) -> Opened {
         let mut opened = Opened::of(root);
-        if self.size(root) as usize > LANES {
+        if root.leaves as usize > LANES {
             self.open(&mut opened, 0, LANES);
         }
         opened
@@ -170,11 +168,11 @@ impl CostedTree<'_> {
     }
 
     /// Returns the leaves of one block.
-    fn open_block(&self, root: NodeRank) -> Opened {
+    fn open_block(&self, root: Subtree) -> Opened {
         let mut opened = Opened::of(root);
         let mut lane = 0;
         while lane < opened.count {
-            if opened.lanes[lane].leaf().is_some() {
+            if opened.lanes[lane].leaves == 1 {
                 lane += 1;
             } else {
                 opened.open(lane, self.children(opened.lanes[lane]));

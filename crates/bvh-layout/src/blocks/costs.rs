@@ -1,17 +1,9 @@
 //! Costs of binary subtrees after collapsing, computed from the bottom up.
 
-use super::{CollapseOptions, First, LANES, RUN};
-use crate::{NodeRank, NodeRanks, Topology};
+use super::{First, LANES, RUN};
+use bvh_build::{BinaryTree, Subtree};
 use geom::Aabb;
 use rayon::prelude::*;
-
-/// Summary of the subtree below a binary node.
-#[derive(Clone, Copy)]
-struct SubtreeSummary {
-    /// Empty if there are no boxes.
-    bounds: Aabb,
-    leaves: u32,
-}
 
 /// Entry `i` is the least total area of the wide nodes and blocks of a subtree that may take `i + 1` lanes of its
 /// parent.
@@ -19,97 +11,77 @@ pub(super) type Costs = [f32; LANES - 1];
 
 /// A binary tree, and the costs of its subtrees after collapsing.
 pub(super) struct CostedTree<'a> {
-    ranks: NodeRanks<'a>,
-    /// One entry per inner node.
-    subtrees: Vec<SubtreeSummary>,
+    tree: &'a BinaryTree,
+    /// Box of each inner node. Empty if areas are unknown.
+    bounds: Vec<Aabb>,
+    /// Reciprocal of the root's half area, if areas are known.
+    over_root: Option<f64>,
     /// Costs of each inner node that is too large for a block. The other entries are unused.
     large: Vec<Costs>,
-    /// Reciprocal of the root's half area, if there are boxes.
-    over_root: Option<f64>,
     first: First,
 }
 
 impl<'a> CostedTree<'a> {
-    /// Computes all costs. Boxes are used only if there is one for each triangle.
-    pub(super) fn of(tree: &'a Topology, options: CollapseOptions<'_>) -> Self {
-        let boxes = Some(options.boxes).filter(|boxes| boxes.len() == tree.triangle_count());
-        let subtrees = subtrees(tree, boxes);
-        let root = subtrees.first().filter(|_| boxes.is_some());
+    /// Computes all costs. `boxes` has a box for each triangle, if areas are known.
+    pub(super) fn of(tree: &'a BinaryTree, boxes: Option<&[Aabb]>, first: First) -> Self {
+        let bounds = boxes.map_or_else(Vec::new, |boxes| bounds(tree, boxes));
+        let root = bounds.first();
         let mut costed = Self {
-            ranks: tree.ranks(),
-            over_root: root.map(|root| 1.0 / root.bounds.half_area().max(f64::MIN_POSITIVE)),
-            subtrees,
+            tree,
+            over_root: root.map(|root| 1.0 / root.half_area().max(f64::MIN_POSITIVE)),
+            bounds,
             large: Vec::new(),
-            first: options.first,
+            first,
         };
-        costed.large = costed.costs_of_large(tree);
+        costed.large = costed.costs_of_large();
         costed
     }
 
     /// Computes costs from the bottom up (Ylitie, Karras, Laine, *Efficient Incoherent Ray Traversal on GPUs Through
     /// Compressed Wide BVHs*, 2017).
-    fn costs_of_large(&self, tree: &Topology) -> Vec<Costs> {
-        let mut all = vec![[0.0; LANES - 1]; self.subtrees.len()];
-        let levels: Vec<_> = tree.levels().collect();
-        for level in levels.iter().rev() {
-            let [start, end] = [level.start, level.end].map(|rank| rank as usize);
-            let (upper, deeper) = all.split_at_mut(end);
-            let costs = upper[start..].par_iter_mut().with_min_len(RUN / 4);
-            costs.zip(start..end).for_each(|(to, rank)| {
-                let node = NodeRank::inner(rank);
-                if self.size(node) as usize > LANES {
-                    let [a, b] = self.children(node).map(|c| self.costs_by(c, deeper, end));
-                    *to = costs_above(self.area(node), &a, &b);
-                }
-            });
+    fn costs_of_large(&self) -> Vec<Costs> {
+        let mut all = vec![[0.0; LANES - 1]; self.tree.left_leaves().len()];
+        let small = |node| self.costs_of_small(node);
+        let join = |node, a, b| costs_above(self.area(node), &a, &b);
+        if let Some(root) = self.tree.root() {
+            bottom_up(self.tree, root, &mut all, &small, &join);
         }
         all
     }
 
-    /// Returns the number of leaves of a node.
-    #[inline]
-    pub(super) fn size(&self, node: NodeRank) -> u32 {
-        match node.leaf() {
-            Some(_) => 1,
-            None => self.subtrees[node.rank() as usize].leaves,
-        }
-    }
-
-    /// Returns an inner node's area relative to the root's. Without boxes, returns its number of leaves.
-    fn area(&self, inner: NodeRank) -> f32 {
-        let subtree = &self.subtrees[inner.rank() as usize];
+    /// Returns an inner node's area relative to the root's. Returns its number of leaves if areas are unknown.
+    fn area(&self, inner: Subtree) -> f32 {
         match self.over_root {
-            Some(over_root) => (subtree.bounds.half_area() * over_root) as f32,
-            None => subtree.leaves as f32,
+            Some(over_root) => (self.bounds[inner.inner as usize].half_area() * over_root) as f32,
+            None => inner.leaves as f32,
         }
     }
 
-    pub(super) fn costs(&self, node: NodeRank) -> Costs {
-        self.costs_by(node, &self.large, 0)
+    /// Returns the costs of a node.
+    pub(super) fn costs(&self, node: Subtree) -> Costs {
+        let small = self.costs_of_small(node);
+        small.unwrap_or_else(|| self.large[node.inner as usize])
     }
 
-    /// Returns the costs of a node. `large` begins with inner node `first`. A leaf here is always the
-    /// child of a large node. Every wide tree has a block for this leaf alone, so its area does not affect the choice
-    /// and its cost is 0.
-    fn costs_by(&self, node: NodeRank, large: &[Costs], first: usize) -> Costs {
-        if node.leaf().is_some() {
-            [0.0; LANES - 1]
-        } else if self.size(node) as usize <= LANES {
-            [self.area(node); LANES - 1]
-        } else {
-            large[node.rank() as usize - first]
+    /// Returns the costs of a node that fits a block, otherwise `None`. A leaf here is always the child of a large
+    /// node. Every wide tree has a block for this leaf alone, so its area does not affect the choice and its cost is 0.
+    fn costs_of_small(&self, node: Subtree) -> Option<Costs> {
+        match node.leaves as usize {
+            1 => Some([0.0; LANES - 1]),
+            2..=LANES => Some([self.area(node); LANES - 1]),
+            _ => None,
         }
     }
 
-    pub(super) fn children(&self, inner: NodeRank) -> [NodeRank; 2] {
-        self.ranks.children(inner)
+    pub(super) fn children(&self, inner: Subtree) -> [Subtree; 2] {
+        self.tree.children(inner)
     }
 
     /// Returns both children. The one to visit first comes last, since traversal visits later lanes first.
-    pub(super) fn first_last(&self, inner: NodeRank) -> [NodeRank; 2] {
+    pub(super) fn first_last(&self, inner: Subtree) -> [Subtree; 2] {
         let [left, right] = self.children(inner);
         // A leaf's area is not stored: its `None` is less than any area.
-        let known = |child: NodeRank| child.leaf().is_none().then(|| self.area(child));
+        let known = |child: Subtree| (child.leaves > 1).then(|| self.area(child));
         let has_order = self.first == First::Larger && self.over_root.is_some();
         if has_order && known(left) < known(right) {
             [left, right]
@@ -119,23 +91,49 @@ impl<'a> CostedTree<'a> {
     }
 }
 
-/// Summarizes the subtree of every inner node.
-fn subtrees(tree: &Topology, boxes: Option<&[Aabb]>) -> Vec<SubtreeSummary> {
-    let triangles = tree.leaf_triangles();
-    let leaf = |rank: u32| SubtreeSummary {
-        bounds: boxes.map_or(Aabb::EMPTY, |boxes| {
-            boxes[triangles[rank as usize] as usize]
-        }),
-        leaves: 1,
+/// Returns the box of every inner node, in preorder.
+fn bounds(tree: &BinaryTree, boxes: &[Aabb]) -> Vec<Aabb> {
+    let inner = tree.left_leaves().len();
+    let mut all = Vec::new();
+    // Allocates pages in parallel. Every element is overwritten.
+    let unset = rayon::iter::repeat_n(Aabb::EMPTY, inner).with_min_len(32 * RUN);
+    unset.collect_into_vec(&mut all);
+    let leaf = |node: Subtree| {
+        let triangle = || tree.order()[node.first_leaf as usize];
+        (node.leaves == 1).then(|| boxes[triangle() as usize])
     };
-    let none = SubtreeSummary {
-        bounds: Aabb::EMPTY,
-        leaves: 0,
+    if let Some(root) = tree.root() {
+        bottom_up(tree, root, &mut all, &leaf, &|_, a: Aabb, b| a.union(b));
+    }
+    all
+}
+
+/// Computes the value of `node` from its children's values, in parallel. Stores the values of inner nodes in `all`, in
+/// preorder. `known` returns the value of a node whose children are not needed.
+fn bottom_up<T: Copy + Send>(
+    tree: &BinaryTree,
+    node: Subtree,
+    all: &mut [T],
+    known: &(impl Fn(Subtree) -> Option<T> + Sync),
+    join: &(impl Fn(Subtree, T, T) -> T + Sync),
+) -> T {
+    if let Some(value) = known(node) {
+        return value;
+    }
+    let [left, right] = tree.children(node);
+    let (own, below) = all
+        .split_first_mut()
+        .expect("one value for each inner node");
+    let (below_left, below_right) = below.split_at_mut(left.leaves as usize - 1);
+    let mut left = || bottom_up(tree, left, below_left, known, join);
+    let mut right = || bottom_up(tree, right, below_right, known, join);
+    let (a, b) = if node.leaves as usize > RUN {
+        rayon::join(left, right)
+    } else {
+        (left(), right())
     };
-    tree.bottom_up(none, leaf, |a, b| SubtreeSummary {
-        bounds: a.bounds.union(b.bounds),
-        leaves: a.leaves + b.leaves,
-    })
+    *own = join(node, a, b);
+    *own
 }
 
 /// Computes the costs of a node from its area and its children's costs.

@@ -1,6 +1,6 @@
 //! Tests of the eight-wide form, read back lane by lane.
 
-use super::{random_tree, record, scene, shapes};
+use super::{random_tree, scene, shapes};
 use crate::{Block, BlockTree, CollapseOptions, First, LANES, Link};
 use bvh_build::{BinaryTree, Subtree};
 use geom::Aabb;
@@ -52,13 +52,12 @@ fn triangles_of(block: &Block, out: &mut Vec<u32>) {
     out.extend(own);
 }
 
-fn check(binary: &BinaryTree) {
-    let topology = &record(binary);
-    let triangles = triangles(topology.triangle_count());
-    let tree = BlockTree::of(topology, &triangles, CollapseOptions::default());
+pub(super) fn check(binary: &BinaryTree) {
+    let triangles = triangles(scene(binary));
+    let tree = BlockTree::of(binary, &triangles, CollapseOptions::default());
     let mut found = Vec::new();
     let mut seen = vec![0; tree.nodes.len()];
-    if topology.leaf_count() > 0 {
+    if binary.leaf_count() > 0 {
         below(&tree, 0, 0, &mut seen, &mut found);
         assert!(seen.iter().all(|&n| n == 1), "every node has one parent");
     }
@@ -79,7 +78,7 @@ fn triangles_and_nodes_appear_once() {
 fn full_subtrees_make_full_nodes() {
     let tree = random_tree(20_000, 5);
     let corners = triangles(scene(&tree));
-    let wide = BlockTree::of(&record(&tree), &corners, CollapseOptions::default());
+    let wide = BlockTree::of(&tree, &corners, CollapseOptions::default());
     let upper = &wide.nodes[wide.levels[1].clone()];
     assert!(upper.iter().all(|node| !node.links.contains(&Link::NONE)));
     assert!(wide.blocks.len() * 4 < 20_000);
@@ -98,9 +97,8 @@ fn boxes(n: usize, large: u32) -> Vec<Aabb> {
 fn known_areas_move_large_triangles_up() {
     // Only the nodes above one large triangle differ in area.
     let tree = random_tree(20_000, 5);
-    let record = record(&tree);
     let corners = triangles(scene(&tree));
-    let large = record.leaf_triangles()[7];
+    let large = tree.order()[7];
     let boxes = boxes(scene(&tree), large);
     let depth = |wide: &BlockTree| {
         let is_there = |block: &Block| block.triangles.contains(&large);
@@ -111,7 +109,7 @@ fn known_areas_move_large_triangles_up() {
     };
     let [by_size, by_area] = [&[][..], &boxes].map(|boxes| {
         let first = First::Larger;
-        BlockTree::of(&record, &corners, CollapseOptions { boxes, first })
+        BlockTree::of(&tree, &corners, CollapseOptions { boxes, first })
     });
     assert!(depth(&by_area) < depth(&by_size));
 }
@@ -129,14 +127,13 @@ fn asked_first(wide: &BlockTree) -> &Block {
 #[test]
 fn visits_larger_or_left_subtree_first() {
     let tree = random_tree(20_000, 5);
-    let record = record(&tree);
     let order = tree.order();
     for large in [order[0], order[9_000], order[19_999]] {
         let boxes = boxes(scene(&tree), large);
         let corners = triangles(scene(&tree));
         for (first, found) in [(First::Larger, large), (First::Left, order[0])] {
             let boxes = &boxes;
-            let wide = BlockTree::of(&record, &corners, CollapseOptions { boxes, first });
+            let wide = BlockTree::of(&tree, &corners, CollapseOptions { boxes, first });
             let visited = asked_first(&wide).triangles;
             assert!(visited.contains(&found), "{large} {first:?}");
         }
@@ -211,7 +208,7 @@ fn wide_nodes_have_minimal_area() {
             boxes: &boxes,
             first: First::Left,
         };
-        let wide = BlockTree::of(&record(&tree), &triangles(boxes.len()), options);
+        let wide = BlockTree::of(&tree, &triangles(boxes.len()), options);
         let (_, found) = areas_below(&wide, Link::ROOT, &boxes);
         let all = AllForms {
             tree: &tree,

@@ -1,13 +1,11 @@
-//! Test trees, and a reference check of records.
+//! Test trees.
 
 mod blocks;
-mod fuzz;
 pub(crate) mod treelets;
 
-use crate::{Converter, Spare, Topology};
 use bvh_build::{BinaryTree, MAX_DEPTH};
 use geom::StaticParts;
-use std::collections::VecDeque;
+use proptest::prelude::*;
 
 /// Creates a tree. `split` maps a subtree's number of leaves and depth to the number of leaves on the left.
 fn grow(leaves: usize, mut split: impl FnMut(u32, u32) -> u32) -> BinaryTree {
@@ -37,10 +35,6 @@ pub(crate) fn parts(all: usize, moves: impl Fn(u32) -> bool) -> StaticParts {
         triangles: (0..all as u32).map(|t| !moves(t)).collect(),
         ..StaticParts::default()
     }
-}
-
-pub(crate) fn record(tree: &BinaryTree) -> Topology {
-    Converter::default().convert(tree, scene(tree), Spare::default())
 }
 
 /// Creates a tree that is neither balanced nor too deep.
@@ -83,42 +77,11 @@ pub(crate) fn shapes() -> Vec<BinaryTree> {
     all
 }
 
-/// Checks a record against its tree by a breadth-first walk over both, with a queue.
-pub(crate) fn check_against(record: &Topology, tree: &BinaryTree) {
-    assert_eq!(record.leaf_count(), tree.leaf_count());
-    assert_eq!(record.triangle_count(), scene(tree));
-    assert_eq!(
-        Topology::from_words(record.words().to_vec()).as_ref(),
-        Ok(record)
-    );
-    let mut queue = VecDeque::new();
-    if tree.leaf_count() > 0 {
-        queue.push_back((0, 0, tree.leaf_count() as u32, 0));
+proptest! {
+    #[test]
+    fn all_forms_represent_random_trees(leaves in 0..1_500_usize, seed: u64, is_deep: bool) {
+        let tree = if is_deep { chain(leaves) } else { random_tree(leaves, seed) };
+        treelets::check(&tree);
+        blocks::check(&tree);
     }
-    let (mut node, mut leaf, mut inner) = (0, 0, 0);
-    let mut per_level = Vec::new();
-    while let Some((preorder, first_leaf, leaves, depth)) = queue.pop_front() {
-        per_level.resize(depth + 1, 0);
-        let rank = record.ranks().of(node);
-        assert_eq!(rank.rank(), if leaves == 1 { leaf } else { inner });
-        assert_eq!(rank.leaf().is_some(), leaves == 1, "node {node}");
-        if leaves == 1 {
-            let triangle = record.leaf_triangles()[leaf as usize];
-            assert_eq!(triangle, tree.order()[first_leaf as usize]);
-            leaf += 1;
-        } else {
-            // The children are appended to the queue, so their numbers follow those of its nodes.
-            let next = node + queue.len() as u32 + 1;
-            assert_eq!(Topology::children_of_inner(inner), [next, next + 1]);
-            let left = tree.left_leaves()[preorder];
-            queue.push_back((preorder + 1, first_leaf, left, depth + 1));
-            let right = preorder + left as usize;
-            queue.push_back((right, first_leaf + left, leaves - left, depth + 1));
-            per_level[depth] += 1;
-            inner += 1;
-        }
-        node += 1;
-    }
-    assert_eq!(node as usize, record.node_count());
-    assert!(record.levels().map(|inner| inner.len()).eq(per_level));
 }

@@ -1,7 +1,6 @@
 //! Partitions a tree: selects subtrees that fit a treelet, and packs neighbouring subtrees into one treelet.
 
 use super::Treelets;
-use crate::{NodeRank, Topology};
 use bvh_build::{BinaryTree, Subtree};
 use std::ops::Range;
 
@@ -123,32 +122,4 @@ fn pack(roots: &[Subtree], starts: &[usize]) -> Vec<Range<usize>> {
     }
     treelets.push(start..roots.len());
     treelets
-}
-
-/// Converts a breadth-first record back to a depth-first tree.
-pub(crate) fn depth_first(topology: &Topology) -> BinaryTree {
-    let (nodes, ranks) = (topology.node_count() as u32, topology.ranks());
-    let sizes = topology.bottom_up(0_u32, |_| 1, |a, b| a + b);
-    let leaves = |node: NodeRank| match node.leaf() {
-        Some(_) => 1,
-        None => sizes[node.rank() as usize],
-    };
-    let mut order = vec![0; topology.leaf_count()];
-    let mut left_leaves = vec![0; topology.leaf_count().saturating_sub(1)];
-    // Each node's first leaf, and its preorder index if it is an inner node.
-    let mut places = vec![(0_u32, 0_u32); nodes as usize];
-    for node in 0..nodes {
-        let (first_leaf, inner) = places[node as usize];
-        let node = ranks.of(node);
-        if let Some(rank) = node.leaf() {
-            order[first_leaf as usize] = topology.leaf_triangles()[rank as usize];
-            continue;
-        }
-        let [left, right] = Topology::children_of_inner(node.rank());
-        let before = leaves(ranks.of(left));
-        left_leaves[inner as usize] = before;
-        places[left as usize] = (first_leaf, inner + 1);
-        places[right as usize] = (first_leaf + before, inner + before);
-    }
-    BinaryTree::new(order, left_leaves)
 }

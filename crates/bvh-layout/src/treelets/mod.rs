@@ -8,9 +8,9 @@ use crate::{Moving, Topology};
 use bvh_build::BinaryTree;
 use bytemuck::{Pod, Zeroable};
 use cut::Cut;
-pub(crate) use cut::depth_first;
 use geom::StaticParts;
 use std::ops::Range;
+use std::sync::Arc;
 use std::sync::atomic::AtomicU32;
 
 /// A tree in depth-first leaf order, divided into treelets.
@@ -105,11 +105,33 @@ impl WideTree {
     const FIRST_AT: u32 = 6;
 }
 
-/// Scratch memory for creating treelets: one word per triangle, and a second one for trees with a wide form.
+/// Creates topologies with treelets. Keeps its scratch memory between calls: one word per triangle, and a second one for
+/// trees with a wide form.
 #[derive(Debug, Default)]
-pub(crate) struct Workspace {
+pub struct Converter {
     pub(crate) inner: Vec<u32>,
     pub(crate) places: Vec<AtomicU32>,
+}
+
+impl Converter {
+    /// Creates the topology of `tree` with treelets, in the rayon pool that the caller installed. `reuse` is the memory of
+    /// an old topology: see [`Topology::into_spare`].
+    ///
+    /// # Panics
+    /// As [`Topology::new`].
+    #[must_use]
+    pub fn convert(
+        &mut self,
+        tree: Arc<BinaryTree>,
+        triangle_count: usize,
+        reuse: Vec<u32>,
+    ) -> Topology {
+        let (topology, treelets) = rayon::join(
+            || Topology::new(Arc::clone(&tree), triangle_count),
+            || Treelets::of_in(&tree, self, reuse),
+        );
+        topology.and_treelets(treelets)
+    }
 }
 
 /// A treelet's entry in the table: twelve words, in field order.
@@ -150,37 +172,24 @@ impl Treelets {
     /// Number of words of a treelet's entry.
     pub const ENTRY_WORDS: usize = size_of::<Treelet>() / 4;
 
-    /// Creates the treelets of a record.
-    ///
-    /// Takes one thread about 40 ns per triangle. If the binary tree is available,
-    /// [`crate::Converter::convert_with_treelets`] is faster.
-    #[must_use]
-    pub fn of(topology: &Topology) -> Self {
-        Self::of_tree(&depth_first(topology))
-    }
-
     /// Creates the treelets of a binary tree, in the rayon pool that the caller installed.
     #[must_use]
-    pub fn of_tree(tree: &BinaryTree) -> Self {
-        Self::of_tree_in(tree, &mut Workspace::default(), Vec::new())
+    pub fn of(tree: &BinaryTree) -> Self {
+        Self::of_in(tree, &mut Converter::default(), Vec::new())
     }
 
-    /// Creates the treelets of a binary tree, reusing the memory of `workspace` and of `words`.
-    pub(crate) fn of_tree_in(
-        tree: &BinaryTree,
-        workspace: &mut Workspace,
-        words: Vec<u32>,
-    ) -> Self {
+    /// Creates the treelets of a binary tree, reusing the memory of `scratch` and of `words`.
+    fn of_in(tree: &BinaryTree, scratch: &mut Converter, words: Vec<u32>) -> Self {
         if tree.leaf_count() == 0 {
             return Self::default();
         }
         let cuts = Cut::all(tree);
         let is_wide = tree.leaf_count() <= WideTree::MOST_TRIANGLES;
         let nodes = if is_wide { tree.leaf_count() - 1 } else { 0 };
-        workspace.places.resize_with(nodes, AtomicU32::default);
-        let mut made = fill::fill(tree, &cuts, &mut workspace.inner, words, &workspace.places);
+        scratch.places.resize_with(nodes, AtomicU32::default);
+        let mut made = fill::fill(tree, &cuts, &mut scratch.inner, words, &scratch.places);
         if is_wide {
-            made.wide = WideTree::of(tree, &made, &workspace.places);
+            made.wide = WideTree::of(tree, &made, &scratch.places);
         }
         made
     }

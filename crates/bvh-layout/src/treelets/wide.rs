@@ -154,7 +154,7 @@ mod tests {
     fn lanes_cover_each_triangle_once() {
         let others = [random_tree(9000, 5), chain(40)];
         for tree in shapes().into_iter().chain(others) {
-            let treelets = Treelets::of_tree(&tree);
+            let treelets = Treelets::of(&tree);
             let Some(wide) = &treelets.wide else {
                 assert_eq!(treelets.leaf_count, 0);
                 continue;
@@ -179,7 +179,7 @@ mod tests {
     #[test]
     fn large_trees_have_no_wide_tree() {
         let most = WideTree::MOST_TRIANGLES;
-        let of = |n| Treelets::of_tree(&random_tree(n, 1)).wide.is_some();
+        let of = |n| Treelets::of(&random_tree(n, 1)).wide.is_some();
         assert!(of(1) && of(most) && !of(most + 1) && !of(0));
     }
 }

@@ -5,6 +5,7 @@ use super::topologies::{LeafSplit, TreeDescription};
 use bvh_layout::Topology;
 use geom::Animation;
 use proptest::prelude::*;
+use std::sync::Arc;
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum BackendCommand {
@@ -74,5 +75,5 @@ impl AdoptedTree {
 
 /// Returns the same tree without treelets and lists of moving treelets.
 pub(crate) fn without_lists(tree: &Topology) -> Topology {
-    Topology::from_words(tree.words().to_vec()).expect("its words were valid before")
+    Topology::new(Arc::clone(tree.binary()), tree.triangle_count())
 }

@@ -186,7 +186,7 @@ impl Backend for Faulty {
         let adopted = self.inner.adopt(tree, generation);
         match (self.fault, &adopted) {
             ("any tree is taken", Err(_)) => return Ok(()),
-            (_, Ok(())) => self.seen.first_leaf = tree.leaf_triangles().first().copied(),
+            (_, Ok(())) => self.seen.first_leaf = tree.binary().order().first().copied(),
             _ => {}
         }
         adopted

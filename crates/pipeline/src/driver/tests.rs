@@ -8,7 +8,7 @@ use super::*;
 use crate::tree_builder::tests::{apart, row};
 use crate::tree_builder::{BuildInput, Built, TreeBuilder, Vertices};
 use backend::{QueryKind, Rays};
-use bvh_build::{BuildError, Cancel};
+use bvh_build::{BinaryTree, BuildError, Cancel};
 use fake::{Fake, Gate, Log};
 use geom::{Camera, CameraPose};
 use std::ops::Deref;
@@ -26,20 +26,20 @@ fn shuffled(keys: usize, n: u32) -> Arc<Animation> {
     Arc::new(row(n, keys, |k, i| (i * odd(k) % n) as f32))
 }
 
-/// Returns the words of a tree for one time, for rays that end at `toward`.
-fn tree_at(animation: &Animation, time: f64, toward: Option<Point>) -> Vec<u32> {
+/// Returns a tree for one time, for rays that end at `toward`.
+fn tree_at(animation: &Animation, time: f64, toward: Option<Point>) -> Arc<BinaryTree> {
     let mut builder = TreeBuilder::default();
     builder.order_toward(toward);
     let input = BuildInput::of(at(animation, time));
-    words(builder.build(animation, input, &Cancel::new()))
+    binary(builder.build(animation, input, &Cancel::new()))
 }
 
 fn at(animation: &Animation, time: f64) -> Vertices {
     Vertices::KeyFrames(animation.pose(time))
 }
 
-fn words(built: Result<Built, BuildError>) -> Vec<u32> {
-    built.unwrap().topology.words().to_vec()
+fn binary(built: Result<Built, BuildError>) -> Arc<BinaryTree> {
+    Arc::clone(built.unwrap().topology.binary())
 }
 
 /// Update policy, and whether trees are built ahead.
@@ -253,8 +253,8 @@ fn async_frames_never_wait_for_vertices() {
     assert!(!r.built && r.log.adopted == [Generation(1)]);
 }
 
-/// Returns the topologies adopted in frames at times 0 to 5, whose queries have the given kinds.
-fn trees_for(by: Config, kind: impl Fn(u64) -> QueryKind) -> Vec<Vec<u32>> {
+/// Returns the trees adopted in frames at times 0 to 5, whose queries have the given kinds.
+fn trees_for(by: Config, kind: impl Fn(u64) -> QueryKind) -> Vec<Arc<BinaryTree>> {
     let fake = Fake::new(Some(0));
     let log = Arc::clone(&fake.log);
     let mut driver = driver(fake, &shuffled(6, 256), by).unwrap();

@@ -25,10 +25,10 @@ fn lockstep_builds_for_middle_of_use() {
     let run = run_scene(&animation, 29, (lockstep(3), true), None);
     let tree_at = |time| tree_at(&animation, time, None);
     // Trees are requested in frames 1, 4 and so on. Each is used from the 3rd to the 5th frame after its request.
-    for (i, words) in run.log.trees[1..].iter().enumerate() {
+    for (i, tree) in run.log.trees[1..].iter().enumerate() {
         let middle = (1 + 3 * i + 4) as f64;
-        assert!(*words == tree_at(middle), "tree {i}");
-        assert!(*words != tree_at(middle - 4.0));
+        assert!(*tree == tree_at(middle), "tree {i}");
+        assert!(*tree != tree_at(middle - 4.0));
     }
     assert!(run.log.trees.len() > 8);
 }
@@ -100,7 +100,7 @@ fn first_tree_spans_a_key_interval() {
         half_midpoints: Some(half_midpoints),
         ..BuildInput::of(at(&animation, 0.0))
     };
-    let swept = words(TreeBuilder::default().build(&animation, own, &Cancel::new()));
+    let swept = binary(TreeBuilder::default().build(&animation, own, &Cancel::new()));
     let plain = tree_at(&animation, 0.0, None);
     assert_ne!(swept, plain);
     let first = |policy| run_scene(&animation, 5, policy, Some(1)).log.trees[0].clone();

@@ -4,6 +4,7 @@ use backend::{
     Arithmetic, Backend, Capabilities, Device, DeviceKind, FrameReport, Generation, Hits,
     Intersector, Query, Result, Snapshot, Ticket, TreeFormat,
 };
+use bvh_build::{BinaryTree, sah_cost};
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Point, Pose};
 use std::collections::{HashMap, VecDeque};
@@ -54,8 +55,8 @@ pub(in crate::driver) struct Log {
     pub(in crate::driver) refitted: usize,
     pub(in crate::driver) traced: Vec<(Generation, Pose)>,
     pub(in crate::driver) adopted: Vec<Generation>,
-    /// Words of the adopted topologies.
-    pub(in crate::driver) trees: Vec<Vec<u32>>,
+    /// The adopted trees.
+    pub(in crate::driver) trees: Vec<Arc<BinaryTree>>,
     /// Generations of the trees that `rebuild` built.
     pub(in crate::driver) made: Vec<Generation>,
     pub(in crate::driver) requested: usize,
@@ -103,20 +104,9 @@ impl Fake {
     /// The cost of a tree at the pose of the recording.
     fn cost_of(&self, tree: &Topology) -> f64 {
         let moment = self.animation.as_ref().unwrap().moment(self.pose.unwrap());
-        let (moment, ranks) = (moment.unwrap(), tree.ranks());
-        let mut boxes = vec![Aabb::EMPTY; tree.node_count()];
-        for node in (0..tree.node_count()).rev() {
-            let at = ranks.of(node as u32);
-            boxes[node] = match at.leaf() {
-                Some(rank) => moment.build_box(tree.leaf_triangles()[rank as usize]),
-                None => {
-                    let left = 2 * at.rank() as usize + 1;
-                    boxes[left].union(boxes[left + 1])
-                }
-            };
-        }
-        let areas: f64 = boxes.iter().map(|b| b.half_area()).sum();
-        areas / boxes[0].half_area()
+        let (moment, triangles) = (moment.unwrap(), 0..tree.triangle_count() as u32);
+        let boxes: Vec<Aabb> = triangles.map(|t| moment.build_box(t)).collect();
+        sah_cost(tree.binary(), &boxes[..])
     }
 
     fn note(&self, what: impl FnOnce(&mut Log)) {
@@ -153,7 +143,7 @@ impl Backend for Fake {
             "generation is not greater than the current one"
         );
         let live = self.animation.as_ref().unwrap().live_count();
-        assert_eq!(tree.leaf_count(), live);
+        assert_eq!(tree.binary().leaf_count(), live);
         self.generation = generation;
         self.fresh = (false, false);
         if self.measures {
@@ -161,7 +151,7 @@ impl Backend for Fake {
         }
         self.note(|log| {
             log.adopted.push(generation);
-            log.trees.push(tree.words().to_vec());
+            log.trees.push(Arc::clone(tree.binary()));
         });
         Ok(())
     }
