@@ -238,13 +238,4 @@ mod tests {
         let names = "rebuild, refit, async, device-rebuild";
         assert_eq!(error, format!("'fastest' is not one of {names}"));
     }
-
-    #[test]
-    fn policy_predicates_are_consistent() {
-        for policy in Policy::ALL.into_iter().chain([Policy::Lockstep(0)]) {
-            assert!(!(policy.builds_on_device() && policy.requests_trees()));
-        }
-        assert_eq!(Policy::Lockstep(3).name(), Policy::Async.name());
-        assert!(!Policy::Lockstep(3).adopts_by_cost());
-    }
 }

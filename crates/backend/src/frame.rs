@@ -41,7 +41,7 @@ impl<T: Deref<Target = [Point]> + Send + Sync + 'static> Spares<T> {
     pub fn lend(&self, positions: T) -> Snapshot {
         Box::new(LentPositions {
             positions: Some(positions),
-            home: Arc::clone(&self.0),
+            pool: Arc::clone(&self.0),
         })
     }
 }
@@ -49,7 +49,7 @@ impl<T: Deref<Target = [Point]> + Send + Sync + 'static> Spares<T> {
 struct LentPositions<T> {
     /// `None` once the memory was returned.
     positions: Option<T>,
-    home: Arc<Mutex<Vec<T>>>,
+    pool: Arc<Mutex<Vec<T>>>,
 }
 
 impl<T: Deref<Target = [Point]>> Deref for LentPositions<T> {
@@ -64,8 +64,8 @@ impl<T: Deref<Target = [Point]>> Deref for LentPositions<T> {
 
 impl<T> Drop for LentPositions<T> {
     fn drop(&mut self) {
-        let mut home = lock(&self.home);
-        home.extend(self.positions.take());
+        let mut pool = lock(&self.pool);
+        pool.extend(self.positions.take());
     }
 }
 
