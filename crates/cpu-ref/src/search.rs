@@ -77,7 +77,7 @@ impl RaySearch<'_> {
 /// Intersects a ray with a triangle, within the ray's limits and with `t` clamped to the triangle's box.
 #[inline]
 fn hit(ray: &PreparedRay, test: &RoundedTest, visited: &VisitedTriangle<'_>) -> Option<Hit> {
-    let found = test.intersect(visited.data)?;
+    let found = test.intersect(ray, visited.data)?;
     let mut t = found.t;
     if t < visited.entry {
         t = visited.entry;

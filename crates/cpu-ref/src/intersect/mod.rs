@@ -27,29 +27,34 @@ pub fn preprocess(intersector: Intersector, corners: &Triangle) -> TriangleData 
     }
 }
 
-/// A ray, prepared for one of the tests.
+/// A test, with the data that it precomputes for one ray.
 pub(crate) enum RoundedTest {
-    MollerTrumbore(MollerTrumbore),
-    Woop(Woop),
+    MollerTrumbore,
+    Woop,
     Watertight(Watertight),
 }
 
 impl RoundedTest {
     pub(crate) fn new(intersector: Intersector, ray: &PreparedRay) -> Self {
         match intersector {
-            Intersector::MollerTrumbore => Self::MollerTrumbore(MollerTrumbore::new(ray)),
-            Intersector::Woop => Self::Woop(Woop::new(ray)),
+            Intersector::MollerTrumbore => Self::MollerTrumbore,
+            Intersector::Woop => Self::Woop,
             Intersector::Watertight | Intersector::Exact => Self::Watertight(Watertight::new(ray)),
         }
     }
 
-    /// Intersects the ray's whole line with a triangle. The caller clamps `t` and applies the limits.
+    /// Intersects the whole line of `ray`, for which the test was created, with a triangle. The caller clamps `t` and
+    /// applies the limits.
     #[inline]
-    pub(crate) fn intersect(&self, triangle: &TriangleData) -> Option<TriangleHit> {
+    pub(crate) fn intersect(
+        &self,
+        ray: &PreparedRay,
+        triangle: &TriangleData,
+    ) -> Option<TriangleHit> {
         match self {
-            Self::MollerTrumbore(ray) => ray.intersect(triangle),
-            Self::Woop(ray) => ray.intersect(triangle),
-            Self::Watertight(ray) => ray.intersect(triangle),
+            Self::MollerTrumbore => MollerTrumbore::intersect(ray, triangle),
+            Self::Woop => Woop::intersect(ray, triangle),
+            Self::Watertight(sheared_ray) => sheared_ray.intersect(triangle),
         }
     }
 }

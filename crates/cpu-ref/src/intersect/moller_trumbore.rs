@@ -7,12 +7,9 @@ use crate::scale::PreparedRay;
 use geom::Triangle;
 use glam::Vec3;
 
-/// A ray for the test of Möller, Trumbore 1997. [`TriangleData`] holds the first vertex and the edges to the other two.
+/// The test of Möller, Trumbore 1997. [`TriangleData`] holds the first vertex and the edges to the other two.
 #[derive(Clone, Copy, Debug)]
-pub struct MollerTrumbore {
-    origin: Vec3,
-    direction: Vec3,
-}
+pub struct MollerTrumbore;
 
 impl MollerTrumbore {
     pub(crate) fn preprocess(corners: &Triangle) -> TriangleData {
@@ -20,22 +17,16 @@ impl MollerTrumbore {
         TriangleData([a, b - a, c - a].map(|v| v.extend(0.0).to_array()))
     }
 
-    pub(crate) fn new(ray: &PreparedRay) -> Self {
-        Self {
-            origin: Vec3::from_array(ray.origin),
-            direction: Vec3::from_array(ray.direction),
-        }
-    }
-
     #[inline]
-    pub(crate) fn intersect(&self, data: &TriangleData) -> Option<TriangleHit> {
+    pub(crate) fn intersect(ray: &PreparedRay, data: &TriangleData) -> Option<TriangleHit> {
+        let [origin, direction] = [ray.origin, ray.direction].map(Vec3::from_array);
         let [a, e1, e2] = data.0.map(|[x, y, z, _]| Vec3::new(x, y, z));
-        let p = self.direction.cross(e2);
+        let p = direction.cross(e2);
         let inverse = 1.0 / e1.dot(p);
-        let s = self.origin - a;
+        let s = origin - a;
         let u = s.dot(p) * inverse;
         let q = s.cross(e1);
-        let v = self.direction.dot(q) * inverse;
+        let v = direction.dot(q) * inverse;
         // A determinant of zero makes u or v infinite or NaN, so the comparison fails.
         (u >= 0.0 && v >= 0.0 && u + v <= 1.0).then(|| TriangleHit {
             t: e2.dot(q) * inverse,

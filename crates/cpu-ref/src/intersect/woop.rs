@@ -10,12 +10,9 @@ use crate::scale::PreparedRay;
 use geom::{Point, Triangle};
 use glam::Vec3;
 
-/// A ray for the test of Woop 2004. [`TriangleData`] holds the rows of the transform, each a vector and an offset.
+/// The test of Woop 2004. [`TriangleData`] holds the rows of the transform, each a vector and an offset.
 #[derive(Clone, Copy, Debug)]
-pub struct Woop {
-    origin: Point,
-    direction: Point,
-}
+pub struct Woop;
 
 impl Woop {
     /// Preprocesses a triangle.
@@ -36,18 +33,11 @@ impl Woop {
         TriangleData(rows.map(|row| row.extend(-row.dot(a)).to_array()))
     }
 
-    pub(crate) fn new(ray: &PreparedRay) -> Self {
-        Self {
-            origin: ray.origin,
-            direction: ray.direction,
-        }
-    }
-
     #[inline]
-    pub(crate) fn intersect(&self, data: &TriangleData) -> Option<TriangleHit> {
+    pub(crate) fn intersect(ray: &PreparedRay, data: &TriangleData) -> Option<TriangleHit> {
         let [to_u, to_v, to_height] = &data.0;
-        let point = |row| transformed(row, self.origin, 1.0);
-        let vector = |row| transformed(row, self.direction, 0.0);
+        let point = |row| transformed(row, ray.origin, 1.0);
+        let vector = |row| transformed(row, ray.direction, 0.0);
         let t = -point(to_height) / vector(to_height);
         let u = point(to_u) + t * vector(to_u);
         let v = point(to_v) + t * vector(to_v);
