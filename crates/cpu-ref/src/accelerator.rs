@@ -4,7 +4,7 @@ use crate::geometry::{Geometry, Unhittable};
 use crate::output::{HitCounts, TraceOutput};
 use crate::trace::QueryTracer;
 use crate::tree::TreeTraversal;
-use backend::{BackendError, Intersector, Result, TreeFormat};
+use backend::{BackendError, Intersector, Result};
 use bvh_layout::Topology;
 use geom::{Aabb, Animation};
 
@@ -12,9 +12,6 @@ use geom::{Aabb, Animation};
 pub trait Accelerator: Send + Sync {
     /// Returns the tree, to search for hits of single rays.
     fn tree(&self) -> &dyn TreeTraversal;
-
-    /// Returns the format of the trees that [`Self::adopt`] reads.
-    fn format(&self) -> TreeFormat;
 
     /// Copies or shares the topology of a tree. Boxes and triangle data are stale afterwards.
     ///

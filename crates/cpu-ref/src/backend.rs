@@ -9,7 +9,7 @@ use crate::submission::{Command, Copies, Submission, ms_since};
 use backend::{
     Arithmetic, Backend, BackendError, BackendName, Capabilities, Device, DeviceKind,
     FRAMES_IN_FLIGHT, FrameReport, Generation, Hits, HitsPool, Intersector, Query, QueryKind, Rays,
-    Result, Snapshot, Ticket,
+    Result, Snapshot, Ticket, TreeFormat,
 };
 use bvh_layout::Topology;
 use geom::{Animation, Pose, Ray, own_pool, run_in};
@@ -60,15 +60,19 @@ impl CpuBackend {
     /// # Errors
     /// [`BackendError::Unsupported`] for 0 threads, [`BackendError::NoDevice`] if the threads cannot be started.
     pub fn new(threads: Option<usize>) -> Result<Self> {
-        Self::with_trees(BackendName::CpuRef, threads, || Box::new(Bvh2::default()))
+        Self::with_trees(BackendName::CpuRef, TreeFormat::Binary, threads, || {
+            Box::new(Bvh2::default())
+        })
     }
 
-    /// Creates a backend called `name`, whose trees `new_tree` creates. See [`CpuBackend::new`] for `threads`.
+    /// Creates a backend called `name`, whose trees `new_tree` creates. `format` is the tree format that
+    /// [`Accelerator::adopt`] reads fastest. See [`CpuBackend::new`] for `threads`.
     ///
     /// # Errors
     /// See [`CpuBackend::new`].
     pub fn with_trees(
         name: BackendName,
+        format: TreeFormat,
         threads: Option<usize>,
         new_tree: impl Fn() -> Box<dyn Accelerator> + Send + Sync + 'static,
     ) -> Result<Self> {
@@ -87,7 +91,7 @@ impl CpuBackend {
             kind: DeviceKind::Cpu,
             threads: pool.current_num_threads(),
             arithmetic: Arithmetic::IEEE,
-            capabilities: Capabilities::minimal(name.name(), new_tree().format()),
+            capabilities: Capabilities::minimal(name.name(), format),
         };
         Ok(Self {
             device,

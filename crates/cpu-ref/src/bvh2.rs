@@ -8,7 +8,7 @@ use crate::output::{HitCounts, TraceOutput};
 use crate::scale::PreparedRay;
 use crate::trace::QueryTracer;
 use crate::tree::{Child, TreeTraversal, TriangleVisitor, VisitedTriangle};
-use backend::{Intersector, Result, TreeFormat};
+use backend::{Intersector, Result};
 use bvh_build::{BinaryTree, MAX_DEPTH};
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, is_active, is_degenerate};
@@ -121,10 +121,6 @@ impl BinaryLeaf {
 impl Accelerator for Bvh2 {
     fn tree(&self) -> &dyn TreeTraversal {
         self
-    }
-
-    fn format(&self) -> TreeFormat {
-        TreeFormat::Binary
     }
 
     fn adopt(&mut self, tree: &Topology, _: &Animation) -> Result<()> {

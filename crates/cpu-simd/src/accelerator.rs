@@ -6,7 +6,7 @@ use crate::moving::MovingLanes;
 use crate::simd::{InstructionSet, Plain};
 use crate::trace::trace;
 use crate::tree::{Bvh8, LANES, NOWHERE, Node8, TriangleBlock};
-use backend::{BackendError, Intersector, Result, TreeFormat};
+use backend::{BackendError, Intersector, Result};
 use bvh_build::BinaryTree;
 use bvh_layout::{BlockTree, CollapseOptions, Topology};
 use cpu_ref::{
@@ -58,10 +58,6 @@ impl WideAccelerator {
 impl Accelerator for WideAccelerator {
     fn tree(&self) -> &dyn TreeTraversal {
         &self.tree
-    }
-
-    fn format(&self) -> TreeFormat {
-        TreeFormat::WideBlocks
     }
 
     /// Fast if the topology includes its [`BlockTree`]. Otherwise computes it.

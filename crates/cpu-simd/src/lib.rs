@@ -42,7 +42,7 @@ mod walk;
 mod window;
 
 use accelerator::WideAccelerator;
-use backend::{BackendName, Result};
+use backend::{BackendName, Result, TreeFormat};
 use cpu_ref::CpuBackend;
 
 pub use simd::InstructionSet;
@@ -61,7 +61,10 @@ pub fn open(threads: Option<usize>) -> Result<CpuBackend> {
 /// # Errors
 /// See [`CpuBackend::new`].
 pub fn open_at(instruction_set: InstructionSet, threads: Option<usize>) -> Result<CpuBackend> {
-    CpuBackend::with_trees(BackendName::Cpu, threads, move || {
-        Box::new(WideAccelerator::new(instruction_set))
-    })
+    CpuBackend::with_trees(
+        BackendName::Cpu,
+        TreeFormat::WideBlocks,
+        threads,
+        move || Box::new(WideAccelerator::new(instruction_set)),
+    )
 }
