@@ -19,7 +19,7 @@ pub const MAX_FINITE_PRODUCT_DISTANCE: f32 = f32::from_bits((127 + 60) << 23);
 
 /// A ray, prepared for the box test.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct BoxRay {
+pub struct BoxRay {
     origin: Point,
     /// `r`, the reciprocal of the direction, with the direction's sign.
     inverse: Point,
@@ -28,14 +28,16 @@ pub(crate) struct BoxRay {
 
 /// The part of a ray within a box.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct BoxSpan {
+pub struct BoxSpan {
     /// The later of entry and `t_min`. Hits before `t_min` do not count, so `t` may be clamped to it.
-    pub(crate) entry: f32,
-    pub(crate) exit: f32,
+    pub entry: f32,
+    /// Where the ray leaves the box.
+    pub exit: f32,
 }
 
 impl BoxRay {
-    pub(crate) fn new(ray: &PreparedRay) -> Self {
+    /// Prepares a ray for the box test.
+    pub fn new(ray: &PreparedRay) -> Self {
         Self {
             origin: ray.origin,
             inverse: ray
@@ -47,7 +49,7 @@ impl BoxRay {
 
     /// Returns the part of the ray within a box, or `None` if the ray does not meet the box before `bound`.
     #[inline]
-    pub(crate) fn meet(&self, bounds: &Aabb, bound: f32) -> Option<BoxSpan> {
+    pub fn meet(&self, bounds: &Aabb, bound: f32) -> Option<BoxSpan> {
         let from_origin = |plane: &Point, axis: usize| plane[axis] - self.origin[axis];
         let mut farthest = 0.0_f32;
         for axis in 0..3 {

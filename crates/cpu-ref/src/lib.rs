@@ -37,7 +37,8 @@ mod tree;
 pub use crate::backend::CpuBackend;
 pub use accelerator::{Accelerator, reserve};
 pub use box_test::{
-    MAX_FINITE_PRODUCT_DISTANCE, MAX_PADDING_DISTANCE, MIN_DIRECTION, MIN_PADDING_DISTANCE, PAD,
+    BoxRay, BoxSpan, MAX_FINITE_PRODUCT_DISTANCE, MAX_PADDING_DISTANCE, MIN_DIRECTION,
+    MIN_PADDING_DISTANCE, PAD,
 };
 pub use bvh2::Bvh2;
 pub use exact::{DEPTH_ERROR, FILTER_UNDERFLOW_ERROR, SHEAR_ERROR};
