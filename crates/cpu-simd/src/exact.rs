@@ -7,7 +7,7 @@ use crate::leaf::{OfBlock, OfLane, TriangleRay, Triangles, edges, solve};
 use crate::packet::{self, PacketHits, PacketSearch, RayPacket};
 use crate::rays::{MOST_RAYS, OneRay};
 use crate::search::ClosestSearch;
-use crate::simd::{Isa, Lanes, PlaneVector, set_lanes};
+use crate::simd::{Isa, Lanes, PlaneVector, SetLanes};
 use crate::single::PlacedHit;
 use crate::tree::{Bvh8, LANES, NOWHERE, place};
 use crate::walk::{NodeRay, TraversalStack, Visitor, walk};
@@ -206,7 +206,7 @@ impl<I: Isa, R: Lanes> Visitor<I> for ExactClosestOfRay<'_, R> {
             return Some(bound);
         };
         let (low, high) = (possible.low.store(), possible.high.store());
-        for lane in set_lanes::<LANES>(possible.lanes) {
+        for lane in SetLanes::<LANES>(possible.lanes) {
             let (low, high) = (low[lane], high[lane]);
             if low > self.bound {
                 continue;

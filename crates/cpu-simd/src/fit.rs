@@ -1,7 +1,7 @@
 //! Preprocess and refit: computes corners and boxes from positions, block by block and node by node.
 
 use crate::boxes::{EightBoxes, FoldedBoxes, Sums};
-use crate::simd::{Eight, Isa, Lanes, PlaneVector, VectorWork, each, prefetch, set_lanes};
+use crate::simd::{Eight, Isa, Lanes, PlaneVector, SetLanes, VectorWork, each, prefetch};
 use crate::subtrees::{LevelPart, Subtrees};
 use crate::tree::{Bvh8, EMPTY, LANES, Link, Node8, TriangleBlock, set_bounds, triangle};
 use crate::units::scaled;
@@ -118,7 +118,7 @@ impl VectorWork for FitLevel<'_, '_> {
                     level.blocks[block].triangles = inputs.shape.blocks[block].triangles;
                 }
             }
-            for lane in set_lanes::<LANES>(u32::from(lanes)) {
+            for lane in SetLanes::<LANES>(u32::from(lanes)) {
                 let link = node.links[lane];
                 if link == Link::NONE {
                     continue;
@@ -225,7 +225,7 @@ fn hittable<L: Eight>(corners: &[[L; 3]; 3], count: u32, unhittable: &mut Unhitt
         return hittable;
     }
     let corners = each!(axis => each!(i => corners[i][axis].store()));
-    for lane in set_lanes::<LANES>(doubtful) {
+    for lane in SetLanes::<LANES>(doubtful) {
         if is_degenerate(&triangle(&corners, lane)) {
             unhittable.degenerate += 1;
         } else {

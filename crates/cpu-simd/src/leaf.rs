@@ -2,7 +2,7 @@
 //! one ray with eight triangles, or the rays of a packet with one triangle.
 
 use crate::rays::{MOST_RAYS, OneRay, PreparedRays};
-use crate::simd::{Lanes, each, set_lanes};
+use crate::simd::{Lanes, SetLanes, each};
 use crate::tree::{Bvh8, LANES};
 use crate::units::flushed;
 use cpu_ref::intersect::has_equal_signs;
@@ -290,7 +290,7 @@ fn resolve_zeros<L: Lanes>(lanes: u32, edges: &[L; 3], x: &[L; 3], y: &[L; 3]) -
 #[inline(never)]
 fn resolve_exactly<L: Lanes>(lanes: u32, [edges, x, y]: &[[L::Array; 3]; 3]) -> u32 {
     let mut hit = 0;
-    for lane in set_lanes::<MOST_RAYS>(lanes) {
+    for lane in SetLanes::<MOST_RAYS>(lanes) {
         let at = |of: &[L::Array; 3]| of.each_ref().map(|x| x.as_ref()[lane]);
         hit |= u32::from(has_equal_signs(&at(edges), &at(x), &at(y))) << lane;
     }

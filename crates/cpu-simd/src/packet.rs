@@ -8,7 +8,7 @@
 use crate::intersect::{AnyHitTest, AnyHits, LaneTest};
 use crate::leaf::{OfLane, TriangleRay};
 use crate::rays::{MOST_RAYS, PreparedRays};
-use crate::simd::{Halves, Isa, Lanes, PlaneVector, each, set_lanes};
+use crate::simd::{Halves, Isa, Lanes, PlaneVector, SetLanes, each};
 use crate::tree::{BoxPlanes, Bvh8, LANES, NOWHERE, TriangleBlock, place};
 use crate::walk::{BoxTest, MetBoxes, TraversalStack, Visitor, walk};
 use cpu_ref::scale::LEAST;
@@ -151,17 +151,8 @@ pub(crate) struct PacketHits<L: Lanes> {
     pub(crate) open: u32,
 }
 
-/// Parameters of an any-hit search with a packet.
-#[derive(Clone, Copy)]
-pub(crate) struct AnyQuery<'a> {
-    /// Lanes to search.
-    pub(crate) active: u32,
-    /// For each lane, the triangle that the ray ignores.
-    pub(crate) skipped: &'a [u32; MOST_RAYS],
-}
-
-/// The value of [`AnyQuery::skipped`] for rays that ignore no triangle.
-pub(crate) const NONE: [u32; MOST_RAYS] = [Hit::MISS.triangle; MOST_RAYS];
+/// The skipped triangle of each lane, for rays that skip no triangle.
+pub(crate) const NONE_SKIPPED: [u32; MOST_RAYS] = [Hit::MISS.triangle; MOST_RAYS];
 
 /// A search that tests the rays of a packet with one triangle at a time.
 pub(crate) trait PacketSearch<L> {
@@ -208,7 +199,7 @@ impl<I, L: Lanes, P: Halves, S: PacketSearch<L>> Visitor<I> for PacketVisitor<'_
         let lanes = within_reach(&tree.blocks[block], &packet.bundle, bound);
         self.budget = self.budget.checked_sub(lanes.count_ones())?;
         let mut changed = false;
-        for lane in set_lanes::<LANES>(lanes) {
+        for lane in SetLanes::<LANES>(lanes) {
             let triangle = OfLane { tree, block, lane };
             changed |= self.search.triangle(&packet.rays, triangle);
         }
@@ -244,27 +235,28 @@ pub(crate) fn closest<I: Isa, T: LaneTest>(
 /// apart, the packet's bounds are loose and it visits too many blocks.
 const BLOCK_BUDGET: u32 = 16;
 
-/// Returns the active lanes that hit any triangle except the skipped one. Returns `None` if tracing the rays singly is
-/// likely to be faster.
+/// Returns the active lanes that hit any triangle except the lane's skipped one. Returns `None` if tracing the rays
+/// singly is likely to be faster.
 #[inline(always)]
 pub(crate) fn any<I: Isa, T: AnyHitTest>(
     tree: &Bvh8,
     packet: &RayPacket<I::Packet, I::Planes>,
-    query: AnyQuery<'_>,
+    active: u32,
+    skipped: &[u32; MOST_RAYS],
     stack: &mut TraversalStack,
 ) -> Option<AnyHits> {
     let mut any = Any {
         tree,
         packet,
-        skipped: query.skipped,
-        left: query.active,
+        skipped,
+        left: active,
         open: 0,
         budget: BLOCK_BUDGET,
         test: PhantomData::<T>,
     };
     let ended = walk::<I>(tree, &packet.bundle, stack, &mut any);
     (!ended || any.left == 0).then_some(AnyHits {
-        hit: query.active & !any.left,
+        hit: active & !any.left,
         open: any.left & any.open,
     })
 }
@@ -295,7 +287,7 @@ impl<L: Lanes, T: LaneTest> PacketSearch<L> for ClosestOfPacket<'_, L, T> {
         };
         let place = place(triangle.block, triangle.lane);
         let mut better = L::bits(hits.t.less(best.t)) & hits.lanes;
-        for ray in set_lanes::<MOST_RAYS>(hits.lanes & !better) {
+        for ray in SetLanes::<MOST_RAYS>(hits.lanes & !better) {
             // At equal distance, the lower index wins.
             let other = best.places[ray];
             if other == NOWHERE || self.tree.triangle_at(place) < self.tree.triangle_at(other) {
@@ -336,9 +328,9 @@ impl<I, L: Lanes, P: Halves, T: AnyHitTest> Visitor<I> for Any<'_, L, P, T> {
         let tree = self.tree;
         let triangles = &tree.blocks[block].triangles;
         let lanes = within_reach(&tree.blocks[block], &self.packet.bundle, bound);
-        for lane in set_lanes::<LANES>(lanes) {
+        for lane in SetLanes::<LANES>(lanes) {
             let hits = T::any_hit(&self.packet.rays, &OfLane { tree, block, lane });
-            for ray in set_lanes::<MOST_RAYS>((hits.hit | hits.open) & self.left) {
+            for ray in SetLanes::<MOST_RAYS>((hits.hit | hits.open) & self.left) {
                 if self.skipped[ray] != triangles[lane] {
                     self.left &= !(hits.hit & 1 << ray);
                     self.open |= hits.open & 1 << ray;

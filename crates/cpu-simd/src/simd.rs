@@ -28,13 +28,7 @@ pub(crate) use each;
 
 /// The lanes that are set in a mask, in ascending order. `N` is a power of two that exceeds every lane, so that arrays
 /// of length `N` are accessed without a bounds check.
-pub(crate) struct SetLanes<const N: usize>(u32);
-
-/// Returns the lanes that are set in a mask.
-#[inline(always)]
-pub(crate) fn set_lanes<const N: usize>(mask: u32) -> SetLanes<N> {
-    SetLanes(mask)
-}
+pub(crate) struct SetLanes<const N: usize>(pub(crate) u32);
 
 impl<const N: usize> Iterator for SetLanes<N> {
     type Item = usize;

@@ -3,7 +3,7 @@
 use crate::intersect::{AnyHitTest, AnyHits, LaneTest};
 use crate::leaf::{OfBlock, TriangleHits, TriangleRay};
 use crate::rays::OneRay;
-use crate::simd::{Isa, Lanes, PlaneVector, set_lanes};
+use crate::simd::{Isa, Lanes, PlaneVector, SetLanes};
 use crate::tree::{Bvh8, LANES, Link, NOWHERE, place};
 use crate::walk::{BoxTest, DEEPEST, NodeRay, TraversalStack, Visitor, walk};
 use cpu_ref::scale::LEAST;
@@ -46,7 +46,7 @@ impl<R: Lanes, T> ClosestOfRay<'_, R, T> {
     fn take<L: Lanes<Array = [f32; LANES]>>(&mut self, block: usize, hits: &TriangleHits<L>) {
         let (t, u, v) = (hits.t.store(), hits.u.store(), hits.v.store());
         let triangles = &self.tree.blocks[block].triangles;
-        for lane in set_lanes::<LANES>(hits.lanes) {
+        for lane in SetLanes::<LANES>(hits.lanes) {
             let hit = Hit {
                 t: t[lane],
                 u: u[lane],

@@ -3,10 +3,10 @@
 use crate::exact::ExactFilter;
 use crate::intersect::AnyHits;
 use crate::light::{LaneAnswers, shadow_rays};
-use crate::packet::{self, AnyQuery, NONE, PacketHits, RayPacket};
+use crate::packet::{self, NONE_SKIPPED, PacketHits, RayPacket};
 use crate::rays::{COLUMNS, Cell, InputRays, MOST_RAYS, OneRay, PreparedRays};
 use crate::search::ClosestSearch;
-use crate::simd::{Isa, Lanes, Outlined, PlaneVector, VectorWork, each, set_lanes};
+use crate::simd::{Isa, Lanes, Outlined, PlaneVector, SetLanes, VectorWork, each};
 use crate::single;
 use crate::tiles::{Tiles, fill};
 use crate::tree::{Bvh8, NOWHERE};
@@ -65,15 +65,6 @@ struct LaneBatch<'a, L> {
     active: u32,
 }
 
-/// Rays of a [filter](ClosestSearch::IS_FILTER), whose hits `cpu-ref` must compute.
-struct Unreported {
-    rays: [Ray; MOST_RAYS],
-    /// Lanes with a ray.
-    active: u32,
-    /// Lanes that the filter cannot decide.
-    open: u32,
-}
-
 impl<'a, T: ClosestSearch> WideTracer<'a, T> {
     fn new(tracer: &'a QueryTracer<'a>, tree: &'a Bvh8) -> Self {
         Self {
@@ -125,18 +116,13 @@ impl<'a, T: ClosestSearch> WideTracer<'a, T> {
             if let Some(hits) = hits {
                 let mut answers = self.unpack::<I>(&hits, I::Packet::load(&group.back));
                 if T::IS_FILTER {
-                    let unreported = Unreported {
-                        rays: rays.rays(),
-                        active,
-                        open: hits.open,
-                    };
-                    self.report(&unreported, &mut answers);
+                    self.report(&rays.rays(), active, hits.open, &mut answers);
                 }
                 return answers;
             }
         }
         let (mut answers, mut open) = (LaneAnswers::NOTHING, 0);
-        for lane in set_lanes::<MOST_RAYS>(active) {
+        for lane in SetLanes::<MOST_RAYS>(active) {
             if group.ready >> lane & 1 == 1 {
                 let group = &group;
                 let ray = OneRay { group, lane };
@@ -152,22 +138,18 @@ impl<'a, T: ClosestSearch> WideTracer<'a, T> {
             }
         }
         if T::IS_FILTER {
-            let unreported = Unreported {
-                rays: rays.rays(),
-                active: active & group.ready,
-                open,
-            };
-            self.report(&unreported, &mut answers);
+            self.report(&rays.rays(), active & group.ready, open, &mut answers);
         }
         answers
     }
 
-    /// Computes the hits of a filter with `cpu-ref`. Rays of open lanes are traced again.
+    /// Computes the hits of a [filter](ClosestSearch::IS_FILTER) with `cpu-ref`, in the active lanes. The filter cannot
+    /// decide open lanes, so their rays are traced again.
     #[inline(never)]
-    fn report(&self, hits: &Unreported, answers: &mut LaneAnswers) {
-        for lane in set_lanes::<MOST_RAYS>(hits.active) {
-            let (ray, place) = (&hits.rays[lane], answers.places[lane]);
-            if hits.open >> lane & 1 == 1 {
+    fn report(&self, rays: &[Ray; MOST_RAYS], active: u32, open: u32, answers: &mut LaneAnswers) {
+        for lane in SetLanes::<MOST_RAYS>(active) {
+            let (ray, place) = (&rays[lane], answers.places[lane]);
+            if open >> lane & 1 == 1 {
                 answers.hits[lane] = self.closest_unusual(ray);
                 answers.places[lane] = NOWHERE;
             } else if place != NOWHERE {
@@ -194,15 +176,14 @@ impl<'a, T: ClosestSearch> WideTracer<'a, T> {
             None
         };
         if let Some(packet) = packet {
-            let query = AnyQuery { active, skipped };
-            let found = packet::any::<I, T>(tree, &packet, query, stack);
+            let found = packet::any::<I, T>(tree, &packet, active, skipped, stack);
             any.record(found.is_some());
             if let Some(hits) = found {
                 return self.decide(batch, hits, skipped);
             }
         }
         let mut all = AnyHits::default();
-        for lane in set_lanes::<MOST_RAYS>(active) {
+        for lane in SetLanes::<MOST_RAYS>(active) {
             if group.ready >> lane & 1 == 1 {
                 let group = &group;
                 let ray = OneRay { group, lane };
@@ -226,7 +207,7 @@ impl<'a, T: ClosestSearch> WideTracer<'a, T> {
         skipped: &[u32; MOST_RAYS],
     ) -> u32 {
         let mut hit = hits.hit;
-        for lane in set_lanes::<MOST_RAYS>(hits.open) {
+        for lane in SetLanes::<MOST_RAYS>(hits.open) {
             let found = self.any_unusual(&batch.rays.ray(lane), batch.scale, skipped[lane]);
             hit |= u32::from(found) << lane;
         }
@@ -342,7 +323,7 @@ impl<T: ClosestSearch> TilesTask<'_, '_, T> {
     /// Writes the answers of the cell at `at`.
     #[inline(always)]
     fn write(&mut self, cell: &Cell, at: [usize; 2], found: &LaneAnswers) {
-        for lane in set_lanes::<MOST_RAYS>(cell.active) {
+        for lane in SetLanes::<MOST_RAYS>(cell.active) {
             let (x, y) = (at[0] + lane % COLUMNS, at[1] + lane / COLUMNS);
             self.tiles.set(x, y, found.result(lane));
         }
@@ -376,7 +357,7 @@ impl<I: Isa, T: ClosestSearch> Outlined<I> for AnswerLanes<'_, '_, I::Packet, T>
         };
         if query.kind == QueryKind::Any {
             let mut answers = LaneAnswers::NOTHING;
-            answers.blocked = tracer.any::<I>(&batch, &NONE, state);
+            answers.blocked = tracer.any::<I>(&batch, &NONE_SKIPPED, state);
             return answers;
         }
         let mut answers = tracer.closest::<I>(&batch, state);
@@ -394,7 +375,7 @@ impl<I: Isa, T: ClosestSearch> Outlined<I> for AnswerLanes<'_, '_, I::Packet, T>
             scale: Scale::ONE,
             active: hit,
         };
-        let mut skipped = NONE;
+        let mut skipped = NONE_SKIPPED;
         for (skipped, hit) in skipped.iter_mut().zip(&answers.hits) {
             *skipped = hit.triangle;
         }

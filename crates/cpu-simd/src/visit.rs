@@ -2,7 +2,7 @@
 
 use crate::leaf::{OfBlock, TriangleRay};
 use crate::rays::{OneRay, PreparedRays};
-use crate::simd::{Isa, Lanes, VectorWork, set_lanes};
+use crate::simd::{Isa, Lanes, SetLanes, VectorWork};
 use crate::tree::{Bvh8, LANES, Link, bounds};
 use crate::walk::{NodeRay, TraversalStack, Visitor, walk};
 use cpu_ref::scale::PreparedRay;
@@ -75,7 +75,7 @@ impl<I, L: Lanes<Array = [f32; LANES]>> Visitor<I> for TriangleByTriangle<'_, '_
         let spans = self.ray.spans(OfBlock { tree, block }, bound);
         let (entries, exits) = (spans.entry.store(), spans.exit.store());
         let block = &tree.blocks[block];
-        for lane in set_lanes::<LANES>(spans.lanes) {
+        for lane in SetLanes::<LANES>(spans.lanes) {
             let (entry, exit) = (entries[lane], exits[lane]);
             if entry <= bound {
                 let visited = VisitedTriangle {

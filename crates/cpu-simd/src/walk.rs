@@ -2,7 +2,7 @@
 
 use crate::leaf::slack;
 use crate::rays::OneRay;
-use crate::simd::{Eight, Isa, Lanes, each, set_lanes};
+use crate::simd::{Eight, Isa, Lanes, SetLanes, each};
 use crate::tree::{BoxPlanes, Bvh8, LANES, Link, Node8};
 use bvh_build::MAX_DEPTH;
 
@@ -116,7 +116,7 @@ impl<L: Lanes> NodeRay<L> {
     /// Returns the distances to near and far planes of boxes, with the operations of the box test in `cpu-ref`. These
     /// are conservative: a box's `D` is at least that of any contained box, and every operation is monotone.
     #[inline(always)]
-    fn spans_apart(&self, at: [[L; 2]; 3]) -> [[L; 2]; 3] {
+    fn spans_with_own_padding(&self, at: [[L; 2]; 3]) -> [[L; 2]; 3] {
         let from = each!(axis => {
             let ([near, far], origin) = (at[axis], self.origin[axis]);
             [near.sub(origin), far.sub(origin)]
@@ -145,7 +145,7 @@ impl<L: Eight> BoxTest<L> for NodeRay<L> {
         });
         let [n, f] = [0, 1];
         let t = if self.spread {
-            self.spans_apart(at)
+            self.spans_with_own_padding(at)
         } else {
             each!(axis => {
                 let ([near, far], r) = (at[axis], self.inverse[axis]);
@@ -242,7 +242,7 @@ fn nearest<L: Lanes<Array = [f32; LANES]>>(
     let link = |lane: usize| PendingLink::new(node.links[lane], entries[lane]);
     let mut next = link(met.lanes.trailing_zeros() as usize % LANES);
     tree.prefetch(next.link());
-    for lane in set_lanes::<LANES>(met.lanes & (met.lanes - 1)) {
+    for lane in SetLanes::<LANES>(met.lanes & (met.lanes - 1)) {
         let other = link(lane);
         tree.prefetch(other.link());
         pending.insert(base, next.max(other));

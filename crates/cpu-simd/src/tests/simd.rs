@@ -1,6 +1,6 @@
 //! Tests that every instruction set gives the same results as the portable one.
 
-use crate::simd::{Eight, Halves, InstructionSet, Isa, Lanes, Plain, PlaneVector, VectorWork};
+use crate::simd::{Eight, Halves, InstructionSet, Isa, Lanes, PlaneVector, VectorWork};
 use bvh_layout::Link;
 use geom::Point;
 
@@ -150,15 +150,4 @@ fn instruction_sets_give_identical_bits() {
             "{instruction_set:?}"
         );
     }
-}
-
-#[test]
-fn mask_bits_follow_lane_order() {
-    let a = Plain::<8>::load(&[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
-    let below = Plain::<8>::bits(a.less(Plain::splat(3.0)));
-    assert_eq!(below, 0b111);
-    let kept = Plain::splat(9.0)
-        .replace(Plain::<8>::mask(below), a)
-        .store();
-    assert_eq!(kept, [0.0, 1.0, 2.0, 9.0, 9.0, 9.0, 9.0, 9.0]);
 }
