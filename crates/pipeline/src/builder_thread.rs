@@ -50,9 +50,9 @@ impl BuilderThread {
         }
     }
 
-    /// Returns whether the thread was ever started.
+    /// Returns whether the thread was started.
     #[cfg(test)]
-    pub(crate) fn is_open(&self) -> bool {
+    pub(crate) fn is_started(&self) -> bool {
         self.thread.is_some()
     }
 
@@ -157,7 +157,7 @@ mod tests {
             assert!(job.input.is_compared, "planted");
             Err("planted".into())
         });
-        assert!(!thread.is_open() && thread.try_take().is_none());
+        assert!(!thread.is_started() && thread.try_take().is_none());
         for (is_compared, why) in [(false, "the builder panicked"), (true, "planted")] {
             thread.start(job(is_compared)).unwrap();
             assert_eq!(thread.take().unwrap_err(), why);

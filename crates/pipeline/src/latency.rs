@@ -139,8 +139,8 @@ impl LatencyPredictor {
         self.in_use(0.5)
     }
 
-    /// Returns the middles of the first and of the second half of the time in which a tree requested now is used.
-    pub(crate) fn half_midpoints_of_use(&self) -> [f64; 2] {
+    /// Returns the times at one quarter and at three quarters of the time in which a tree requested now is used.
+    pub(crate) fn swept_times(&self) -> [f64; 2] {
         [0.25, 0.75].map(|share| self.in_use(share))
     }
 
@@ -150,9 +150,9 @@ impl LatencyPredictor {
         self.ahead(latency + share * (latency - 1.0).max(0.0))
     }
 
-    /// Returns the middles of the first and of the second half of the interval that the first tree is built for. The
+    /// Returns the times at one quarter and at three quarters of the interval that the first tree is built for. The
     /// length of the interval is fixed, because the time of use is unknown. Returns `None` at the end of the range.
-    pub(crate) fn half_midpoints_of_first_use(&self) -> Option<[f64; 2]> {
+    pub(crate) fn swept_times_of_first_tree(&self) -> Option<[f64; 2]> {
         let left = FIRST_USE.min(self.range[1] - self.time);
         (left > 0.0).then(|| [0.25, 0.75].map(|share| self.time + share * left))
     }
@@ -200,10 +200,7 @@ mod tests {
         f.observe_latency(4, BuildStrategy::Scratch);
         // The tree is adopted after 4 frames and used for frames 4 to 7 from now.
         assert_eq!(f.target_time(), 1.0 + 5.5 * 0.5);
-        assert_eq!(
-            f.half_midpoints_of_use(),
-            [1.0 + 4.75 * 0.5, 1.0 + 6.25 * 0.5]
-        );
+        assert_eq!(f.swept_times(), [1.0 + 4.75 * 0.5, 1.0 + 6.25 * 0.5]);
         // The mean latency is 6: the tree is used for frames 6 to 11.
         f.observe_latency(8, BuildStrategy::Scratch);
         assert_eq!(f.target_time(), 1.0 + 8.5 * 0.5);
@@ -264,7 +261,7 @@ mod tests {
 
     #[test]
     fn first_use_is_clamped_to_range() {
-        let at = |time| watching([0.0, 9.0], None, &[time]).half_midpoints_of_first_use();
+        let at = |time| watching([0.0, 9.0], None, &[time]).swept_times_of_first_tree();
         assert_eq!(at(2.0), Some([2.25, 2.75]));
         let left = [0.25, 0.75].map(|share| 8.8 + share * (9.0 - 8.8));
         assert_eq!(at(8.8), Some(left));
@@ -317,6 +314,6 @@ mod tests {
             assert_eq!(f.target_time(), middle, "{times:?}");
         }
         let back = watching([2.0, 9.0], Some(10), &[4.0, 3.0]);
-        assert_eq!(back.half_midpoints_of_use(), [2.0; 2]);
+        assert_eq!(back.swept_times(), [2.0; 2]);
     }
 }

@@ -21,7 +21,7 @@ pub(crate) use pose_source::pose_between;
 use pose_source::{PoseSource, blend, store};
 use rayon::prelude::*;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Source of the vertices of a build.
 pub(crate) enum Vertices {
@@ -43,20 +43,12 @@ pub(crate) struct Built {
     pub(crate) next: BuildStrategy,
     /// Whether it was built for the last observed positions instead of the requested time.
     pub(crate) gave_up_extrapolation: bool,
-    pub(crate) timestamps: BuildTimestamps,
-}
-
-/// Times of the stages of a build, on the host's clock, in order.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct BuildTimestamps {
-    /// The builder received the vertices, or key frames to blend.
-    pub(crate) started: Instant,
-    /// The binary tree was complete.
-    pub(crate) built: Instant,
-    /// The tree's cost was known, and the current tree's cost if both are compared.
-    pub(crate) costs_known: Instant,
-    /// The topology was complete.
-    pub(crate) ended: Instant,
+    /// Duration from the start of the build, with the blend of key frames, to the complete binary tree.
+    pub(crate) build_time: Duration,
+    /// Duration of the conversion to a topology.
+    pub(crate) convert_time: Duration,
+    /// Duration of the build, the computation of costs and the conversion.
+    pub(crate) total_time: Duration,
 }
 
 /// Builds trees and converts them. Keeps its memory between builds.
@@ -136,7 +128,7 @@ impl TreeBuilder {
 
     /// Builds a tree from `input` and converts it.
     ///
-    /// With [`BuildInput::half_midpoints`], the tree is built over boxes that contain each triangle at both poses, so it
+    /// With [`BuildInput::swept_poses`], the tree is built over boxes that contain each triangle at both poses, so it
     /// separates triangles that move apart. Its cost is always measured at the vertices of `input`.
     ///
     /// A tree that is compared with the last tree is built from subtrees of the last tree, which is faster. It is built
@@ -163,10 +155,10 @@ impl TreeBuilder {
             BuildStrategy::Scratch
         };
         if is_compared && !self.degradation.is_fast {
-            input.half_midpoints = None;
+            input.swept_poses = None;
         }
         let costs = self.build_tree(source, &input, strategy, cancel)?;
-        let built = Instant::now();
+        let build_time = started.elapsed();
         let cost = if is_compared {
             let costs = costs.unwrap_or_else(|| self.costs());
             self.degradation.observe(costs);
@@ -174,21 +166,19 @@ impl TreeBuilder {
         } else {
             sah_cost(&self.tree, &self.boxes[..])
         };
-        let costs_known = Instant::now();
+        let convert_started = Instant::now();
         let topology = self.convert(animation);
         std::mem::swap(&mut self.tree, &mut self.last);
+        let ended = Instant::now();
         Ok(Built {
             topology,
             cost,
             strategy,
             next: self.degradation.strategy(),
             gave_up_extrapolation,
-            timestamps: BuildTimestamps {
-                started,
-                built,
-                costs_known,
-                ended: Instant::now(),
-            },
+            build_time,
+            convert_time: ended - convert_started,
+            total_time: ended - started,
         })
     }
 
@@ -210,7 +200,7 @@ impl TreeBuilder {
         if self.extrapolation.observe(seen.key_frames(), times) {
             return Ok(false);
         }
-        (pose.alpha, input.half_midpoints) = (1.0, None);
+        (pose.alpha, input.swept_poses) = (1.0, None);
         Ok(true)
     }
 
@@ -220,7 +210,7 @@ impl TreeBuilder {
         leaves > 0 && leaves == animation.live_count()
     }
 
-    /// Builds a tree from the vertices of `input`. If `input` has half midpoints, builds the tree over boxes that
+    /// Builds a tree from the vertices of `input`. If `input` has swept poses, builds the tree over boxes that
     /// contain each triangle at both poses, and then computes the boxes at the vertices. A build from subtrees does not
     /// update the boxes, unless the format is [`TreeFormat::WideBlocks`]. Returns the costs at the vertices if the
     /// build computed them.
@@ -232,8 +222,8 @@ impl TreeBuilder {
         cancel: &Cancel,
     ) -> Result<Option<TreeCosts>, BuildError> {
         let vertices = &input.vertices;
-        if let Some(half_midpoints) = input.half_midpoints {
-            self.compute_swept_boxes(source, half_midpoints)?;
+        if let Some(swept_poses) = input.swept_poses {
+            self.compute_swept_boxes(source, swept_poses)?;
             self.build_over_boxes(strategy, cancel)?;
             self.compute_boxes(source, vertices)?;
             return Ok(None);

@@ -101,20 +101,4 @@ mod tests {
             assert_eq!(verdict(Some(costlier), Some(2.0), Some(1.0)), Verdict::Wait);
         }
     }
-
-    #[test]
-    fn rules_without_prediction_approach_no_target() {
-        for (policy, predict, builds_ahead) in [
-            (Policy::Async, true, true),
-            (Policy::Async, false, false),
-            (Policy::Lockstep(0), true, false),
-            (Policy::Lockstep(2), true, true),
-        ] {
-            let rule = AdoptionRule::of(policy, predict);
-            assert_eq!(rule.builds_ahead, builds_ahead, "{policy:?}");
-            let evaluation = rule.evaluation(0, Pose::default(), Some(1.0));
-            assert_eq!(evaluation.approach.is_some(), builds_ahead);
-        }
-        assert!(!AdoptionRule::of(Policy::Lockstep(2), true).by_cost);
-    }
 }

@@ -16,8 +16,9 @@ pub(super) struct Request {
     pub(super) pose: Pose,
     /// Middle of the expected time of use, in key frames.
     pub(super) target_time: f64,
-    /// Middles of the first and of the second half of the expected time of use, in key frames.
-    pub(super) half_midpoints: [f64; 2],
+    /// Times at one quarter and at three quarters of the expected time of use, in key frames. If trees are adopted by
+    /// cost, the tree is built over both.
+    pub(super) swept_times: [f64; 2],
 }
 
 /// Positions that a build from two observed frames waits for.
@@ -246,7 +247,7 @@ mod tests {
             time: 1.0,
             pose: Pose { key: 5, alpha: 0.0 },
             target_time: TARGET,
-            half_midpoints: [4.0, 6.0],
+            swept_times: [4.0, 6.0],
         }
     }
 
@@ -363,7 +364,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tree_that_was_not_extrapolated_is_for_the_positions_seen_last() {
+    fn failed_extrapolation_targets_last_observed_time() {
         for (gave_up_extrapolation, target) in [(false, TARGET), (true, OBSERVED)] {
             let built = Built {
                 gave_up_extrapolation,

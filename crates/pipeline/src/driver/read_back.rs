@@ -85,7 +85,7 @@ impl Driver {
             && observation.second_time.is_none()
             && let Some(positions) = observation.first.take()
         {
-            self.start_build(Vertices::ReadBack(positions))?;
+            self.start_build(BuildInput::of(Vertices::ReadBack(positions)))?;
         }
         Ok(())
     }
@@ -94,7 +94,7 @@ impl Driver {
     /// first until those of the second arrive.
     fn take_read_back(&mut self, positions: Snapshot) -> Result<(), PipelineError> {
         if !self.observes_two_frames() {
-            return self.start_build(Vertices::ReadBack(positions));
+            return self.start_build(BuildInput::of(Vertices::ReadBack(positions)));
         }
         let NextTreeState::Requested(request, observation) = &mut self.trees.next else {
             return Ok(());
@@ -107,13 +107,13 @@ impl Driver {
         let times = [request.time, second_time];
         let at = |time| pose_between(times, time);
         let input = BuildInput {
-            half_midpoints: Some(request.half_midpoints.map(at)),
+            swept_poses: Some(request.swept_times.map(at)),
             observed: Some(Observed {
                 frames: [earlier, positions],
                 times,
             }),
             ..BuildInput::of(Vertices::KeyFrames(at(request.target_time)))
         };
-        self.start_build_of(input)
+        self.start_build(input)
     }
 }

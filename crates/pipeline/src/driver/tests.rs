@@ -130,7 +130,7 @@ fn render(
 
 /// Drops the driver with its fake.
 fn end(driver: Driver, log: Arc<Mutex<Log>>, records: Vec<PlayedFrame>) -> Run {
-    let built = driver.builder.thread.is_open();
+    let built = driver.builder.thread.is_started();
     drop(driver);
     Run {
         records,
@@ -214,13 +214,13 @@ fn rebuild_uses_one_tree_per_frame() {
 fn device_rebuild_needs_no_host_builder() {
     let r = run(9, 8, Policy::DeviceRebuild, Some(0));
     assert!(!r.built && r.log.adopted.is_empty() && r.log.requested == 0);
-    assert_eq!(r.log.made, (1..9).map(Generation).collect::<Vec<_>>());
+    assert_eq!(r.log.rebuilt, (1..9).map(Generation).collect::<Vec<_>>());
     assert_eq!(r.log.interpolated, 8);
     let own =
         |f: &PlayedFrame| f.tree.adopted && f.tree.age_frames == 0 && f.tree.sah_ratio == Some(1.0);
     assert!(r.records.iter().all(own));
     let r = run(1, 5, Policy::DeviceRebuild, Some(0));
-    assert_eq!((r.log.made.len(), r.log.interpolated), (1, 1));
+    assert_eq!((r.log.rebuilt.len(), r.log.interpolated), (1, 1));
     assert!(r.records[0].tree.adopted && !r.records[1].tree.adopted);
 }
 
@@ -268,7 +268,7 @@ fn trees_for(by: Config, kind: impl Fn(u64) -> QueryKind) -> Vec<Arc<BinaryTree>
             .unwrap();
     }
     drop(driver);
-    read(log).trees
+    read(log).adopted_trees
 }
 
 #[test]

@@ -201,11 +201,17 @@ impl Driver {
             let built = self.build_now(request, None)?;
             return built.map_or(Ok(()), |tree| self.adopt(tree));
         }
+        let swept_times = request.swept_times;
         self.trees.next.advance(Event::Requested(request));
-        if self.predicts() {
-            self.start_build(Vertices::KeyFrames(pose))?;
+        if !self.predicts() {
+            return Ok(());
         }
-        Ok(())
+        let is_swept = self.adoption_rule().by_cost;
+        let input = BuildInput {
+            swept_poses: is_swept.then(|| self.poses(swept_times)),
+            ..BuildInput::of(Vertices::KeyFrames(pose))
+        };
+        self.start_build(input)
     }
 
     /// Builds the first tree while the first frame waits.
@@ -213,18 +219,13 @@ impl Driver {
         let mut request = self.request(FIRST, pose);
         // With a prediction, the first tree is built for a time interval instead of one frame.
         let ahead = self.predicts() && self.adoption_rule().by_cost;
-        let half_midpoints = self
-            .predictor
-            .half_midpoints_of_first_use()
-            .filter(|_| ahead);
-        if let Some([a, b]) = half_midpoints {
+        let swept_times = self.predictor.swept_times_of_first_tree().filter(|_| ahead);
+        if let Some([a, b]) = swept_times {
             request.target_time = f64::midpoint(a, b);
         }
-        let built = self.build_now(request, half_midpoints.map(|times| self.poses(times)))?;
+        let built = self.build_now(request, swept_times.map(|times| self.poses(times)))?;
         let tree = built.map_err(PipelineError::FirstTree)?;
-        let timestamps = &tree.built.timestamps;
-        let duration = timestamps.ended - timestamps.started;
-        self.predictor.observe_first_build(duration);
+        self.predictor.observe_first_build(tree.built.total_time);
         self.adopt(tree)
     }
 
@@ -235,25 +236,12 @@ impl Driver {
             time: self.recording.record.frame.time,
             pose,
             target_time: self.predictor.target_time(),
-            half_midpoints: self.predictor.half_midpoints_of_use(),
+            swept_times: self.predictor.swept_times(),
         }
     }
 
-    /// Starts the build of the requested tree.
-    pub(super) fn start_build(&mut self, vertices: Vertices) -> Result<(), PipelineError> {
-        let request = self.trees.next.request();
-        let half_midpoints = request.map(|request| request.half_midpoints);
-        let half_midpoints =
-            half_midpoints.filter(|_| self.predicts() && self.adoption_rule().by_cost);
-        let input = BuildInput {
-            half_midpoints: half_midpoints.map(|times| self.poses(times)),
-            ..BuildInput::of(vertices)
-        };
-        self.start_build_of(input)
-    }
-
     /// Starts the build of the requested tree from this input.
-    pub(super) fn start_build_of(&mut self, mut input: BuildInput) -> Result<(), PipelineError> {
+    pub(super) fn start_build(&mut self, mut input: BuildInput) -> Result<(), PipelineError> {
         let NextTreeState::Requested(request, observation) = &self.trees.next else {
             return Ok(());
         };
@@ -318,18 +306,18 @@ impl Driver {
         }
     }
 
-    /// Builds a tree while the frame waits, from the backend's positions at the request's pose. With `half_midpoints`,
+    /// Builds a tree while the frame waits, from the backend's positions at the request's pose. With `swept_poses`,
     /// the tree is built over boxes that contain each triangle at both poses.
     fn build_now(
         &mut self,
         request: Request,
-        half_midpoints: Option<[Pose; 2]>,
+        swept_poses: Option<[Pose; 2]>,
     ) -> Result<BuildResult<CandidateTree>, PipelineError> {
         let positions = self.read_now(request.pose)?;
         self.recording.pose = Some(request.pose);
         let start = Instant::now();
         let input = BuildInput {
-            half_midpoints,
+            swept_poses,
             ..BuildInput::of(Vertices::ReadBack(positions))
         };
         let built = self.builder.build_now(Job {
@@ -351,10 +339,10 @@ impl Driver {
             target_time: request.target_time,
             cost: built.cost,
         });
-        let (stats, timestamps) = (&mut self.recording.record.tree, built.timestamps);
+        let stats = &mut self.recording.record.tree;
         stats.adopted = true;
-        stats.build_ms = Some(ms(timestamps.built - timestamps.started));
-        stats.convert_ms = Some(ms(timestamps.ended - timestamps.costs_known));
+        stats.build_ms = Some(ms(built.build_time));
+        stats.convert_ms = Some(ms(built.convert_time));
         stats.upload_bytes = built.topology.upload_bytes() as u64;
         self.builder.recycle(built.topology);
         self.trees.no_better_at = None;

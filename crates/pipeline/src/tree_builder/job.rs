@@ -8,8 +8,9 @@ use geom::{Point, Pose};
 pub(crate) struct BuildInput {
     /// Source of the vertices.
     pub(crate) vertices: Vertices,
-    /// Poses at the middles of the first and of the second half of the tree's expected use, if known.
-    pub(crate) half_midpoints: Option<[Pose; 2]>,
+    /// Poses at one quarter and at three quarters of the tree's expected use. If set, the tree is built over boxes that
+    /// contain each triangle at both.
+    pub(crate) swept_poses: Option<[Pose; 2]>,
     /// Positions that all poses refer to, if they do not refer to key frames.
     pub(crate) observed: Option<Observed>,
     /// Whether the tree is compared with the last one, because it is adopted only if it costs less.
@@ -21,7 +22,7 @@ impl BuildInput {
     pub(crate) fn of(vertices: Vertices) -> Self {
         Self {
             vertices,
-            half_midpoints: None,
+            swept_poses: None,
             observed: None,
             is_compared: false,
         }

@@ -51,7 +51,7 @@ fn swept(a: &Animation, times: [f64; 2]) -> Vec<Aabb> {
 }
 
 /// Returns a tree over `boxes`, built from subtrees of `last`.
-fn of_groups(last: &BinaryTree, boxes: &[Aabb]) -> BinaryTree {
+fn rebuilt_from_subtrees(last: &BinaryTree, boxes: &[Aabb]) -> BinaryTree {
     let mut tree = BinaryTree::default();
     let (mut builder, cancel) = (SahBuilder::default(), Cancel::new());
     let last = MovedTree { tree: last, boxes };
@@ -77,10 +77,10 @@ impl Course {
     }
 
     /// Builds a tree for one time or over two times.
-    fn build(&mut self, time: f64, half_midpoints: Option<[f64; 2]>, is_compared: bool) -> Built {
+    fn build(&mut self, time: f64, swept_times: Option<[f64; 2]>, is_compared: bool) -> Built {
         let pose = |time| self.animation.pose(time);
         let input = BuildInput {
-            half_midpoints: half_midpoints.map(|h| h.map(pose)),
+            swept_poses: swept_times.map(|times| times.map(pose)),
             is_compared,
             ..BuildInput::of(Vertices::KeyFrames(pose(time)))
         };
@@ -109,7 +109,7 @@ impl Course {
 fn reuses_subtrees_until_trees_are_stable() {
     let mut course = Course::over(clumps(), TreeFormat::Binary);
     let [last, tree] = course.next(1.0);
-    assert_eq!(tree, of_groups(&last, &course.boxes(1.0)));
+    assert_eq!(tree, rebuilt_from_subtrees(&last, &course.boxes(1.0)));
     assert_ne!(tree, BinaryTree::over(&course.boxes(1.0)[..]));
     // At the same time, the last tree costs as little as the new one, so `is_slow` becomes true.
     course.next(1.0);
@@ -121,7 +121,7 @@ fn reuses_subtrees_until_trees_are_stable() {
     assert_eq!(tree, BinaryTree::over(&course.boxes(2.0)[..]));
     let [last, tree] = course.next(3.0);
     let boxes = swept(&course.animation, [2.625, 3.0]);
-    assert_eq!(tree, of_groups(&last, &boxes));
+    assert_eq!(tree, rebuilt_from_subtrees(&last, &boxes));
     assert_ne!(tree, BinaryTree::over(&boxes[..]));
 }
 
@@ -165,15 +165,15 @@ fn optional_forms_do_not_change_trees() {
 #[test]
 fn cost_is_measured_at_the_pose() {
     let mut course = Course::over(clumps(), TreeFormat::Binary);
-    let half_midpoints = [0.25, 0.75];
-    let built = course.build(0.0, Some(half_midpoints), false);
+    let swept_times = [0.25, 0.75];
+    let built = course.build(0.0, Some(swept_times), false);
     let last = &course.builder.last;
-    let boxes = swept(&course.animation, half_midpoints);
+    let boxes = swept(&course.animation, swept_times);
     assert_eq!(**last, BinaryTree::over(&boxes[..]));
     assert_eq!(built.cost, sah_cost(last, &course.boxes(0.0)[..]));
     for time in [1.0, 2.0] {
-        let half_midpoints = Some([time - 0.375, time]);
-        let cost = course.build(time, half_midpoints, true).cost;
+        let swept_times = Some([time - 0.375, time]);
+        let cost = course.build(time, swept_times, true).cost;
         let found = sah_cost(&course.builder.last, &course.boxes(time)[..]);
         assert!((cost / found - 1.0).abs() < 1e-9, "{cost} {found}");
     }
@@ -198,7 +198,7 @@ fn observed(course: &mut Course, places: [f64; 2], times: [f64; 2], middle: f64)
     let pose = pose_between(times, middle);
     let input = BuildInput {
         vertices: Vertices::KeyFrames(pose),
-        half_midpoints: Some([pose; 2]),
+        swept_poses: Some([pose; 2]),
         observed: Some(Observed {
             frames: seen,
             times,

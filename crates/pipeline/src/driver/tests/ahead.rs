@@ -25,12 +25,12 @@ fn lockstep_builds_for_middle_of_use() {
     let run = run_scene(&animation, 29, (lockstep(3), true), None);
     let tree_at = |time| tree_at(&animation, time, None);
     // Trees are requested in frames 1, 4 and so on. Each is used from the 3rd to the 5th frame after its request.
-    for (i, tree) in run.log.trees[1..].iter().enumerate() {
+    for (i, tree) in run.log.adopted_trees[1..].iter().enumerate() {
         let middle = (1 + 3 * i + 4) as f64;
         assert!(*tree == tree_at(middle), "tree {i}");
         assert!(*tree != tree_at(middle - 4.0));
     }
-    assert!(run.log.trees.len() > 8);
+    assert!(run.log.adopted_trees.len() > 8);
 }
 
 const FREE: Config = (Policy::Async, true);
@@ -89,21 +89,21 @@ fn distant_tree_yields_to_newer_request() {
     assert!(run.records[4].tree.adopted);
     assert_eq!(moment(&run.records[4]), 1.5);
     // A run without the rejected tree builds the same one, from subtrees of the current tree.
-    assert!(run.log.trees[1] == early(2, 1).log.trees[1]);
+    assert!(run.log.adopted_trees[1] == early(2, 1).log.adopted_trees[1]);
 }
 
 #[test]
 fn first_tree_spans_a_key_interval() {
     let animation = shuffled(30, 64);
-    let half_midpoints = [0.25, 0.75].map(|time| animation.pose(time));
+    let swept_poses = [0.25, 0.75].map(|time| animation.pose(time));
     let own = BuildInput {
-        half_midpoints: Some(half_midpoints),
+        swept_poses: Some(swept_poses),
         ..BuildInput::of(at(&animation, 0.0))
     };
     let swept = binary(TreeBuilder::default().build(&animation, own, &Cancel::new()));
     let plain = tree_at(&animation, 0.0, None);
     assert_ne!(swept, plain);
-    let first = |policy| run_scene(&animation, 5, policy, Some(1)).log.trees[0].clone();
+    let first = |policy| run_scene(&animation, 5, policy, Some(1)).log.adopted_trees[0].clone();
     assert_eq!(first(FREE), swept);
     let others = [lockstep(2), Policy::Rebuild, Policy::Refit].map(|update| (update, true));
     for policy in others.into_iter().chain([(FREE.0, false)]) {
@@ -188,8 +188,8 @@ fn lockstep_adopts_trees_without_evaluation() {
         assert_eq!(
             play_measured((lockstep(2), false), 59, knows_key_frames)
                 .log
-                .trees,
-            run.log.trees
+                .adopted_trees,
+            run.log.adopted_trees
         );
     }
 }

@@ -11,7 +11,7 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
 thread_local! {
-    static TAKEN: Cell<u64> = const { Cell::new(0) };
+    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
 }
 
 /// Counts the allocations of each thread.
@@ -20,7 +20,7 @@ struct Counting;
 // SAFETY: every call is forwarded to the system's allocator; counting allocates no memory itself.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        TAKEN.with(|n| n.set(n.get() + 1));
+        ALLOCATIONS.with(|n| n.set(n.get() + 1));
         // SAFETY: the caller guarantees what `GlobalAlloc` requires, and the system's allocator requires the same.
         unsafe { System.alloc(layout) }
     }
@@ -31,7 +31,7 @@ unsafe impl GlobalAlloc for Counting {
     }
 
     unsafe fn realloc(&self, at: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        TAKEN.with(|n| n.set(n.get() + 1));
+        ALLOCATIONS.with(|n| n.set(n.get() + 1));
         // SAFETY: as above.
         unsafe { System.realloc(at, layout, size) }
     }
@@ -41,7 +41,7 @@ unsafe impl GlobalAlloc for Counting {
 static COUNTING: Counting = Counting;
 
 /// Returns the number of allocations of each frame after the first, and the number of adopted trees.
-fn takings(by: Config) -> (Vec<u64>, usize) {
+fn allocations_per_frame(by: Config) -> (Vec<u64>, usize) {
     const FRAMES: u64 = 400;
     let animation = shuffled(2, 512);
     let mut fake = Fake::new(Some(0));
@@ -50,7 +50,7 @@ fn takings(by: Config) -> (Vec<u64>, usize) {
     let mut driver = driver(fake, &animation, by).unwrap();
     let query = query(QueryKind::Closest);
     let (mut all, mut trees) = (Vec::with_capacity(FRAMES as usize), 0);
-    let mut last = TAKEN.get();
+    let mut last = ALLOCATIONS.get();
     let frames = (0..FRAMES).map(|index| Frame {
         index,
         time: index as f64 / FRAMES as f64,
@@ -59,7 +59,7 @@ fn takings(by: Config) -> (Vec<u64>, usize) {
         driver.run::<PipelineError>(frames, query, OutputSelection::default(), |record, _| {
             trees += usize::from(record.tree.adopted);
             std::thread::sleep(Duration::from_micros(250));
-            let now = TAKEN.get();
+            let now = ALLOCATIONS.get();
             all.push(now - last);
             last = now;
             Ok(())
@@ -70,10 +70,10 @@ fn takings(by: Config) -> (Vec<u64>, usize) {
 
 #[test]
 fn steady_frames_do_not_allocate() {
-    let before = TAKEN.get();
+    let before = ALLOCATIONS.get();
     drop(std::hint::black_box(vec![0_u8; 9]));
     assert_eq!(
-        TAKEN.get(),
+        ALLOCATIONS.get(),
         before + 1,
         "the counting allocator is not in use"
     );
@@ -85,7 +85,7 @@ fn steady_frames_do_not_allocate() {
         (free, false, 4, 0),
         (Policy::Lockstep(3), true, 100, 4),
     ] {
-        let (all, trees) = takings((update, predict));
+        let (all, trees) = allocations_per_frame((update, predict));
         assert!(trees >= least, "{update:?} {predict}: {trees} trees");
         // The builder thread starts with its first job, within the first 20 frames.
         let late: u64 = all[20..].iter().sum();

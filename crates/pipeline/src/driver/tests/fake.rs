@@ -56,9 +56,9 @@ pub(in crate::driver) struct Log {
     pub(in crate::driver) traced: Vec<(Generation, Pose)>,
     pub(in crate::driver) adopted: Vec<Generation>,
     /// The adopted trees.
-    pub(in crate::driver) trees: Vec<Arc<BinaryTree>>,
-    /// Generations of the trees that `rebuild` built.
-    pub(in crate::driver) made: Vec<Generation>,
+    pub(in crate::driver) adopted_trees: Vec<Arc<BinaryTree>>,
+    /// Generations of the trees that `rebuild` was called for.
+    pub(in crate::driver) rebuilt: Vec<Generation>,
     pub(in crate::driver) requested: usize,
     /// Evaluated generations, and the costs of both trees at the positions of the frame, the candidate's first.
     pub(in crate::driver) evaluated: Vec<(Generation, [f64; 2])>,
@@ -77,7 +77,7 @@ pub(in crate::driver) struct Fake {
     /// In the order of the requests.
     requested: VecDeque<(u32, Ticket, Pose)>,
     /// Whether the recording requests positions.
-    record_request: bool,
+    requests_positions: bool,
     /// Whether any query was traced.
     traced: bool,
     polls: Option<u32>,
@@ -151,7 +151,7 @@ impl Backend for Fake {
         }
         self.note(|log| {
             log.adopted.push(generation);
-            log.trees.push(Arc::clone(tree.binary()));
+            log.adopted_trees.push(Arc::clone(tree.binary()));
         });
         Ok(())
     }
@@ -190,7 +190,7 @@ impl Backend for Fake {
         assert!(self.pose.is_some(), "positions come first");
         self.generation = generation;
         self.fresh = (false, false);
-        self.note(|log| log.made.push(generation));
+        self.note(|log| log.rebuilt.push(generation));
         Ok(())
     }
     fn trace(&mut self, _: &[Query<'_>]) -> Result<()> {
@@ -201,14 +201,14 @@ impl Backend for Fake {
         Ok(())
     }
     fn request_positions(&mut self) -> Result<()> {
-        assert!(!self.record_request, "one request a submission");
-        self.record_request = true;
+        assert!(!self.requests_positions, "one request a submission");
+        self.requests_positions = true;
         self.note(|log| log.requested += 1);
         Ok(())
     }
     fn submit(&mut self) -> Result<Ticket> {
         self.ticket += 1;
-        if std::mem::take(&mut self.record_request) {
+        if std::mem::take(&mut self.requests_positions) {
             let polls = self.polls.unwrap_or(u32::MAX);
             let polls = if self.traced { polls } else { 0 };
             let request = (polls, Ticket(self.ticket), self.pose.unwrap());
