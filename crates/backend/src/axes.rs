@@ -1,6 +1,7 @@
 //! The options that describe a run: backend, update policy and intersector.
 //!
-//! Each option is defined only here. Command lines, names in files, plot marks, kernel variants and tests use it.
+//! Each option is defined only here. Command lines, names in files, plot marks, kernel variants and tests use it. The
+//! build script of `shaders` repeats the names of the intersectors, so that it need not compile this crate.
 
 use std::fmt;
 use std::str::FromStr;

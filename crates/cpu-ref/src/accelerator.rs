@@ -3,7 +3,7 @@
 use crate::geometry::{Geometry, Unhittable};
 use crate::output::{HitCounts, TraceOutput};
 use crate::trace::QueryTracer;
-use crate::tree::TreeTraversal;
+use crate::traversal::TreeTraversal;
 use backend::{BackendError, Intersector, Result};
 use bvh_layout::Topology;
 use geom::{Aabb, Animation};

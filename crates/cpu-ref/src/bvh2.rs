@@ -7,7 +7,7 @@ use crate::intersect::{TriangleData, preprocess};
 use crate::output::{HitCounts, TraceOutput};
 use crate::scale::PreparedRay;
 use crate::trace::QueryTracer;
-use crate::tree::{Child, TreeTraversal, TriangleVisitor, VisitedTriangle};
+use crate::traversal::{Child, TreeTraversal, TriangleVisitor, VisitedTriangle};
 use backend::{Intersector, Result};
 use bvh_build::{BinaryTree, MAX_DEPTH};
 use bvh_layout::Topology;

@@ -6,7 +6,7 @@
 use crate::intersect::{Watertight, solve};
 use crate::scale::{LEAST, Limits, PreparedRay};
 use crate::search::RaySearch;
-use crate::tree::VisitedTriangle;
+use crate::traversal::VisitedTriangle;
 use geom::exact::{ExactDistance, RoundedHit};
 use geom::{Hit, is_active, is_degenerate};
 use std::cmp::Ordering;

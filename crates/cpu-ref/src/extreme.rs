@@ -4,7 +4,7 @@
 
 use crate::geometry::Geometry;
 use crate::search::RaySearch;
-use crate::tree::Child;
+use crate::traversal::Child;
 use geom::exact::{ExactDistance, ScaledRay};
 use geom::{Aabb, Hit, Point, Ray, Triangle, is_active, is_degenerate, normal_signs, side_of};
 use std::cmp::Ordering;

@@ -8,7 +8,7 @@
 //!
 //! - `scale`, `geometry`, `box_test`: units, the triangles of a moment, the box test;
 //! - `intersect`: the ray-triangle tests, one file each;
-//! - `tree`, `search`: the interface of a tree, and the search for hits in single precision;
+//! - `traversal`, `search`: the interface of a tree, and the search for hits in single precision;
 //! - `exact`, `extreme`: searches that use exact integers;
 //! - `shadow`, `output`, `trace`: all rays of a query, with their shadow rays;
 //! - `accelerator`, `bvh2`: preprocess and refit, for the paper's tree;
@@ -32,7 +32,7 @@ mod search;
 pub mod shadow;
 mod submission;
 mod trace;
-mod tree;
+mod traversal;
 
 pub use crate::backend::CpuBackend;
 pub use accelerator::{Accelerator, reserve};
@@ -47,4 +47,4 @@ pub use geometry::{Geometry, Unhittable};
 pub use output::{HitCounts, RayResult, TraceOutput};
 pub use search::RaySearch;
 pub use trace::QueryTracer;
-pub use tree::{Child, TreeTraversal, TriangleVisitor, VisitedTriangle};
+pub use traversal::{Child, TreeTraversal, TriangleVisitor, VisitedTriangle};

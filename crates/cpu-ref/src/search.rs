@@ -3,7 +3,7 @@
 use crate::geometry::Geometry;
 use crate::intersect::RoundedTest;
 use crate::scale::{LEAST, PreparedRay, Scale, flushed};
-use crate::tree::{TreeTraversal, VisitedTriangle};
+use crate::traversal::{TreeTraversal, VisitedTriangle};
 use backend::Intersector;
 use geom::exact::ScaledRay;
 use geom::{Hit, Ray};

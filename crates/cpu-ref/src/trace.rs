@@ -6,7 +6,7 @@ use crate::output::{HitCounts, RayResult, TraceOutput};
 use crate::scale::Scale;
 use crate::search::RaySearch;
 use crate::shadow::Light;
-use crate::tree::TreeTraversal;
+use crate::traversal::TreeTraversal;
 use backend::{Intersector, Query, QueryKind, Rays};
 use geom::{Hit, Ray};
 use std::sync::atomic::AtomicU64;
