@@ -13,5 +13,5 @@ mod treelets;
 
 pub use blocks::{Block, BlockTree, CollapseOptions, First, LANES, Link, Ranges, WideNode};
 pub use moving::Moving;
-pub use topology::Topology;
-pub use treelets::{Converter, Treelet, Treelets, WideTree};
+pub use topology::{Converter, Topology};
+pub use treelets::{Treelet, Treelets, WideTree};

@@ -1,5 +1,6 @@
 //! A binary tree of a scene, and its forms for backends.
 
+use crate::treelets::Scratch;
 use crate::{BlockTree, CollapseOptions, Treelets};
 use bvh_build::{BinaryTree, MAX_DEPTH};
 use geom::{Animation, StaticParts};
@@ -80,7 +81,7 @@ impl Topology {
         Self { blocks, ..self }
     }
 
-    /// Returns the memory of the treelets for reuse by [`crate::Converter`]. Empty without treelets.
+    /// Returns the memory of the treelets for reuse by [`Converter`]. Empty without treelets.
     pub fn into_spare(self) -> Vec<u32> {
         self.treelets.map_or_else(Vec::new, |t| t.words)
     }
@@ -113,10 +114,37 @@ impl Topology {
     }
 }
 
+/// Creates topologies with treelets. Keeps its scratch memory between calls: one word per triangle, and a second one for
+/// trees with a wide form.
+#[derive(Debug, Default)]
+pub struct Converter {
+    scratch: Scratch,
+}
+
+impl Converter {
+    /// Creates the topology of `tree` with treelets, in the rayon pool that the caller installed. `reuse` is the memory of
+    /// an old topology: see [`Topology::into_spare`].
+    ///
+    /// # Panics
+    /// As [`Topology::new`].
+    #[must_use]
+    pub fn convert(
+        &mut self,
+        tree: Arc<BinaryTree>,
+        triangle_count: usize,
+        reuse: Vec<u32>,
+    ) -> Topology {
+        let (topology, treelets) = rayon::join(
+            || Topology::new(Arc::clone(&tree), triangle_count),
+            || Treelets::of_in(&tree, &mut self.scratch, reuse),
+        );
+        topology.and_treelets(treelets)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Converter;
     use crate::tests::{chain, parts, random_tree, scene, shapes};
 
     #[test]
@@ -129,8 +157,8 @@ mod tests {
             assert_eq!(reused, fresh);
             spare = reused.into_spare();
             spare.fill(u32::MAX);
-            converter.inner.fill(u32::MAX);
-            let places = converter.places.iter_mut();
+            converter.scratch.inner.fill(u32::MAX);
+            let places = converter.scratch.places.iter_mut();
             places.for_each(|place| *place.get_mut() = u32::MAX);
         }
     }

@@ -184,6 +184,10 @@ impl<B> Default for LentBuffers<B> {
     }
 }
 
+/// The recordings of a device.
+pub type RecordingOf<D> =
+    Recording<<D as GpuDevice>::Pipeline, <D as GpuDevice>::Binding, <D as GpuDevice>::Native>;
+
 /// A device that runs the kernels of one scene. One backend owns it, so only state shared between scenes needs a lock.
 ///
 /// Only `upload`, `read`, `finish`, `unload`, `wait` and the methods that reuse memory (`staging`, `send`) may block.
@@ -254,7 +258,7 @@ pub trait GpuDevice: Send + Sized + 'static {
     fn send(&mut self, upload: Upload<'_, Self::Staging>, to: &Self::Buffer) -> Result<u64>;
 
     /// Submits a recording and removes its commands. At most [`backend::FRAMES_IN_FLIGHT`] submissions are unfinished.
-    fn submit(&mut self, recording: &mut Recording<Self>, ticket: Ticket) -> Result<()>;
+    fn submit(&mut self, recording: &mut RecordingOf<Self>, ticket: Ticket) -> Result<()>;
 
     /// Returns whether work has finished, or will never run. For the use of a buffer, returns whether the buffer can be
     /// written. Never blocks.

@@ -38,8 +38,8 @@ pub use clock::{Clock, Stage};
 pub use compute::ComputeBackend;
 pub use device::{
     BufferSize, DeviceInfo, GpuDevice, KernelLimit, LentBuffers, LentRays, MemoryReport, Options,
-    Outcome, PendingWork, PointsCopy, ReadPart, Staging, SubmissionOutput, Upload, Validation,
-    check_kernels, read_parts,
+    Outcome, PendingWork, PointsCopy, ReadPart, RecordingOf, Staging, SubmissionOutput, Upload,
+    Validation, check_kernels, read_parts,
 };
 pub use engine::{Engine, NextStage};
 pub use external_points::{ExternalPoints, PointsSource};
@@ -47,6 +47,6 @@ pub use frames::Frames;
 pub use pipelines::{KernelCode, Pipelines, lock_compilation, lock_device_lifetime};
 pub use pool::{LastUse, Pool, with_slack};
 pub use recorder::Recorder;
-pub use recording::{BoundBuffer, Dispatch, RecordedCommand, Recording};
+pub use recording::{BoundBuffer, Dispatch, PositionsCopy, RecordedCommand, Recording};
 pub use scene::AnimationBuffers;
 pub use traces::{TraceBuffers, reads_ray_buffer};

@@ -1,7 +1,9 @@
 //! Records stages as commands.
 
 use crate::recording::is_of_submission;
-use crate::{DeviceInfo, Dispatch, GpuDevice, Pipelines, RecordedCommand, Recording, Stage};
+use crate::{
+    DeviceInfo, Dispatch, GpuDevice, Pipelines, PositionsCopy, RecordedCommand, RecordingOf, Stage,
+};
 use backend::{BackendError, Result, Ticket};
 use shaders::work::Work;
 use shaders::{BufferName, Counts, TreeStages};
@@ -14,7 +16,7 @@ const LEAF_COUNTS: u64 = offset_of!(Counts, hits) as u64;
 
 /// Records the stages of one submission at a time.
 pub struct Recorder<D: GpuDevice> {
-    recording: Recording<D>,
+    recording: RecordingOf<D>,
     /// Stages that were recorded.
     stages: Vec<Stage>,
     /// Stages without work.
@@ -30,7 +32,7 @@ pub struct Recorder<D: GpuDevice> {
 impl<D: GpuDevice> Recorder<D> {
     pub(crate) fn new(info: &DeviceInfo) -> Self {
         Self {
-            recording: Recording::default(),
+            recording: RecordingOf::<D>::default(),
             stages: Vec::new(),
             idle: Vec::new(),
             open: false,
@@ -143,8 +145,11 @@ impl<D: GpuDevice> Recorder<D> {
         &mut self,
         positions: Option<(&D::Buffer, u64)>,
         after_upload: u64,
-    ) -> &mut Recording<D> {
-        self.recording.positions = positions.map(|(from, bytes)| (D::bind(from), bytes));
+    ) -> &mut RecordingOf<D> {
+        self.recording.positions = positions.map(|(from, bytes)| PositionsCopy {
+            from: D::bind(from),
+            bytes,
+        });
         self.recording.after_upload = after_upload;
         &mut self.recording
     }

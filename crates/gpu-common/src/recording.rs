@@ -1,26 +1,36 @@
 //! Work of one submission, as data that a device executes.
 
-use crate::{GpuDevice, Stage};
+use crate::Stage;
 use backend::Ticket;
 use shaders::work::Work;
 use shaders::{Binding, BufferName};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// The commands of one submission, with the buffers that they use. The device sets all counts to 0 before the first
-/// command.
-pub struct Recording<D: GpuDevice> {
+/// The commands of one submission, with the buffers that they use.
+///
+/// `P` is a compiled kernel, `B` refers to a buffer, and `N` is a command that only one type of device can execute.
+/// The device sets all counts to 0 before the first command.
+pub struct Recording<P, B, N> {
     /// Commands in order.
-    pub commands: Vec<RecordedCommand<D>>,
+    pub commands: Vec<RecordedCommand<P, N>>,
     /// Buffers of all dispatches. See [`Dispatch::buffers`].
-    pub buffers: Vec<D::Binding>,
-    /// Positions to copy to the host: their buffer, and the number of bytes from its beginning. The copy waits only for
-    /// the commands before [`RecordedCommand::Split`].
-    pub positions: Option<(D::Binding, u64)>,
+    pub buffers: Vec<B>,
+    /// Positions to copy to the host. The copy waits only for the commands before [`RecordedCommand::Split`].
+    pub positions: Option<PositionsCopy<B>>,
     /// Number of the upload that must have finished before the commands run; 0 for no upload.
     pub after_upload: u64,
     /// Submission whose copy of positions reads a buffer that the commands overwrite. They wait for the copy.
     pub overwrites: Option<Ticket>,
+}
+
+/// A copy of positions to the host.
+#[derive(Clone, Copy, Debug)]
+pub struct PositionsCopy<B> {
+    /// Buffer of the positions.
+    pub from: B,
+    /// Number of bytes, from the beginning of the buffer.
+    pub bytes: u64,
 }
 
 /// A command of a [`Recording`].
@@ -28,9 +38,9 @@ pub struct Recording<D: GpuDevice> {
     clippy::large_enum_variant,
     reason = "nearly all commands are dispatches"
 )]
-pub enum RecordedCommand<D: GpuDevice> {
+pub enum RecordedCommand<P, N> {
     /// Runs a kernel.
-    Dispatch(Dispatch<D>),
+    Dispatch(Dispatch<P>),
     /// Ends a stage. The commands since the previous end are timed as this stage.
     EndStage(Stage),
     /// Sets this number of bytes at the beginning of the counts to 0.
@@ -38,22 +48,22 @@ pub enum RecordedCommand<D: GpuDevice> {
     /// Ends the part that the copy of positions waits for. Only for devices with [`crate::DeviceInfo::splits`].
     Split,
     /// A command that only this type of device can execute.
-    Native(D::Native),
+    Native(N),
 }
 
 /// One run of a kernel. It starts when the previous commands have finished, unless [`Work::alongside`] is set.
-pub struct Dispatch<D: GpuDevice> {
+pub struct Dispatch<P> {
     /// Kernel and parameters.
     pub work: Work,
     /// The compiled kernel.
-    pub pipeline: Arc<D::Pipeline>,
+    pub pipeline: Arc<P>,
     /// Range of [`Recording::buffers`]: one for each binding of the kernel, in order, except parameters and counts.
     pub buffers: Range<usize>,
     /// Number of workgroups along both axes.
     pub groups: [u32; 2],
 }
 
-impl<D: GpuDevice> Default for Recording<D> {
+impl<P, B, N> Default for Recording<P, B, N> {
     fn default() -> Self {
         Self {
             commands: Vec::new(),
@@ -65,7 +75,7 @@ impl<D: GpuDevice> Default for Recording<D> {
     }
 }
 
-impl<D: GpuDevice> Recording<D> {
+impl<P, B, N> Recording<P, B, N> {
     /// Removes all commands and buffers. The vectors keep their capacity.
     pub(crate) fn clear(&mut self) {
         self.commands.clear();
@@ -74,15 +84,15 @@ impl<D: GpuDevice> Recording<D> {
     }
 
     /// Returns the buffers of a dispatch, except parameters and counts, which the device owns.
-    pub fn buffers_of(&self, dispatch: &Dispatch<D>) -> &[D::Binding] {
+    pub fn buffers_of(&self, dispatch: &Dispatch<P>) -> &[B] {
         &self.buffers[dispatch.buffers.clone()]
     }
 
     /// Returns each binding of a dispatch with its buffer.
     pub fn bindings_of<'a>(
         &'a self,
-        dispatch: &'a Dispatch<D>,
-    ) -> impl Iterator<Item = (&'static Binding, BoundBuffer<&'a D::Binding>)> + Clone {
+        dispatch: &'a Dispatch<P>,
+    ) -> impl Iterator<Item = (&'static Binding, BoundBuffer<&'a B>)> + Clone {
         let mut buffers = self.buffers_of(dispatch).iter();
         dispatch.work.kernel.bindings.iter().map(move |binding| {
             let bound = match binding.name {

@@ -4,15 +4,17 @@ use crate::commands::{BUILDS, COPIES, Commands, HOST, KERNELS, RAYS};
 use crate::descriptors::Descriptors;
 use crate::gpu::Gpu;
 use crate::memory::{Buffer, BufferRange, BufferUse};
-use crate::pipelines::Layouts;
+use crate::pipelines::{Layouts, Pipeline};
 use crate::timestamps::Timestamps;
-use crate::vulkan_device::VulkanDevice;
 use ash::vk;
 use backend::Result;
 use gpu_common::{BoundBuffer, Dispatch, RecordedCommand, Recording, Stage, SubmissionOutput};
 use shaders::{BufferName, Counts, Params, RAYS as RAY_SHADERS};
 use std::ops::Range;
 use std::sync::Arc;
+
+/// The recordings of a Vulkan device.
+pub(crate) type VulkanRecording = Recording<Pipeline, BufferRange, NativeCommand>;
 
 /// A function that records Vulkan commands directly. The caller must keep the resources of these commands alive until
 /// the submission has finished, because the function is dropped after the call.
@@ -70,7 +72,7 @@ impl RecordingEncoder {
 
     /// Encodes all commands of a recording, and a copy of the counts to the host. The previous submission must have
     /// finished.
-    pub(crate) fn encode(&mut self, recording: &mut Recording<VulkanDevice>) -> Result<()> {
+    pub(crate) fn encode(&mut self, recording: &mut VulkanRecording) -> Result<()> {
         self.begin(recording)?;
         let mut last = None;
         for command in std::mem::take(&mut recording.commands) {
@@ -93,7 +95,7 @@ impl RecordingEncoder {
         self.end()
     }
 
-    fn begin(&mut self, recording: &Recording<VulkanDevice>) -> Result<()> {
+    fn begin(&mut self, recording: &VulkanRecording) -> Result<()> {
         let (mut dispatches, mut stages) = (0, 0);
         for command in &recording.commands {
             match command {
@@ -128,8 +130,8 @@ impl RecordingEncoder {
     /// Encodes a barrier and a kernel. The barrier is left out if the kernel reads no results of the previous ones.
     fn dispatch(
         &mut self,
-        recording: &Recording<VulkanDevice>,
-        dispatch: &Dispatch<VulkanDevice>,
+        recording: &VulkanRecording,
+        dispatch: &Dispatch<Pipeline>,
         last: Option<BoundSet>,
     ) -> Result<BoundSet> {
         if self.needs_barrier && !dispatch.work.alongside {
@@ -165,7 +167,7 @@ impl RecordingEncoder {
         Ok(bound)
     }
 
-    fn launch(&self, dispatch: &Dispatch<VulkanDevice>, set: vk::DescriptorSet, offset: u32) {
+    fn launch(&self, dispatch: &Dispatch<Pipeline>, set: vk::DescriptorSet, offset: u32) {
         let (vk, commands) = (&self.gpu.vk, self.commands.vk());
         let (pipeline, [x, y]) = (&dispatch.pipeline, dispatch.groups);
         let point = vk::PipelineBindPoint::COMPUTE;

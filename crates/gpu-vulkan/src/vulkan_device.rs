@@ -1,7 +1,7 @@
 //! The implementation of [`GpuDevice`] for Vulkan.
 
 use crate::adapters::adapters_of;
-use crate::encoder::{NativeCommand, RecordingEncoder};
+use crate::encoder::{NativeCommand, RecordingEncoder, VulkanRecording};
 use crate::external_inputs::ExternalInputs;
 use crate::gpu::{Gpu, Queue};
 use crate::instance::Host;
@@ -19,7 +19,7 @@ use bytemuck::Pod;
 use geom::{KeyFrame, Point};
 use gpu_common::{
     BufferSize, Clock, ComputeBackend, DeviceInfo, GpuDevice, KernelCode, LastUse, LentBuffers,
-    MemoryReport, Options, Outcome, PendingWork, Pool, Recording, Staging, Upload, read_parts,
+    MemoryReport, Options, Outcome, PendingWork, Pool, Staging, Upload, read_parts,
 };
 use shaders::{BufferName, Packets};
 use std::collections::BTreeMap;
@@ -185,7 +185,7 @@ impl VulkanDevice {
     }
 
     /// Submits the parts of an encoded recording. Copies of positions wait only for the first of two parts.
-    fn submit_parts(&mut self, recording: &Recording<Self>, ticket: Ticket) -> Result<()> {
+    fn submit_parts(&mut self, recording: &VulkanRecording, ticket: Ticket) -> Result<()> {
         let upload_value = Some(recording.after_upload.max(self.results_at));
         let upload_value = upload_value.filter(|&value| value > 0);
         let upload_value = upload_value.map(|value| self.upload.done.at(value));
@@ -364,17 +364,18 @@ impl GpuDevice for VulkanDevice {
         }
     }
 
-    fn submit(&mut self, recording: &mut Recording<Self>, ticket: Ticket) -> Result<()> {
+    fn submit(&mut self, recording: &mut VulkanRecording, ticket: Ticket) -> Result<()> {
         let positions = recording.positions;
-        let to = positions.map(|(_, bytes)| {
+        let to = positions.map(|positions| {
             let spare = self.spares.pop().map(|points| points.buffer);
-            self.readback_buffer(spare, bytes)
+            self.readback_buffer(spare, positions.bytes)
         });
         let to = to.transpose()?;
         self.encoder(ticket).encode(recording)?;
         self.submit_parts(recording, ticket)?;
-        if let Some(((from, bytes), buffer)) = positions.zip(to) {
-            let copy = BufferCopy::between(from.vk, buffer.vk).range(0..bytes, 0);
+        if let Some((positions, buffer)) = positions.zip(to) {
+            let copy = BufferCopy::between(positions.from.vk, buffer.vk);
+            let copy = copy.range(0..positions.bytes, 0);
             let ready = self.first_part.at(ticket.0);
             let done_at = self.readback.start(&copy, &[ready])?;
             self.copies.insert(ticket, ReadbackCopy { buffer, done_at });

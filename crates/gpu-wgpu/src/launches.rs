@@ -4,16 +4,19 @@ use crate::buffers::write;
 use crate::gpu::{OpenGpu, make};
 use crate::limits::params_stride;
 use crate::pipelines::Pipeline;
-use crate::wgpu_device::WgpuDevice;
 use backend::Result;
 use gpu_common::{BoundBuffer, RecordedCommand, Recording};
 use shaders::{BufferName, Kind, Params};
 use std::collections::HashMap;
+use std::convert::Infallible;
 use std::num::NonZeroU64;
 use wgpu::{BindGroup, Buffer, BufferBinding, BufferUsages, ComputePass, ComputePipeline};
 
 /// Minimum capacity of the parameter buffer, in dispatches.
 const LEAST: usize = 64;
+
+/// The recordings of a wgpu device.
+pub(crate) type WgpuRecording = Recording<Pipeline, Buffer, Infallible>;
 
 /// A dispatch that is ready to be encoded.
 pub(crate) struct Launch {
@@ -68,7 +71,7 @@ impl Launches {
         &mut self,
         gpu: &OpenGpu,
         counts: &[Buffer],
-        recording: &Recording<WgpuDevice>,
+        recording: &WgpuRecording,
     ) -> Result<Vec<Launch>> {
         let commands = recording.commands.iter();
         let dispatches = commands.filter_map(|command| match command {

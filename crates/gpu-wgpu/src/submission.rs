@@ -2,11 +2,10 @@
 
 use crate::buffers::{Mapping, unreadable, write};
 use crate::gpu::{OpenGpu, READBACK, STORAGE, make, unmap};
-use crate::launches::{Launch, Launches};
+use crate::launches::{Launch, Launches, WgpuRecording};
 use crate::timestamps::{self, PassTimestamps};
-use crate::wgpu_device::WgpuDevice;
 use backend::{BackendError, Result, Ticket};
-use gpu_common::{Outcome, RecordedCommand, Recording, Stage, SubmissionOutput};
+use gpu_common::{Outcome, RecordedCommand, Stage, SubmissionOutput};
 use shaders::Counts;
 use std::sync::Arc;
 use std::time::Duration;
@@ -75,7 +74,7 @@ impl SubmissionEncoder {
     pub(crate) fn encode(
         &mut self,
         encoder: &mut CommandEncoder,
-        recording: &mut Recording<WgpuDevice>,
+        recording: &mut WgpuRecording,
         stamp: Option<Ticket>,
     ) -> Result<()> {
         self.begin(recording)?;
@@ -183,7 +182,7 @@ impl SubmissionEncoder {
     }
 
     /// Prepares the resources for a recording. The previous submission must have finished or been dropped.
-    fn begin(&mut self, recording: &Recording<WgpuDevice>) -> Result<()> {
+    fn begin(&mut self, recording: &WgpuRecording) -> Result<()> {
         let is_free = self.sent.as_ref().is_none_or(|(_, m)| m.is_dropped());
         assert!(is_free, "each unfinished submission has its own encoder");
         (self.sent, self.is_refused) = (None, false);

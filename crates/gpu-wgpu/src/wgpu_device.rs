@@ -6,6 +6,7 @@ use crate::buffers::{Arrived, MappedCopy, Mapping, unreadable, upload, write};
 use crate::caller_encoder::CallerEncoder;
 use crate::faults::layer_messages;
 use crate::gpu::{OpenGpu, STORAGE, make, unmap};
+use crate::launches::WgpuRecording;
 use crate::limits::{ATOMIC_MIN_64_BITS, kernel_limits};
 use crate::pipelines::Pipeline;
 use crate::staging::{MappedPool, MappedStaging};
@@ -18,7 +19,7 @@ use bytemuck::Pod;
 use geom::Point;
 use gpu_common::{
     BufferSize, Clock, ComputeBackend, DeviceInfo, GpuDevice, KernelCode, LastUse, LentBuffers,
-    LentRays, MemoryReport, Options, Outcome, PendingWork, Recording, Upload, read_parts,
+    LentRays, MemoryReport, Options, Outcome, PendingWork, Upload, read_parts,
 };
 use shaders::{BufferName, Params};
 use std::collections::BTreeMap;
@@ -113,7 +114,7 @@ impl WgpuDevice {
     fn encode(
         &mut self,
         encoder: &mut CommandEncoder,
-        recording: &mut Recording<Self>,
+        recording: &mut WgpuRecording,
         ticket: Ticket,
         stamp: Option<Ticket>,
     ) -> Result<(Mapping, Option<MappedCopy>)> {
@@ -121,10 +122,11 @@ impl WgpuDevice {
         let (gpu, submission) = (&self.gpu, &mut self.submissions[slot]);
         self.scene.points.encode(gpu, encoder)?;
         submission.encode(encoder, recording, stamp)?;
-        let copy = recording.positions.as_ref().map(|(from, bytes)| {
+        let copy = recording.positions.as_ref().map(|positions| {
             let spare = self.scene.spares.pop();
             let spare = spare.and_then(|s| s.unmapped(&gpu.device));
-            MappedCopy::record(gpu, encoder, from.slice(..*bytes), spare)
+            let from = positions.from.slice(..positions.bytes);
+            MappedCopy::record(gpu, encoder, from, spare)
         });
         let copy = copy.transpose()?;
         Ok((submission.report(encoder), copy))
@@ -284,7 +286,7 @@ impl GpuDevice for WgpuDevice {
     }
 
     /// Submits the recording, or leaves it in the program's encoder if one was set.
-    fn submit(&mut self, recording: &mut Recording<Self>, ticket: Ticket) -> Result<()> {
+    fn submit(&mut self, recording: &mut WgpuRecording, ticket: Ticket) -> Result<()> {
         let slot = self.slot(ticket);
         let (submission, (report, copy)) = if let Some(mut encoder) = self.take_encoder() {
             let encoded = self.encode(&mut encoder, recording, ticket, Some(ticket));

@@ -2,7 +2,6 @@
 //! first.
 
 use crate::paging::{check_counts, reserve};
-use crate::ply::Pattern;
 use crate::rounding::Position;
 use crate::{Location, Result, Rgb, SceneError};
 use std::path::Path;
@@ -14,9 +13,6 @@ pub(crate) struct PolygonMesh {
     pub(crate) polygons: Polygons,
     pub(crate) paint: Paint,
     pub(crate) notes: Vec<String>,
-    /// Bytes by which a later key frame of equal topology is recognized without parsing it. `None` for text files and
-    /// for files that do not begin with their vertices.
-    pub(crate) pattern: Option<Pattern>,
 }
 
 /// Faces with vertices as numbered in the file. Faces with fewer than three vertices are dropped.

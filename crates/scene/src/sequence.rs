@@ -1,10 +1,10 @@
 //! Key frames from mesh files of equal topology, one per file.
 
 use crate::folder::Folder;
-use crate::mesh::{CLAY, Paint, PolygonMesh, Polygons, compact, mean};
+use crate::mesh::{CLAY, Paint, Polygons, compact, mean};
 use crate::paging::{KeySize, check_keys, reserve};
 use crate::paths::extension;
-use crate::ply::Pattern;
+use crate::ply::{Pattern, Ply};
 use crate::polygon::{self, Triangulation};
 use crate::rounding::{Position, Rounding};
 use crate::{Facts, Result, Rgb, Scene, SceneError, SceneOptions, obj, paging, ply};
@@ -16,10 +16,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, OnceLock};
 use std::time::SystemTime;
 
-/// Reads a mesh file of either format.
-fn read(path: &Path) -> Result<PolygonMesh> {
+/// Reads a mesh file of either format. An OBJ file has no pattern.
+fn read(path: &Path) -> Result<Ply> {
     match extension(path).as_str() {
-        "obj" => obj::read(path),
+        "obj" => Ok(Ply {
+            mesh: obj::read(path)?,
+            pattern: None,
+        }),
         _ => ply::read(path),
     }
 }
@@ -30,7 +33,7 @@ fn read(path: &Path) -> Result<PolygonMesh> {
 /// same triangles.
 pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &SceneOptions) -> Result<Scene> {
     let path = files[0].as_path();
-    let mesh = read(path)?;
+    let Ply { mesh, pattern } = read(path)?;
     mesh.polygons.check(path)?;
     let found = polygon::triangulate(&mesh.polygons, &mesh.points);
     let Triangulation {
@@ -67,7 +70,7 @@ pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &SceneOptions) ->
         alike: files.iter().map(|_| AtomicBool::new(false)).collect(),
         files: files.clone(),
         polygons,
-        pattern: mesh.pattern,
+        pattern,
         rounding,
         kept,
         notes: Mutex::default(),
@@ -138,7 +141,7 @@ impl Sequence {
                 return Ok(self.rounding.points(&points));
             }
         }
-        let mesh = read(path)?;
+        let mesh = read(path)?.mesh;
         let (first, expected) = (&self.files[0], &self.polygons);
         mesh.polygons.check_same(path, first, expected)?;
         // Keeps only the remark that the file may be cut short. All files repeat the other remarks, so those of

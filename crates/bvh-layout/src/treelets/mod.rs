@@ -4,13 +4,12 @@ mod cut;
 mod fill;
 mod wide;
 
-use crate::{Moving, Topology};
+use crate::Moving;
 use bvh_build::BinaryTree;
 use bytemuck::{Pod, Zeroable};
 use cut::Cut;
 use geom::StaticParts;
 use std::ops::Range;
-use std::sync::Arc;
 use std::sync::atomic::AtomicU32;
 
 /// A tree in depth-first leaf order, divided into treelets.
@@ -105,33 +104,11 @@ impl WideTree {
     const FIRST_AT: u32 = 6;
 }
 
-/// Creates topologies with treelets. Keeps its scratch memory between calls: one word per triangle, and a second one for
-/// trees with a wide form.
+/// Scratch memory of conversions: one word per triangle, and a second one for trees with a wide form.
 #[derive(Debug, Default)]
-pub struct Converter {
+pub(crate) struct Scratch {
     pub(crate) inner: Vec<u32>,
     pub(crate) places: Vec<AtomicU32>,
-}
-
-impl Converter {
-    /// Creates the topology of `tree` with treelets, in the rayon pool that the caller installed. `reuse` is the memory of
-    /// an old topology: see [`Topology::into_spare`].
-    ///
-    /// # Panics
-    /// As [`Topology::new`].
-    #[must_use]
-    pub fn convert(
-        &mut self,
-        tree: Arc<BinaryTree>,
-        triangle_count: usize,
-        reuse: Vec<u32>,
-    ) -> Topology {
-        let (topology, treelets) = rayon::join(
-            || Topology::new(Arc::clone(&tree), triangle_count),
-            || Treelets::of_in(&tree, self, reuse),
-        );
-        topology.and_treelets(treelets)
-    }
 }
 
 /// A treelet's entry in the table: twelve words, in field order.
@@ -175,11 +152,11 @@ impl Treelets {
     /// Creates the treelets of a binary tree, in the rayon pool that the caller installed.
     #[must_use]
     pub fn of(tree: &BinaryTree) -> Self {
-        Self::of_in(tree, &mut Converter::default(), Vec::new())
+        Self::of_in(tree, &mut Scratch::default(), Vec::new())
     }
 
     /// Creates the treelets of a binary tree, reusing the memory of `scratch` and of `words`.
-    fn of_in(tree: &BinaryTree, scratch: &mut Converter, words: Vec<u32>) -> Self {
+    pub(crate) fn of_in(tree: &BinaryTree, scratch: &mut Scratch, words: Vec<u32>) -> Self {
         if tree.leaf_count() == 0 {
             return Self::default();
         }

@@ -34,7 +34,6 @@ pub(crate) fn read(path: &Path) -> Result<PolygonMesh> {
         polygons: found.polygons,
         paint,
         notes,
-        pattern: None,
     })
 }
 

@@ -15,14 +15,26 @@ use std::path::Path;
 
 pub(crate) use pattern::Pattern;
 
-pub(crate) fn read(path: &Path) -> Result<PolygonMesh> {
+/// Contents of a file.
+pub(crate) struct Ply {
+    pub(crate) mesh: PolygonMesh,
+    /// Bytes by which a later key frame of equal topology is recognized without parsing it. `None` for text files and
+    /// for files that do not begin with their vertices.
+    pub(crate) pattern: Option<Pattern>,
+}
+
+pub(crate) fn read(path: &Path) -> Result<Ply> {
     let bytes = host::read(path).map_err(|e| SceneError::unreadable(path, e))?;
     let mut file = PlyFile::open(path, &bytes)?;
     let definitions = file.header.elements.clone();
     for definition in &definitions {
         file.element(definition)?;
     }
-    file.finish()
+    let pattern = Pattern::of(&file);
+    Ok(Ply {
+        mesh: file.finish()?,
+        pattern,
+    })
 }
 
 #[cfg(test)]

@@ -3,7 +3,6 @@
 use super::ascii::AsciiBody;
 use super::element::{Element, NEGATIVE, RESTART};
 use super::header::PlyHeader;
-use super::pattern::Pattern;
 use crate::mesh::{Colours, Paint, PolygonMesh, Polygons, SHORT_FACES, Skipped, append};
 use crate::rounding::Position;
 use crate::text::check_encoding;
@@ -214,7 +213,6 @@ impl<'a> PlyFile<'a> {
     }
 
     pub(super) fn finish(mut self) -> Result<PolygonMesh> {
-        let pattern = Pattern::of(&self);
         self.body.check_end().map_err(|e| e.in_file(self.path))?;
         let vertices = self.points.len();
         self.polygons.vertices = vertices;
@@ -239,7 +237,6 @@ impl<'a> PlyFile<'a> {
             polygons: self.polygons,
             paint,
             notes,
-            pattern,
         })
     }
 }

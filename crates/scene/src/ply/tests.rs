@@ -9,6 +9,10 @@ use std::fs;
 const SQUARE: [[f64; 3]; 4] = [[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
 
 fn parse(bytes: impl AsRef<[u8]>) -> Result<PolygonMesh> {
+    Ok(parse_all(bytes)?.mesh)
+}
+
+fn parse_all(bytes: impl AsRef<[u8]>) -> Result<Ply> {
     let file = tempfile::Builder::new().suffix(".ply").tempfile().unwrap();
     fs::write(file.path(), bytes).unwrap();
     read(file.path())
@@ -157,7 +161,7 @@ fn pattern_read_matches_full_parse() {
     for big in [false, true] {
         // No face uses vertex 2.
         let first = binary(big, &[(3, &[0, 1, 3])]);
-        let pattern = parse(&first).unwrap().pattern.unwrap();
+        let pattern = parse_all(&first).unwrap().pattern.unwrap();
         let kept = [0, 1, 3];
         let mut later = first.clone();
         let z = later.len() - (4 + 6) - 3 - 8;
@@ -180,7 +184,7 @@ fn pattern_read_matches_full_parse() {
             assert!(pattern.read(&path, &kept).unwrap().is_none());
         }
     }
-    let text = parse(ascii("0 0 0\n", "3 0 0 0\n")).unwrap();
+    let text = parse_all(ascii("0 0 0\n", "3 0 0 0\n")).unwrap();
     assert!(text.pattern.is_none());
 }
 
@@ -197,10 +201,10 @@ fn reads_floats_at_any_row_offset() {
     }
     bytes.push(3);
     bytes.extend([0_i32, 1, 2].map(i32::to_le_bytes).as_flattened());
-    let mesh = parse(&bytes).unwrap();
+    let Ply { mesh, pattern } = parse_all(&bytes).unwrap();
     let file = tempfile::NamedTempFile::new().unwrap();
     fs::write(file.path(), &bytes).unwrap();
-    let pattern = mesh.pattern.unwrap();
+    let pattern = pattern.unwrap();
     let bits = |points: Vec<Position>| points.concat().into_iter().map(f64::to_bits);
     let kept = [0, 1, 2];
     let read = pattern.read(file.path(), &kept).unwrap().unwrap();
