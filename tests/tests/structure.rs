@@ -1,7 +1,8 @@
 //! Tests the structure that ARCHITECTURE.md describes: the dependencies between crates, the number of files that name
-//! one backend, policy, intersector or rival, and the number of methods of the device traits.
+//! one backend, policy, intersector or rival, the number of methods of the device traits, and imports between modules.
 
 use serde_json::Value;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -108,6 +109,13 @@ fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
+/// Returns the text of a file, without unit tests at its end.
+fn product(path: &Path) -> String {
+    let text = fs::read_to_string(path).unwrap();
+    let product = text.split("\n#[cfg(test)]\nmod ").next();
+    product.unwrap_or_default().to_owned()
+}
+
 #[test]
 fn few_files_name_axis_values() {
     let mut files = Vec::new();
@@ -115,11 +123,7 @@ fn few_files_name_axis_values() {
     assert!(files.len() > 300, "{} files", files.len());
     for (axis, names, most) in AXES {
         let knows = |path: &&PathBuf| {
-            let text = fs::read_to_string(path).unwrap();
-            let product = text
-                .split("\n#[cfg(test)]\nmod ")
-                .next()
-                .unwrap_or_default();
+            let product = product(path);
             names.iter().any(|name| product.contains(name))
         };
         let found: Vec<_> = files.iter().filter(knows).collect();
@@ -137,6 +141,94 @@ fn device_traits_do_not_grow() {
         assert!(
             (10..=most).contains(&methods),
             "{name} has {methods} methods"
+        );
+    }
+}
+
+/// The path of a module in its crate. The crate root has no names.
+type Module = Vec<String>;
+
+/// Returns the paths that follow `keyword` in a file: one, or those of a list in braces.
+fn paths_after(keyword: &str, text: &str) -> Vec<Module> {
+    let mut paths = Vec::new();
+    for (at, _) in text.match_indices(keyword) {
+        let is_whole_word = !text[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_');
+        let rest = &text[at + keyword.len()..];
+        let list = match rest.strip_prefix('{') {
+            Some(list) => list
+                .split('}')
+                .next()
+                .unwrap_or_default()
+                .split(',')
+                .collect(),
+            None => vec![rest],
+        };
+        let names = |path: &str| {
+            let end = path.find(|c: char| !(c.is_alphanumeric() || c == '_' || c == ':'));
+            let path = &path[..end.unwrap_or(path.len())];
+            path.split("::").map(str::to_owned).collect()
+        };
+        paths.extend(
+            list.iter()
+                .filter(|_| is_whole_word)
+                .map(|path| names(path.trim())),
+        );
+    }
+    paths
+}
+
+/// Returns the modules of a crate, each with the modules that it names by `crate::` or `super::`.
+fn imports(src: &Path) -> BTreeMap<Module, BTreeSet<Module>> {
+    let mut files = Vec::new();
+    sources(src, &mut files);
+    let module = |path: &PathBuf| {
+        let path = path.strip_prefix(src).unwrap().with_extension("");
+        let names = path.iter().map(|name| name.to_string_lossy().into_owned());
+        let names = names.filter(|name| !["mod", "lib", "main"].contains(&name.as_str()));
+        names.collect::<Module>()
+    };
+    let modules: BTreeSet<Module> = files.iter().map(module).collect();
+    let imported = |path: &PathBuf| {
+        let (own, text) = (module(path), product(path));
+        let is_code = |line: &&str| !line.trim_start().starts_with("//");
+        let code: String = text.lines().filter(is_code).collect::<Vec<_>>().join("\n");
+        let parent = own[..own.len().saturating_sub(1)].to_vec();
+        let of_crate = paths_after("crate::", &code).into_iter();
+        let of_parent = paths_after("super::", &code).into_iter();
+        let of_parent = of_parent.map(|path| [parent.clone(), path].concat());
+        // The longest beginning of a path that is a module. The rest of the path is an item.
+        let longest = |path: Module| {
+            let beginnings = (1..=path.len()).rev().map(|n| path[..n].to_vec());
+            beginnings
+                .into_iter()
+                .find(|module| modules.contains(module))
+        };
+        let found = of_crate.chain(of_parent).filter_map(longest);
+        let others = found.filter(|module| *module != own).collect();
+        (own.clone(), others)
+    };
+    files.iter().map(imported).collect()
+}
+
+#[test]
+fn modules_do_not_import_each_other() {
+    let folders = fs::read_dir(root().join("crates")).unwrap();
+    for folder in folders {
+        let src = folder.unwrap().path().join("src");
+        let mut modules = imports(&src);
+        assert!(!modules.is_empty(), "{}", src.display());
+        // Modules without imports are in no cycle. Removes them until none is left.
+        while let Some(leaf) = modules.iter().find(|(_, imports)| imports.is_empty()) {
+            let leaf = leaf.0.clone();
+            modules.remove(&leaf);
+            for imports in modules.values_mut() {
+                imports.remove(&leaf);
+            }
+        }
+        assert!(
+            modules.is_empty(),
+            "{}: cycles in {modules:#?}",
+            src.display()
         );
     }
 }
