@@ -6,7 +6,7 @@ use conformance::oracle::Oracle;
 use conformance::stage::triangles;
 use conformance::{Target, aimed};
 use geom::{Animation, Camera, CameraPose, Hit, Point, Ray};
-use integration::stage::{Stage, camera, light};
+use integration::stage::{Stage, camera, light, separate_triangles};
 use std::f32::consts::TAU;
 use std::sync::Arc;
 
@@ -49,6 +49,57 @@ fn through_hub() -> Vec<Ray> {
     all.collect()
 }
 
+/// Groups of triangles, each met by one ray of [`at_tiny_offsets`]. The hit depends on coordinates so small that they need more
+/// than 60 bits next to the others.
+fn tiny_offsets() -> Arc<Animation> {
+    const TINY: f32 = 1e-20;
+    let ulp = f32::EPSILON;
+    let beside_edge = |x: f32| {
+        [
+            [x, 0.0, 1.0],
+            [-2.0 * TINY, 1.0, 1.0],
+            [4.0 * TINY, -3.0, 1.0],
+        ]
+    };
+    let slanted = |tip_x: f32, b_z: f32| [[-1.0, -1.0, 1.0], [1.0, -1.0, b_z], [tip_x, 1.0, 1.0]];
+    let far = slanted(-TINY, 1.0 + 16.0 * ulp);
+    let near = slanted(0.0, 1.0 + ulp);
+    let groups = [
+        // The ray passes the common edge on the right.
+        vec![beside_edge(-1.0), beside_edge(1.0)],
+        // The exact `t` is just beyond the middle between two floats.
+        vec![slanted(-TINY, 1.0 + 2.0 * ulp)],
+        // The same for the weight of the second vertex.
+        vec![slanted(-TINY, 1.0)],
+        // The rounded `t` of both are equal. The second one is nearer.
+        vec![slanted(-TINY, 1.0 + ulp), slanted(TINY, 1.0 + ulp)],
+        // The same in both orders, where the nearer one fits 60 bits.
+        vec![slanted(-TINY, 1.0 + ulp), near],
+        vec![near, slanted(-TINY, 1.0 + ulp)],
+        // A near triangle is compared with others after farther triangles of more than 60 bits.
+        [near, far].repeat(6),
+    ];
+    let rows = groups.iter().zip(TINY_OFFSET_ROWS);
+    let points = rows.flat_map(|(group, row)| {
+        group
+            .concat()
+            .into_iter()
+            .map(move |[x, y, z]| [x, y + row, z])
+    });
+    separate_triangles(vec![points.collect()])
+}
+
+/// The `y` of each group.
+const TINY_OFFSET_ROWS: [f32; 7] = [0.0, 8.0, 16.0, 24.0, 32.0, 40.0, 48.0];
+
+fn at_tiny_offsets() -> Vec<Ray> {
+    let starts = TINY_OFFSET_ROWS.map(|y| [0.0, y, 0.0]);
+    let mut rays = starts.map(|start| Ray::new(start, [0.0, 0.0, 1.0]));
+    // The weight of the third group is then near the middle between two floats.
+    rays[2].origin[0] = f32::EPSILON / 4.0;
+    rays.into()
+}
+
 /// A stack of `triangles` triangles in one place.
 fn stack(triangles: usize) -> Arc<Animation> {
     let points = vec![[0.0, 0.0, 1.0], [3.0, 0.0, 1.0], [0.0, 3.0, 1.0]];
@@ -76,6 +127,7 @@ fn against_the_oracle(mut backend: Box<dyn Backend>) -> Box<dyn Backend> {
         (stack(TALL), down()),
         (stack(LOWER), down()),
         (sliver(), vec![AT_SLIVER]),
+        (tiny_offsets(), at_tiny_offsets()),
     ] {
         let mut stage = Stage::over(backend, &animation, Intersector::Exact);
         let oracle = Oracle::new(triangles(&animation, 0.0));
@@ -202,7 +254,7 @@ fn pictures() -> Vec<Picture> {
 
 /// A wall of two triangles above a floor. Their common edge is in the plane of the middle column of rays and of the
 /// shadow rays from their hits on the floor. One of its ends is so near to zero along z that the triangles need more
-/// than 60 bits, so a device leaves these rays to its last kernel.
+/// than 60 bits, so a device leaves the hits on the wall to its last kernel.
 fn seam() -> Arc<Animation> {
     let points = vec![
         [0.0, 0.25, 0.0],

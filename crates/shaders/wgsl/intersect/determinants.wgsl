@@ -3,6 +3,7 @@
 import package::geometry::triangle::points_of;
 import package::intersect::candidates::{NO_CANDIDATE, candidate_at};
 import package::intersect::line::{ExactIntersection, is_within_limits, line, unit_range};
+import package::intersect::round_intersection::round_long_quotient;
 import package::lib::buffers::{counts, occluded, records};
 import package::lib::fixed::{
     Int192, Int64x3, abs_192, add_192, negate_192, round_quotient_192, select_192, sign_192, sub_64, to_fixed_point,
@@ -10,9 +11,9 @@ import package::lib::fixed::{
 };
 import package::lib::integers::{INTERSECTIONS_OFFSET, words};
 
-// A decision on a triangle. If `needs_fallback` is 1, it needs longer integers. `t` is rounded once, as bits. The exact t is
-// N / D * 2^exponent.
-struct CandidateResult { is_hit: u32, needs_fallback: u32, triangle: u32, exponent: i32, t: u32 }
+// A decision on a triangle. `t` is rounded once, as bits. The exact t is N / D * 2^exponent, unless `is_long` is 1: then the numbers
+// exceed 192 bits.
+struct CandidateResult { is_hit: u32, is_long: u32, triangle: u32, exponent: i32, t: u32 }
 
 struct FixedTriangle { fits: bool, unit: i32, a: Int64x3, b: Int64x3, c: Int64x3 }
 
@@ -113,9 +114,9 @@ fn candidate_after(list: u32, count: u32) -> u32 {
     return candidate;
 }
 
-// Decides the first four candidates of `list`, and stores the results in `candidate_results`. The ray's line must be set. All
-// invocations of the workgroup must call it.
-fn decide_candidates(list: u32, local: u32) {
+// Decides the first four candidates of `list`, and stores the results in `candidate_results`. The ray's line must be set. Longer
+// integers are stored in slot `slot`. All invocations of the workgroup must call it.
+fn decide_candidates(list: u32, slot: u32, local: u32) {
     let side = local & 3u;
     let candidate = candidate_after(list, (local / 4u) % 4u);
     var result = CandidateResult();
@@ -125,7 +126,7 @@ fn decide_candidates(list: u32, local: u32) {
         let fixed_corners = fixed_triangle(points_of(result.triangle));
         fits = fixed_corners.fits;
         if fits { determinants[local] = determinant(fixed_corners, side); }
-        result.needs_fallback = select(1u, 0u, fits);
+        result.is_long = select(1u, 0u, fits);
         result.exponent = fixed_corners.unit - line.shift - line.unit;
     }
     workgroupBarrier();
@@ -141,6 +142,10 @@ fn decide_candidates(list: u32, local: u32) {
             if side != 0u { dividend = abs_192(select_192(v, w, side == 2u)); }
             result.t = round_quotient_192(dividend, solved.d, select(0, result.exponent, side == 0u));
         }
+    } else if candidate != NO_CANDIDATE && side < 3u {
+        let quotient = round_long_quotient(points_of(result.triangle), side, slot);
+        solved.is_hit = quotient.is_hit;
+        result.t = quotient.bits;
     }
     workgroupBarrier();
     rounded_quotients[local] = result.t;

@@ -88,7 +88,7 @@ fn decide_candidate(leaf: u32) -> bool {
     let points = points_of(triangle);
     let result = decide_in_one_invocation(triangle, points).result;
     found_any = result.is_hit == 1u;
-    if result.needs_fallback == 1u { found_any = intersect_within_limits(points, 0u).is_hit; }
+    if result.is_long == 1u { found_any = intersect_within_limits(points, 0u).is_hit; }
     return found_any;
 }
 
@@ -128,7 +128,7 @@ fn decide_closest(leaf: u32) {
     let points = points_of(triangle);
     let decided = decide_in_one_invocation(triangle, points);
     let result = decided.result;
-    if result.needs_fallback == 1u {
+    if result.is_long == 1u {
         let intersection = intersect_within_limits(points, free_slot());
         if intersection.is_hit { _ = accept_if_first(triangle, intersection, rounded_t(intersection)); }
     } else if result.is_hit == 1u {

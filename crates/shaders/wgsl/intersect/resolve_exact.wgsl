@@ -17,8 +17,10 @@ import package::lib::integers::INTERSECTIONS_OFFSET;
 import package::lib::params::params;
 
 // The first hit among a ray's candidates so far: whether there is one, its exact intersection, its rounded t, and its triangle.
+// If `first_is_long` is set, the intersection is not stored.
 var<private> has_first: bool;
 var<private> first_intersection: ExactIntersection;
+var<private> first_is_long: bool;
 var<private> first_t: u32;
 var<private> first_triangle: u32;
 
@@ -52,15 +54,18 @@ fn accept_if_first(triangle: u32, intersection: ExactIntersection, t: u32) -> bo
 // The first hit so far, as it is written: t and both weights are rounded once.
 var<private> first_hit: vec4<u32>;
 
-// Updates the first hit with four results, from index `at` on. Returns false if a candidate needs longer integers.
+// Updates the first hit with four results, from index `at` on. Returns false if intersections that are not stored would have to be
+// compared.
 fn accept_results(at: u32) -> bool {
     var is_decided = true;
     for (var k = at; k < at + 4u; k += 1u) {
         let result = candidate_results[k];
-        if result.needs_fallback == 1u { is_decided = false; }
         if result.is_hit == 1u {
+            let is_long = result.is_long == 1u;
+            if has_first && result.t == first_t && (is_long || first_is_long) { is_decided = false; }
             let intersection = store_intersection(result.exponent, determinants[4u * k + 3u], determinants[4u * k]);
             if accept_if_first(result.triangle, intersection, result.t) {
+                first_is_long = is_long;
                 first_hit = vec4<u32>(result.t, rounded_quotients[4u * k + 1u], rounded_quotients[4u * k + 2u], result.triangle);
             }
         }
@@ -75,7 +80,7 @@ fn find_first_hit(list: u32, local: u32) -> bool {
     var is_decided = true;
     var remaining = RemainingList(list, false);
     while !remaining.all_done {
-        decide_candidates(remaining.list, local);
+        decide_candidates(remaining.list, free_slot(), local);
         if local % 16u == 0u { is_decided = accept_results(local / 4u) && is_decided; }
         remaining = remaining_candidates(remaining.list, local);
     }

@@ -1,7 +1,8 @@
 // Rounds exact intersections to floats: the device version of `geom::exact`.
 
 import package::intersect::line::{
-    NO_INTERSECTION, ExactIntersection, intersect_exactly, is_within_limits, store_corners, store_determinant,
+    NO_INTERSECTION, ExactIntersection, intersect_exactly, is_within_limits, prepare_line, store_corners,
+    store_determinant,
 };
 import package::lib::ieee::round_quotient;
 import package::lib::integers::{
@@ -15,6 +16,23 @@ fn intersect_within_limits(corners: array<vec3<u32>, 3>, slot: u32) -> ExactInte
     let result = intersect_exactly(corners, slot, false);
     if !result.is_hit || !is_within_limits(rounded_t(result)) { return NO_INTERSECTION; }
     return result;
+}
+
+// One number of an intersection, rounded once to a float, as bits. If `is_hit` is false, the line misses the triangle.
+struct RoundedQuotient { is_hit: bool, bits: u32 }
+
+// Intersects the line with a closed triangle, at any t. Rounds t, or the weight of the second or third corner if `side` is 1 or 2.
+// Stores numbers in slot 0 or 1.
+fn round_long_quotient(corners: array<vec3<u32>, 3>, side: u32, slot: u32) -> RoundedQuotient {
+    prepare_line();
+    var quotient = intersect_exactly(corners, slot, false);
+    if !quotient.is_hit { return RoundedQuotient(false, 0u); }
+    if side != 0u {
+        store_determinant(quotient.numerator, side, store_corners(corners).len);
+        words[quotient.numerator] = 0u;
+        quotient.exponent = 0;
+    }
+    return RoundedQuotient(true, rounded_t(quotient));
 }
 
 // Returns an intersection's t, rounded once to a float, as bits. A zero is positive.
