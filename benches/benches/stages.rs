@@ -146,7 +146,8 @@ fn refit(criterion: &mut Criterion, mesh: &Mesh) {
 /// Number of rays per task of another crate.
 const TASK: usize = 512;
 
-/// Our intersectors to measure. Rays of a camera are traced together, and rays of a list one by one.
+/// Our intersectors to measure. Camera rays form packets of neighbouring pixels. Rays of a list form packets of neighbours
+/// in the list.
 const OURS: [Intersector; 2] = [Intersector::Watertight, Intersector::MollerTrumbore];
 
 /// Rays of a group.

@@ -3,7 +3,7 @@
 use crate::{Mesh, pool};
 use backend::{Backend, Generation, Hits, Intersector, Query, QueryKind, Rays};
 use bvh_build::{AnimationBoxes, BinaryTree, BlockSize, Boxes, Cancel, SahBuilder};
-use bvh_layout::{CollapseOptions, Converter, First, Topology};
+use bvh_layout::{CollapseOptions, Converter, FirstVisited, Topology};
 use cpu_ref::CpuBackend;
 use geom::{Aabb, Point, Ray};
 use rayon::ThreadPool;
@@ -62,7 +62,7 @@ impl Ours {
         let boxes: Vec<Aabb> = triangles.map(|t| boxes.get(t)).collect();
         let options = CollapseOptions {
             boxes: &boxes,
-            first: First::Larger,
+            first_visited: FirstVisited::Larger,
         };
         let topology = Topology::new(Arc::clone(&self.trees[0]), mesh.triangle_count());
         topology.with_blocks(mesh.animation.triangles(), options)

@@ -8,7 +8,8 @@ use glam::Vec3;
 /// Fraction of the distance to the light that a shadow ray skips, so that it misses the surface it starts from.
 const SKIP: f32 = 1e-3;
 
-/// Returns a camera of `size` pixels that sees all of `mesh` at its start, from above one corner.
+/// Returns a camera of `size` pixels that looks at the centre of `mesh` at its start, from above one corner. The picture
+/// may not show the whole mesh.
 pub fn camera(mesh: &Mesh, size: [u32; 2]) -> Camera {
     let (centre, radius) = sphere(mesh);
     let eye = centre + radius * Vec3::new(0.9, 0.8, 1.6);

@@ -1,4 +1,4 @@
-//! Shared parts of the tests in `tests/`: scenes, a stage to trace on, and the program itself.
+//! Shared parts of the tests in `tests/`: scenes, a backend to trace on, and the program itself.
 //!
 //! Nothing here is part of the product. Failures panic, as in a test.
 
@@ -11,7 +11,8 @@ pub mod stage;
 use abvh::{Device, Scene, Tracer};
 use libtest_mimic::{Arguments, Trial};
 
-/// Returns whether `ABVH_FULL=1` requests the full tier: more cases, files and kills.
+/// Returns whether `ABVH_FULL=1` requests the full tier: more cases, more files, and more runs of the program that a
+/// test kills.
 pub fn is_full() -> bool {
     std::env::var("ABVH_FULL").is_ok_and(|v| v == "1")
 }

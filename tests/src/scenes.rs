@@ -15,7 +15,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// A scene and its name.
 #[derive(Clone, Copy, Debug)]
 pub struct Source {
-    /// Name of the test.
+    /// Name of the scene. Names of tests begin with it.
     pub name: &'static str,
     /// The demo, or the pack and the path within its folder.
     spec: &'static str,

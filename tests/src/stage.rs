@@ -1,9 +1,9 @@
-//! A backend with one scene and a tree built at any time.
+//! A backend with one scene. Its tree can be built from the vertices at any time of the animation.
 
 use crate::is_full;
 use abvh::own_device::{OwnDevice, wgpu};
 use backend::{Backend, Generation, Hits, Intersector, QueryKind, Rays};
-use conformance::stage::{record_refit, trace_and_wait, tree_at};
+use conformance::stage::{interpolate_and_refit, trace_and_wait, tree_at};
 use geom::{Animation, Camera, CameraPose, Point, Ray};
 use scene::Viewpoint;
 use std::sync::{Arc, LazyLock};
@@ -58,9 +58,9 @@ impl Stage {
     /// Traces any rays at `time`.
     pub fn trace(&mut self, time: f64, rays: Rays<'_>, kind: QueryKind) -> Hits {
         let backend = self.backend.as_mut();
-        let done = record_refit(backend, &self.animation, time)
+        let done = interpolate_and_refit(backend, &self.animation, time)
             .and_then(|()| trace_and_wait(backend, rays, kind));
-        done.expect("every stage runs").hits
+        done.expect("the device does not fail").hits
     }
 }
 

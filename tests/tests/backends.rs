@@ -41,10 +41,10 @@ fn vulkan() -> Options {
     }
 }
 
-fn wgpu(checks_kernels: bool) -> backend::Result<Box<dyn Inspect>> {
+fn wgpu(uses_checked_wgsl: bool) -> backend::Result<Box<dyn Inspect>> {
     let options = Options {
         validation: Validation::IfInstalled,
-        checks_kernels,
+        uses_checked_wgsl,
         ..Default::default()
     };
     Ok(Box::new(gpu_wgpu::open(&options)?))

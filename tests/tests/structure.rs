@@ -29,7 +29,8 @@ abvh: backend cpu-ref cpu-simd geom gpu-common gpu-vulkan gpu-wgpu host pipeline
 cli: abvh backend conformance geom host output pipeline rivals scene
 ";
 
-/// Names of one value of an axis, and the most files outside tests that may contain one of these.
+/// For each kind of choice: names of one of its values, and the maximum number of files outside tests that may contain one
+/// of these names.
 const AXES: [(&str, [&str; 2], usize); 4] = [
     ("backend", ["BackendName::CpuRef", "Self::CpuRef"], 5),
     ("intersector", ["MollerTrumbore", "moller-trumbore"], 6),

@@ -61,7 +61,7 @@ pub trait Rival {
         None
     }
 
-    /// Returns the messages of the driver's validation layer in this process.
+    /// Returns the messages of Vulkan's validation layers in this process.
     fn complaints(&self) -> Vec<String> {
         Vec::new()
     }

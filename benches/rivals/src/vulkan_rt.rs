@@ -36,7 +36,7 @@ pub struct VulkanRt {
     traced: Option<Ticket>,
     /// Memory for the hits of a frame.
     hits: Hits,
-    rays: RayPipeline,
+    pipeline: RayPipeline,
 }
 
 impl VulkanRt {
@@ -50,12 +50,12 @@ impl VulkanRt {
         let host = Host::new(options.validation)?;
         let adapters = support::ray_adapters_of(&host, options.adapter)?;
         let gpu = Gpu::open(host, &adapters, options, true)?;
-        let rays = RayTracing::of(&gpu)?;
+        let ray_tracing = RayTracing::of(&gpu)?;
         let device = VulkanDevice::over(&gpu)?;
         let shared = ["arithmetic", "interpolate"].map(common);
         let mut engine = Engine::new(device, shared.into_iter().chain(RAY_KERNELS))?;
         engine.info.device.backend = name.name();
-        let rays = RayPipeline::new(&mut engine.gpu, &rays)?;
+        let pipeline = RayPipeline::new(&mut engine.gpu, &ray_tracing)?;
         Ok(Self {
             engine,
             name,
@@ -63,7 +63,7 @@ impl VulkanRt {
             pose: None,
             traced: None,
             hits: Hits::default(),
-            rays,
+            pipeline,
         })
     }
 }

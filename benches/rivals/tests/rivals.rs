@@ -113,7 +113,7 @@ impl Shot {
             .unwrap();
         let tree = stage::tree_over(&self.animation, &stage::vertices(&self.animation, time));
         host.adopt(&tree, Generation(1)).unwrap();
-        stage::record_refit(&mut host, &self.animation, time).unwrap();
+        stage::interpolate_and_refit(&mut host, &self.animation, time).unwrap();
         let Query { rays, kind } = self.query();
         stage::trace_and_wait(&mut host, rays, kind).unwrap().hits
     }

@@ -17,7 +17,7 @@ pub(super) struct Bvh {
 /// A triangle in the crate's format.
 struct Shape {
     corners: geom::Triangle,
-    at: u32,
+    triangle: u32,
     node: usize,
 }
 
@@ -58,7 +58,7 @@ impl Bvh {
                 break;
             }
             if let Some(t) = moller_trumbore(ray, &shape.corners).filter(|&t| t < t_best) {
-                (t_best, best) = (t, Some((t, shape.at)));
+                (t_best, best) = (t, Some((t, shape.triangle)));
                 if first {
                     break;
                 }
@@ -78,9 +78,9 @@ impl CrateTree for Bvh {
     }
 
     fn set_triangles(&mut self, triangles: &[geom::Triangle]) {
-        let shape = |(&corners, at): (&geom::Triangle, u32)| Shape {
+        let shape = |(&corners, triangle): (&geom::Triangle, u32)| Shape {
             corners,
-            at,
+            triangle,
             node: 0,
         };
         self.soup = triangles.iter().zip(0..).map(shape).collect();

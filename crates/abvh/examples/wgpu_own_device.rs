@@ -12,10 +12,10 @@ const SIZE: [u32; 2] = [64, 48];
 
 /// Lifts the sheet, and counts the hits that are nearer than 4.
 const SHADER: &str = "
-@group(0) @binding(0) var<storage, read_write> heights: array<f32>;
+@group(0) @binding(0) var<storage, read_write> positions: array<f32>;
 @compute @workgroup_size(3)
 fn lift(@builtin(global_invocation_id) id: vec3u) {
-    heights[3 * id.x + 1] += 0.5;
+    positions[3 * id.x + 1] += 0.5;
 }
 struct Hit { t: f32, u: f32, v: f32, triangle: u32 }
 @group(0) @binding(0) var<storage, read> hits: array<Hit>;

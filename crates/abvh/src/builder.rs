@@ -56,13 +56,13 @@ impl TracerBuilder {
         }
     }
 
-    /// Sets the number of host threads, `n`. If the host traces, `n` threads trace. With [`Update::Async`], `n / 4`
-    /// more threads build trees at the same time. If a GPU traces, `n` threads build trees, or `n - 1` with
-    /// [`Update::Async`]. At least one thread builds.
+    /// Sets the number of host threads, `n`. If the host traces, `n` threads trace. With [`Update::Async`] and
+    /// [`Update::Lockstep`], `n / 4` more threads build trees at the same time. If a GPU traces, `n` threads build
+    /// trees, or `n - 1` with these policies. At least one thread builds.
     ///
-    /// By default, a host that traces uses one thread per core. With [`Update::Async`] and at least four cores, a
-    /// quarter of these threads builds and the others trace. For a GPU, one thread per two cores builds trees, which
-    /// leaves cores for the program.
+    /// By default, a host that traces uses one thread per core. With [`Update::Async`] or [`Update::Lockstep`] and at
+    /// least four cores, a quarter of these threads builds and the others trace. For a GPU, one thread per two cores
+    /// builds trees, which leaves cores for the program.
     #[must_use]
     pub fn threads(self, threads: usize) -> Self {
         let threads = Some(threads.max(1));
@@ -113,13 +113,17 @@ impl TracerBuilder {
 
     pub(crate) fn open(&self, update: Update) -> Result<Box<dyn Backend>> {
         self.device
-            .open(self.share(DeviceKind::Cpu, update)?.render)
+            .open(self.thread_counts(DeviceKind::Cpu, update)?.render)
     }
 
-    /// Creates the threads that build trees for a device of this kind.
-    pub(crate) fn builders(&self, kind: DeviceKind, update: Update) -> Result<BuilderThreads> {
+    /// Starts the threads that build trees for a device of this kind.
+    pub(crate) fn start_builder_threads(
+        &self,
+        kind: DeviceKind,
+        update: Update,
+    ) -> Result<BuilderThreads> {
         let requested = self.threads.or(self.builder_threads);
-        let threads = match (requested, self.share(kind, update)?.build) {
+        let threads = match (requested, self.thread_counts(kind, update)?.build) {
             // With more builder threads, steps lose more time waiting for cores than they gain by newer trees.
             (None, all) if kind == DeviceKind::Gpu => all.div_ceil(2),
             (_, shared) => shared,
@@ -127,7 +131,7 @@ impl TracerBuilder {
         BuilderThreads::new(threads).map_err(Error::of_driver)
     }
 
-    fn share(&self, kind: DeviceKind, update: Update) -> Result<Threads> {
+    fn thread_counts(&self, kind: DeviceKind, update: Update) -> Result<Threads> {
         let requested = [self.threads, self.builder_threads];
         match requested.into_iter().flatten().max() {
             Some(most) if most > MOST_THREADS => {

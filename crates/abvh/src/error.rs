@@ -7,7 +7,8 @@ use pipeline::PipelineError;
 /// Result with [`Error`] as the default error type.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
-/// Reason for a failed operation. No call panics because of its arguments.
+/// Reason for a failed operation. No call panics because of its arguments, except for the panics of wgpu that
+/// `OwnDevice` describes.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -73,7 +74,8 @@ pub enum Error {
     /// The device was unplugged or reset. Only a new tracer can recover.
     #[error("{0}")]
     DeviceLost(String),
-    /// The driver refused a call, or a tree build failed. This is a bug in the driver or in the library.
+    /// The driver refused a call, or a tree build failed. This is a bug in the driver or in the library, unless the
+    /// process has too many open file descriptors.
     #[error("{0}")]
     Device(String),
 }

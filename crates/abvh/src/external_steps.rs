@@ -55,7 +55,7 @@ impl ResidentScene {
         Ok(())
     }
 
-    /// Copies vertices that only the device has from `before`. The scenes differ in mesh `replaced` only.
+    /// Copies, from `before`, the vertices that only the device has. The scenes differ in mesh `replaced` only.
     pub(crate) fn take_external_vertices(
         &mut self,
         before: &mut Self,

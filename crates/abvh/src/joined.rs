@@ -232,10 +232,11 @@ impl JoinedScene {
             let motion = Arc::clone(&self.meshes[mesh].motion);
             match &*motion {
                 MeshMotion::Keys(keys) if keys.len() > 1 => {
-                    let pose = Pose::at(time, keys.len());
+                    let key_blend = Pose::at(time, keys.len());
                     let [earlier, later] =
-                        [0, 1].map(|after| motion.key(pose.key as usize + after));
-                    set_each(self.vertices_of(mesh), |v| pose.blend(earlier[v], later[v]));
+                        [0, 1].map(|after| motion.key(key_blend.key as usize + after));
+                    let blended = |v: usize| key_blend.blend(earlier[v], later[v]);
+                    set_each(self.vertices_of(mesh), blended);
                 }
                 MeshMotion::Animated(animation) if animation.key_count() > 1 => {
                     let moment = animation.at(time).map_err(Error::of_reading)?;

@@ -43,7 +43,7 @@ pub(crate) struct ResidentScene {
     pub(crate) driver: Driver,
     pub(crate) joined: JoinedScene,
     pub(crate) update: Update,
-    pub(crate) builders: BuilderThreads,
+    pub(crate) builder_threads: BuilderThreads,
     /// Forms of the queries traced so far, one for each set of kernels.
     pub(crate) traced_forms: Vec<QueryForm>,
     /// Number of trees of the scenes before this one.
@@ -80,7 +80,7 @@ impl ResidentScene {
         meshes: Vec<Mesh>,
         backend: Box<dyn Backend>,
         mut options: DriverOptions,
-        builders: BuilderThreads,
+        builder_threads: BuilderThreads,
     ) -> Result<Self> {
         check_memory(&meshes)?;
         let mut joined = JoinedScene::of(meshes)?;
@@ -91,14 +91,14 @@ impl ResidentScene {
         } else {
             options.time_range.map(|time| time.min(animation.end()))
         };
-        let driver = Driver::new(backend, animation, options, builders.clone());
+        let driver = Driver::new(backend, animation, options, builder_threads.clone());
         let mut driver = driver.map_err(Error::of_driver)?;
         joined.prepare(driver.backend())?;
         Ok(Self {
             driver,
             joined,
             update: options.update,
-            builders,
+            builder_threads,
             traced_forms: Vec::new(),
             trees_before: 0,
             last: None,
@@ -165,7 +165,7 @@ impl ResidentScene {
                 ..camera
             });
             let rays = pixel.as_ref().map_or(Rays::List(&ray), Rays::Camera);
-            self.submit(time, &[Query { rays, kind }])?;
+            self.submit_to_driver(time, &[Query { rays, kind }])?;
             let finished =
                 (self.driver).finish(OutputSelection::default(), &mut FrameOutputs::default());
             finished.map_err(Error::of_driver)?;
@@ -196,7 +196,7 @@ impl ResidentScene {
 
     /// Submits queries, in one submission if the device can, and records where their results will be. `ids` has one
     /// entry per query.
-    pub(crate) fn begin(
+    pub(crate) fn submit_and_record_results(
         &mut self,
         time: f64,
         ids: &[QueryId],
@@ -204,17 +204,18 @@ impl ResidentScene {
     ) -> Result<()> {
         if queries.len() > 1 && !self.driver.can_batch(queries) {
             let mut each = ids.chunks(1).zip(queries.chunks(1));
-            return each.try_for_each(|(ids, queries)| self.begin(time, ids, queries));
+            return each
+                .try_for_each(|(ids, queries)| self.submit_and_record_results(time, ids, queries));
         }
         while self.in_flight.len() >= self.driver.max_in_flight(queries) {
             self.finish()?;
         }
-        let started = self.start(time, queries).inspect_err(|_| {
-            // A backend drops a report after a limited number of later submissions, even if it refused them. So read
-            // all reports now.
+        let submitted = self.submit_in_flight(time, queries).inspect_err(|_| {
+            // A backend keeps the report of a submission only for a limited number of later submissions, and refused
+            // ones count too. So wait for all submissions now, before their reports are dropped.
             let _ = self.finish_all();
         });
-        let ticket = started?;
+        let ticket = submitted?;
         let each = ids.iter().zip(queries).enumerate();
         let results = each.map(|(place, (&id, query))| QueryResult {
             query: id,
@@ -230,16 +231,16 @@ impl ResidentScene {
         Ok(())
     }
 
-    /// Submits queries in one submission, without recording where their results will be.
-    pub(crate) fn start(&mut self, time: f64, queries: &[Query<'_>]) -> Result<Ticket> {
-        let ticket = self.submit(time, queries)?;
+    /// Submits queries in one submission and adds it to `in_flight`. Does not record where their results will be.
+    pub(crate) fn submit_in_flight(&mut self, time: f64, queries: &[Query<'_>]) -> Result<Ticket> {
+        let ticket = self.submit_to_driver(time, queries)?;
         queries.iter().for_each(|&query| self.note(query));
         self.in_flight.push_back(ticket);
         Ok(ticket)
     }
 
-    /// Passes the changes of meshes to the driver and submits queries, without recording the submission.
-    fn submit(&mut self, time: f64, queries: &[Query<'_>]) -> Result<Ticket> {
+    /// Passes the changes of meshes to the driver and submits queries. Does not add the submission to `in_flight`.
+    fn submit_to_driver(&mut self, time: f64, queries: &[Query<'_>]) -> Result<Ticket> {
         #[cfg(feature = "wgpu")]
         self.abandon_dropped();
         #[cfg(any(feature = "vulkan", feature = "wgpu"))]
@@ -418,7 +419,7 @@ fn check_memory(meshes: &[Mesh]) -> Result<()> {
     let points = meshes.iter().map(points).sum::<usize>();
     let triangles = meshes.iter().map(Mesh::triangle_count).sum::<usize>();
     let bytes = points * size_of::<Point>() + triangles * size_of::<[u32; 3]>();
-    let bytes = pipeline::trees_bytes(triangles, 0).saturating_add(bytes as u64);
+    let bytes = pipeline::trees_and_rays_bytes(triangles, 0).saturating_add(bytes as u64);
     host::check_memory(bytes).map_err(|e| Error::OutOfMemory(e.to_string()))
 }
 

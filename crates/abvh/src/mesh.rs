@@ -199,8 +199,9 @@ impl Mesh {
     pub fn open(name: &str) -> Result<Self> {
         let open = || scene::open(name, &scene::SceneOptions::default());
         let threads = rayon::ThreadPoolBuilder::new().num_threads(geom::parallelism());
-        // Opening may block on readers of key frames, which threads of the shared pool must not do.
-        let found = match geom::own_pool(threads) {
+        // Opening may wait for the threads that read key frames. Threads of the shared pool must not wait for them, so
+        // opening uses its own pool.
+        let found = match geom::start_library_pool(threads) {
             Ok(pool) => geom::run_in(&pool, open),
             Err(e) => return Err(Error::Unsupported(format!("no threads to read files: {e}"))),
         };

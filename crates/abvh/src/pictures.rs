@@ -42,13 +42,13 @@ impl Step<'_> {
     pub fn render(&mut self, camera: &Camera, light: Point) -> Result<QueryId> {
         let id = self.next_id();
         let rendered = self.render_as(id, LitView { camera, light });
-        self.finish_query(id, rendered)
+        self.remove_query_if_failed(id, rendered)
     }
 
     fn render_as(&mut self, id: QueryId, view: LitView<'_>) -> Result<()> {
         let current = &mut self.tracer.current;
         let colours = current.host_colours()?;
-        current.begin(self.time, &[id], &[view.query()])?;
+        current.submit_and_record_results(self.time, &[id], &[view.query()])?;
         let (Some(colours), Some(index)) = (colours, current.results.len().checked_sub(1)) else {
             return Ok(());
         };
@@ -92,7 +92,8 @@ impl ResidentScene {
         }
         let colours = self.joined.triangle_colours();
         let palette = palette(&colours);
-        // Without triangles, the device traces nothing and the picture is only sky, so the host shades.
+        // Without live triangles (triangles that are active in some key frame), the device traces nothing. The picture
+        // is only sky, so the host shades.
         let is_on_device = self.joined.animation.live_count() > 0
             && (self.driver.backend())
                 .load_palette(&palette)

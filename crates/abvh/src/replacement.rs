@@ -33,7 +33,8 @@ impl Replacement {
         self.mesh
     }
 
-    /// Returns whether the preparation is finished, so that [`Tracer::commit`] would not wait for it.
+    /// Returns whether the preparation is finished. [`Tracer::commit`] then does not wait for it, unless another mesh
+    /// was replaced in the meantime.
     #[must_use]
     pub fn is_ready(&self) -> bool {
         self.preparation
@@ -162,17 +163,17 @@ impl TracerState {
         with: Mesh,
     ) -> Result<impl FnOnce(&AtomicBool) -> Result<ResidentScene> + Send + use<>> {
         let current = &mut self.current;
-        let (builder, expected) = (self.builder.clone(), self.device.clone());
+        let (tracer_builder, expected) = (self.tracer_builder.clone(), self.device.clone());
         // If this is `None`, the device is opened again.
         let share_device = current.share_device();
         let split = current.joined.splitter();
         let (newest, time) = (current.joined.newest()?, current.joined.time);
         let forms = current.traced_forms.clone();
         let threads = match current.update {
-            // With this policy, the builder threads use all cores, because steps wait for them. No step waits for a
-            // replacement, so leave cores for steps.
-            Update::Refit => builder.builders(self.kind, Update::Async)?,
-            _ => current.builders.clone(),
+            // With this policy, tracing and building do not overlap, so the builder threads may use all cores. A
+            // replacement is built while steps trace, so leave cores for steps.
+            Update::Refit => tracer_builder.start_builder_threads(self.kind, Update::Async)?,
+            _ => current.builder_threads.clone(),
         };
         Ok(move |is_cancelled: &AtomicBool| {
             let positions = newest.to_vec();
@@ -181,17 +182,17 @@ impl TracerState {
             let mut meshes = split();
             let number = meshes[mesh].number;
             meshes[mesh] = Mesh { number, ..with };
-            let update = builder.policy(&meshes);
+            let update = tracer_builder.policy(&meshes);
             let backend = match share_device {
                 Some(open) => open().map_err(Error::of_backend)?,
-                None => builder.open(update)?,
+                None => tracer_builder.open(update)?,
             };
             let found = device_name(backend.as_ref());
             if found != expected {
                 let why = format!("{expected} cannot be opened again, only {found}");
                 return Err(Error::NoDevice(why));
             }
-            let (options, shared) = (builder.options(update), threads.clone());
+            let (options, shared) = (tracer_builder.options(update), threads.clone());
             threads.install(move || {
                 let mut loaded = ResidentScene::new(meshes, backend, options, shared)?;
                 loaded.joined.copy_moved_from(&positions, mesh);

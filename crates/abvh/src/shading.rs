@@ -63,7 +63,7 @@ impl Surfaces<'_> {
         let own = exponents.into_iter().fold(i32::MIN, i32::max);
         let [a, b, c] = corners.map(|corner| in_units(corner, own));
         let (e1, e2) = (b - a, c - a);
-        let mut normal = unit(normalized_exponent(e1).cross(normalized_exponent(e2)));
+        let mut normal = unit(scaled_near_one(e1).cross(scaled_near_one(e2)));
         if normal.dot(direction) > 0.0 {
             normal = -normal;
         }
@@ -104,7 +104,7 @@ fn cut(x: f32, exponent: i32) -> f32 {
 
 /// Scales by the power of two that brings the largest component to `[1, 2)`. Other components below `2^-40` become
 /// zero. Returns zero if the largest component is subnormal, at least `2^127`, or not finite.
-fn normalized_exponent(v: Vec3) -> Vec3 {
+fn scaled_near_one(v: Vec3) -> Vec3 {
     let sizes = v.to_array().map(|x| x.to_bits() & 0x7fff_ffff);
     let e = sizes.into_iter().max().unwrap_or(0) >> 23;
     if e == 0 || e >= 254 {
@@ -114,10 +114,10 @@ fn normalized_exponent(v: Vec3) -> Vec3 {
 }
 
 /// Normalizes `v` to length 1, with an error of a few units in the last place. Returns zero where
-/// [`normalized_exponent`] does. Uses Newton's method with the common initial guess of an inverse square root, because
+/// [`scaled_near_one`] does. Uses Newton's method with the common initial guess of an inverse square root, because
 /// devices need not round square roots correctly. They reproduce the operations used here bit for bit.
 fn unit(v: Vec3) -> Vec3 {
-    let w = normalized_exponent(v);
+    let w = scaled_near_one(v);
     let square = w.dot(w);
     if square == 0.0 {
         return w;

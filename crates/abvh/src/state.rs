@@ -15,7 +15,7 @@ pub(crate) struct TracerState {
     pub(crate) current: ResidentScene,
     /// Scenes from before replacements, while they have results.
     pub(crate) former: Vec<ResidentScene>,
-    pub(crate) builder: TracerBuilder,
+    pub(crate) tracer_builder: TracerBuilder,
     /// Number of committed replacements.
     pub(crate) commits: u64,
     /// Number of the newest committed replacement of each mesh, counted from 1.

@@ -154,17 +154,23 @@ impl Step<'_> {
             return Ok(self.defer(DeferredRays::Camera(*camera), query));
         }
         let id = self.next_id();
-        let begun = (self.tracer.current).begin(self.time, &[id], &[query.of(rays)]);
-        self.finish_query(id, begun)
+        let current = &mut self.tracer.current;
+        let submitted = current.submit_and_record_results(self.time, &[id], &[query.of(rays)]);
+        self.remove_query_if_failed(id, submitted)
     }
 
-    /// Returns the newest query, or removes it if it failed. If it was the first, meshes can be moved again.
-    pub(crate) fn finish_query(&mut self, id: QueryId, begun: Result<()>) -> Result<QueryId> {
-        if begun.is_err() {
+    /// Returns `id` if the newest query was submitted. Otherwise removes the query. If it was the step's first, meshes
+    /// can be moved again.
+    pub(crate) fn remove_query_if_failed(
+        &mut self,
+        id: QueryId,
+        submitted: Result<()>,
+    ) -> Result<QueryId> {
+        if submitted.is_err() {
             self.queries -= 1;
             (self.tracer.current.results).retain(|result| result.query != id);
         }
-        begun.map(|()| id)
+        submitted.map(|()| id)
     }
 
     pub(crate) fn defer(&mut self, rays: DeferredRays, kind: Query) -> QueryId {
@@ -209,7 +215,7 @@ impl Step<'_> {
         }
         let ids: Vec<_> = self.deferred.iter().map(|query| query.id).collect();
         let queries: Vec<_> = self.deferred.iter().map(DeferredQuery::query).collect();
-        current.begin(self.time, &ids, &queries)
+        current.submit_and_record_results(self.time, &ids, &queries)
     }
 }
 

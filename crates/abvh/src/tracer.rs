@@ -126,9 +126,9 @@ impl Tracer {
         loaded.is_done(index)
     }
 
-    /// Returns the index of a mesh's first triangle among the triangles of all meshes. [`Hits::in_scene`] and results
-    /// in device memory use these indices. They may change when a mesh is [replaced](Tracer::commit). Hits of earlier
-    /// steps keep the former indices.
+    /// Returns the index of a mesh's first triangle among the triangles of all meshes. The closest hits of
+    /// [`Hits::in_scene`] and results in device memory use these indices. They may change when a mesh is
+    /// [replaced](Tracer::commit). Hits of earlier steps keep the former indices.
     ///
     /// # Errors
     /// [`Error::ForeignMesh`](crate::Error::ForeignMesh).
@@ -181,13 +181,14 @@ impl TracerBuilder {
     fn load(self, backend: Box<dyn Backend>, scene: Scene) -> Result<Tracer> {
         let update = self.policy(&scene.meshes);
         let (device, kind) = (device_name(backend.as_ref()), backend.device().kind);
-        let builders = self.builders(kind, update)?;
+        let builder_threads = self.start_builder_threads(kind, update)?;
+        let options = self.options(update);
         // Each tracer has 2^40 step numbers of its own, so no two tracers have a step number in common.
         let steps = TRACERS.fetch_add(1, Ordering::Relaxed) << 40;
         let state = TracerState {
-            current: ResidentScene::new(scene.meshes, backend, self.options(update), builders)?,
+            current: ResidentScene::new(scene.meshes, backend, options, builder_threads)?,
             former: Vec::new(),
-            builder: self,
+            tracer_builder: self,
             commits: 0,
             replaced: BTreeMap::new(),
             device: device.clone(),

@@ -92,12 +92,13 @@ impl ResidentScene {
         }
     }
 
-    /// Takes over vertices that only the device has from `before`. The scenes differ in mesh `replaced` only.
+    /// Takes over, from `before`, the vertices that only the device has. The scenes differ in mesh `replaced` only.
     pub(crate) fn take_wgpu_vertices(&mut self, before: &mut Self, replaced: usize) -> Result<()> {
         before.abandon_dropped();
         let backend = before.wgpu();
         if backend.is_some_and(|backend| backend.gpu().has_encoded()) {
-            // The program must have submitted the commands that write these vertices.
+            // Encoded commands may write these vertices. This waits for them, and returns an error if the program has
+            // not submitted them.
             before.finish_all()?;
         }
         for mesh in (0..self.joined.meshes.len()).filter(|&mesh| mesh != replaced) {
@@ -148,8 +149,9 @@ impl Step<'_> {
     /// and steps return [`Error::VerticesLost`] until they are passed again.
     ///
     /// wgpu validates commands only when the encoder is finished. It may refuse them, for example because the encoder
-    /// belongs to another device or has an open pass. Then [`Tracer::hits`] of this step or the second step after it
-    /// returns [`Error::Misuse`], and the tracer continues as if the encoder had been dropped.
+    /// belongs to another device or has an open pass. Then the first call that waits for this step, such as
+    /// [`Tracer::hits`] or a call of the second step after it, returns [`Error::Misuse`]. The tracer continues as if the
+    /// encoder had been dropped.
     ///
     /// # Errors
     /// [`Error::TooLate`] if the step traced rays in host memory or rendered a picture, which are submitted at once.

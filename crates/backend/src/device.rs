@@ -15,8 +15,8 @@ crate::named! {
     }
 }
 
-/// Floating-point behaviour of operations without a rounding decoration. It affects only intersectors whose hits differ
-/// between backends (see [`Intersector::is_equal_across_backends`]).
+/// How the device rounds divisions and sums of products for which the shader does not enforce IEEE 754 rounding. It affects
+/// only intersectors whose hits differ between backends (see [`Intersector::is_equal_across_backends`]).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Arithmetic {
     /// Whether division is correctly rounded.
@@ -57,7 +57,7 @@ pub struct Device {
     pub kind: DeviceKind,
     /// Number of host threads that compute; 0 if the device computes.
     pub threads: usize,
-    /// Floating-point behaviour without a rounding decoration.
+    /// How the device rounds operations for which the shader does not enforce IEEE 754 rounding.
     pub arithmetic: Arithmetic,
     /// Optional operations that the backend supports.
     pub capabilities: Capabilities,

@@ -43,12 +43,12 @@ pub enum BackendError {
     /// which the library had recorded a frame.
     #[error("{0}")]
     Misuse(String),
-    /// The device's interface or its driver rejected a call. This indicates a bug in the library or in the driver.
+    /// The graphics API or the driver rejected a call. This indicates a bug in the library or in the driver.
     #[error("{what} was rejected: {why}")]
     Rejected {
         /// The operation that failed.
         what: String,
-        /// Message of the interface or the driver.
+        /// Message of the graphics API or the driver.
         why: String,
     },
     /// The device was lost.

@@ -106,9 +106,10 @@ pub struct FrameReport {
     pub hits: u64,
     /// Hits in shadow.
     pub blocked: u64,
-    /// Rays, including shadow rays, that were tested in exact arithmetic. With `exact`, these are the rays that error
-    /// bounds could not decide. If a camera ray is undecided, GPUs do not count its shadow ray. With `watertight`, they
-    /// are the [extreme](geom::CoordinateRange::is_extreme) rays. Otherwise 0.
+    /// Rays that were tested in exact arithmetic. With `watertight`, these are the
+    /// [extreme](geom::CoordinateRange::is_extreme) rays and their shadow rays. With `exact`, also all rays and shadow
+    /// rays that error bounds could not decide, but on GPUs not the shadow ray of an undecided camera ray. With other
+    /// intersectors 0.
     pub settled: u64,
     /// Triangles that are inactive at the traced positions.
     pub inactive: u64,

@@ -16,9 +16,11 @@
 //! [`FRAMES_IN_FLIGHT`] submissions are unfinished at any time; a further `submit` blocks until the oldest has
 //! finished.
 //!
-//! Only `submit`, [`Backend::wait`] and the methods that return results block. A submission's report and traces remain
-//! available until [`FRAMES_IN_FLIGHT`] later submissions have contained a trace. [`Backend::retain_traces`] extends
-//! this. A report can be read any number of times. Hits can be taken once.
+//! Only `load`, `submit`, [`Backend::wait`], [`Backend::take_hits`] and [`Backend::pixels`] wait for submissions to finish.
+//! Other methods may wait for memory that they reuse, for key frames or for the compilation of kernels.
+//!
+//! A submission's report and traces remain available until [`FRAMES_IN_FLIGHT`] later submissions with traces have been
+//! submitted. [`Backend::retain_traces`] extends this. A report can be read any number of times. Hits can be taken once.
 //!
 //! # Stage order
 //!
@@ -40,7 +42,7 @@
 //! takes effect between submissions: work recorded afterwards uses the new tree, and submitted work keeps the old one.
 //!
 //! Large trees take time to reach a device. The builder thread therefore writes the tree through a [`TreeWriter`], and
-//! the driver adopts it once [`Backend::upload_tree`] returns `true`. No frame waits for the copy.
+//! the frame loop (`pipeline::Driver`) adopts it once [`Backend::upload_tree`] returns `true`. No frame waits for the copy.
 //!
 //! # Hits
 //!
@@ -87,18 +89,18 @@ macro_rules! named {
     };
 }
 
-mod axes;
 mod device;
 mod error;
 mod frame;
+mod options;
 mod query;
 
-pub use axes::{BackendName, Intersector, Policy};
 pub use device::{
     AdapterInfo, Arithmetic, Capabilities, Device, DeviceBytes, DeviceKind, MemoryUse,
 };
 pub use error::{BackendError, Result};
 pub use frame::{FrameReport, Generation, Snapshot, Spares, StageTimes, Ticket, rounded, sah_cost};
+pub use options::{BackendName, Intersector, Policy};
 pub use query::{Hits, HitsPool, Palette, Query, QueryKind, Rays};
 
 use bvh_layout::Topology;
@@ -154,7 +156,7 @@ pub trait Backend: Send + Any {
     }
 
     /// Starts to upload a tree while frames run, unless its upload has already started. Returns whether the upload has
-    /// finished. Never blocks.
+    /// finished. Does not wait for the upload.
     fn upload_tree(&mut self, _tree: &Topology, _generation: Generation) -> Result<bool> {
         Ok(true)
     }
@@ -236,9 +238,9 @@ pub trait Backend: Send + Any {
     }
 
     /// Retains the reports and traces of these submissions until the next call or until another scene is loaded.
-    /// `tickets` is in ascending order. Traces that the previous call named and this call does not name are released,
-    /// so that later traces reuse their memory. The backend keeps the memory of the larger of `tickets.len() + 1` and
-    /// [`FRAMES_IN_FLIGHT`] released traces, and frees the rest.
+    /// `tickets` is in ascending order. A trace that the previous call named and this call does not name is released:
+    /// later traces reuse its memory. The backend keeps the memory of at most
+    /// `max(tickets.len() + 1, FRAMES_IN_FLIGHT)` released traces, and frees the rest.
     fn retain_traces(&mut self, tickets: &[Ticket]);
 
     /// Returns the oldest requested positions that were not taken yet, with the ticket of their submission. Returns
@@ -269,8 +271,8 @@ pub trait Inspect: Backend {
         Err(BackendError::no_device_trees(self.device().backend))
     }
 
-    /// Returns the messages of all calls that the device's interface has rejected so far, and all messages of its
-    /// validation layer in this process.
+    /// Returns the messages of all calls that the graphics API (wgpu or Vulkan) has rejected so far, and all messages of
+    /// its validation layer in this process.
     fn complaints(&mut self) -> Vec<String> {
         Vec::new()
     }

@@ -12,8 +12,9 @@ use std::cmp::Reverse;
 
 /// Number of triangles above which a node bins and moves them in parallel.
 const PARALLEL_NODE: usize = 2 * CHUNK;
-/// Minimum number of subtrees per thread. Several subtrees per thread balance the load although their sizes differ.
-/// [`build`] counts one thread less, so that a single thread divides no node in advance.
+/// [`build`] first divides nodes of more than `triangles / (SUBTREES_A_THREAD * (threads - 1))` triangles, if they exceed
+/// [`PARALLEL_NODE`]. Several subtrees per thread balance the load although their sizes differ. A single thread builds the
+/// whole tree as one subtree.
 const SUBTREES_A_THREAD: usize = 8;
 /// Number of triangles above which a node builds its children in parallel and checks for cancellation.
 const PARALLEL_CHILDREN: usize = 2048;

@@ -16,7 +16,7 @@ use crate::tree::SubtreeSlot;
 use crate::{
     BinaryTree, BlockSize, Boxes, BuildError, Cancel, SahBuilder, Subtree, join_if, sah_cost,
 };
-use groups::{LEVELS, SubtreeGroups};
+use groups::{MAX_GROUP_HEIGHT, SubtreeGroups};
 use rayon::prelude::*;
 
 /// Number of groups above which a subtree is written in parallel.
@@ -77,7 +77,8 @@ impl SubtreeRebuilder {
         tree.fill(cancel, |tree| {
             let areas = self.groups.find(previous, boxes);
             let root = RootOptions {
-                depth: LEVELS,
+                // Reserves levels for the groups below the leaves of `above`.
+                depth: MAX_GROUP_HEIGHT,
                 block_size: BlockSize::One,
             };
             builder.build_below(root, &self.groups.boxes[..], cancel, &mut self.above)?;
@@ -157,7 +158,7 @@ mod tests {
         (0..n).map(bounds).collect()
     }
 
-    /// Returns the next tree, the costs of both trees, and the groups of the next tree.
+    /// Returns the next tree, the costs of both trees, and the groups as subtrees of the previous tree.
     fn subtrees(previous: &BinaryTree, boxes: &[Aabb]) -> (BinaryTree, TreeCosts, Vec<Subtree>) {
         let (mut rebuilder, mut tree) = (SubtreeRebuilder::default(), BinaryTree::default());
         let mut builder = SahBuilder::default();

@@ -11,7 +11,9 @@ mod tests;
 mod topology;
 mod treelets;
 
-pub use blocks::{Block, BlockTree, CollapseOptions, First, LANES, Link, Ranges, WideNode};
+pub use blocks::{
+    Block, BlockTree, BlockTreeNode, CollapseOptions, FirstVisited, LANES, Link, Ranges,
+};
 pub use moving::Moving;
 pub use topology::{Converter, Topology};
 pub use treelets::{Treelet, Treelets, WideTree};

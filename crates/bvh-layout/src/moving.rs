@@ -76,7 +76,7 @@ fn degenerate_among(tree: &Treelets, treelets: &[u32], parts: &StaticParts) -> u
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tests::{chain, parts, random_tree, scene};
+    use crate::tests::{chain, parts, random_tree, scene_triangle_count};
     use std::collections::BTreeSet;
 
     #[test]
@@ -86,7 +86,7 @@ mod tests {
             let order = tree.order();
             let everywhere: Vec<u32> = order.iter().step_by(10_000).copied().collect();
             for moves in [&order[..1], &order[order.len() / 2..][..300], &everywhere] {
-                let parts = parts(scene(&tree), |t| moves.contains(&t));
+                let parts = parts(scene_triangle_count(&tree), |t| moves.contains(&t));
                 let listed = treelets.clone().with_moving(&parts);
                 let words = check_levels(&listed).len();
                 assert!(words <= moves.len() * treelets.levels.len());
@@ -116,7 +116,7 @@ mod tests {
         let tree = random_tree(20_000, 4);
         let treelets = Treelets::of(&tree);
         let of = |moves: fn(u32) -> bool| {
-            let parts = parts(scene(&tree), moves);
+            let parts = parts(scene_triangle_count(&tree), moves);
             treelets.clone().with_moving(&parts).moving
         };
         let none = of(|_| false).unwrap();

@@ -8,8 +8,8 @@ use std::sync::Arc;
 
 /// A binary tree over triangles of a scene. May also contain the same tree as [`Treelets`] and as a [`BlockTree`].
 ///
-/// No part contains boxes. The binary tree and the blocks are shared, because builders and backends keep using them after
-/// adoption.
+/// No part contains boxes. The binary tree and the blocks are reference-counted, because builders and backends keep using
+/// them after a backend has made the topology its current tree (`Backend::adopt`).
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Topology {
     triangle_count: usize,
@@ -115,7 +115,7 @@ impl Topology {
 }
 
 /// Creates topologies with treelets. Keeps its scratch memory between calls: one word per triangle, and a second one for
-/// trees with a wide form.
+/// trees of at most [`WideTree::MOST_TRIANGLES`](crate::WideTree::MOST_TRIANGLES) triangles.
 #[derive(Debug, Default)]
 pub struct Converter {
     scratch: Scratch,
@@ -145,14 +145,15 @@ impl Converter {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tests::{chain, parts, random_tree, scene, shapes};
+    use crate::tests::{chain, parts, random_tree, scene_triangle_count, shapes};
 
     #[test]
     fn reused_memory_does_not_change_results() {
         let (mut converter, mut spare) = (Converter::default(), Vec::new());
         let (up, down) = (shapes().into_iter(), shapes().into_iter().rev());
         for tree in up.chain(down).map(Arc::new) {
-            let fresh = Converter::default().convert(Arc::clone(&tree), scene(&tree), Vec::new());
+            let count = scene_triangle_count(&tree);
+            let fresh = Converter::default().convert(Arc::clone(&tree), count, Vec::new());
             let reused = converter.convert(tree, fresh.triangle_count(), spare);
             assert_eq!(reused, fresh);
             spare = reused.into_spare();
@@ -166,11 +167,11 @@ mod tests {
     #[test]
     fn parts_are_independent() {
         let tree = Arc::new(random_tree(600, 4));
-        let plain = Topology::new(Arc::clone(&tree), scene(&tree));
+        let plain = Topology::new(Arc::clone(&tree), scene_triangle_count(&tree));
         assert!(plain.treelets().is_none() && plain.blocks().is_none());
-        let triangles = vec![[0; 3]; scene(&tree)];
+        let triangles = vec![[0; 3]; scene_triangle_count(&tree)];
         let options = CollapseOptions::default();
-        let parts = parts(scene(&tree), |t| t == tree.order()[9]);
+        let parts = parts(scene_triangle_count(&tree), |t| t == tree.order()[9]);
         let both = plain.with_blocks(&triangles, options).with_moving(&parts);
         let treelets = Treelets::of(&tree).with_moving(&parts);
         assert!(treelets.moving.is_some() && both.treelets() == Some(&treelets));
@@ -184,7 +185,7 @@ mod tests {
     #[test]
     fn upload_bytes_per_triangle_are_bounded() {
         let tree = Arc::new(random_tree(200_000, 1));
-        let plain = Topology::new(Arc::clone(&tree), scene(&tree));
+        let plain = Topology::new(Arc::clone(&tree), scene_triangle_count(&tree));
         assert_eq!(plain.upload_bytes(), 8 * 200_000 - 4);
         let with_treelets = Converter::default().convert(tree, plain.triangle_count(), Vec::new());
         let bytes = with_treelets.upload_bytes();
@@ -218,7 +219,7 @@ mod tests {
     fn accepts_trees_of_maximum_depth() {
         let tree = chain(300);
         assert_eq!(tree.depth(0), MAX_DEPTH);
-        let scene = scene(&tree);
-        let _ = Topology::new(Arc::new(tree), scene);
+        let count = scene_triangle_count(&tree);
+        let _ = Topology::new(Arc::new(tree), count);
     }
 }

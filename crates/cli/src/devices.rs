@@ -29,7 +29,8 @@ pub(crate) struct DeviceSettings {
     /// Threads that render
     #[arg(long, value_name = "N", value_parser = parsers::threads())]
     pub(crate) threads: Option<usize>,
-    /// Threads that build trees
+    /// Threads that build trees [default: as many as --threads or cores; with async, one less if a GPU traces, or a
+    /// quarter if the host traces]
     #[arg(long, value_name = "N", value_parser = parsers::threads())]
     pub(crate) builder_threads: Option<usize>,
     /// Neither read nor write compiled kernels in the user's cache folder
@@ -50,7 +51,8 @@ impl DeviceSettings {
     }
 }
 
-/// A value, and the reason if `auto` chose it or its backend.
+/// A value and, if `auto` chose it, the reason. For a value that was made with a backend, this is the reason for the
+/// backend.
 pub(crate) struct Selected<T> {
     pub(crate) value: T,
     pub(crate) why: Option<String>,

@@ -9,7 +9,7 @@ use std::str::FromStr;
 /// Default number of frames of a demo: two seconds of film.
 const DEMO_FRAMES: usize = 48;
 /// Maximum default number of frames of a scene that is not a demo.
-const MOST_FRAMES: usize = 96;
+const MAX_DEFAULT_FRAMES: usize = 96;
 
 const MAX_FRAMES: usize = 1_000_000;
 
@@ -256,7 +256,10 @@ impl EvenFrames {
             (_, 0.0) => 1,
             _ if is_demo => DEMO_FRAMES,
             // One per key frame, up to a limit.
-            (_, length) => (length.min(MOST_FRAMES as f64) as usize + 1).clamp(2, MOST_FRAMES),
+            (_, length) => {
+                let count = length.min(MAX_DEFAULT_FRAMES as f64) as usize + 1;
+                count.clamp(2, MAX_DEFAULT_FRAMES)
+            }
         };
         Self { count, range }
     }

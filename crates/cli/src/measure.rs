@@ -22,7 +22,7 @@ use output::plot::Failure;
 use output::{FrameQuantity, Summary, TIMES, mrays};
 use pipeline::{Driver, Frame, FrameRecord, Warmed};
 pub(crate) use rays::{FrameRays, MeasuredRays};
-use rival::{OWN, RivalSettings, RunningRival};
+use rival::{RIVAL_INTERSECTOR, RivalSettings, RunningRival};
 use rivals::{RivalName, TreeUpdate};
 use scene::Scene;
 use serde::Serialize;
@@ -61,8 +61,8 @@ pub(crate) struct MeasureSettings {
     time_range: Option<TimeRange>,
     #[command(flatten)]
     pub(crate) camera: CameraSettings,
-    /// Warm-up: seconds for which a device repeats the first frame of each run before frames are timed. Warm-up then
-    /// continues until frame times are steady, for at most 0.5 s more. 0 disables it [default: 0.7 on a GPU]
+    /// Warm-up: seconds for which a device repeats the first frame of each run before the other frames are timed. Warm-up
+    /// then continues until frame times are steady, for at most 0.5 s more. 0 disables it [default: 0.7 on a GPU]
     #[arg(long, value_name = "SECONDS",
         value_parser = parsers::number(|s: f64| (0.0..=60.0).contains(&s), "a warm-up lasts from 0 to 60 seconds"))]
     pub(crate) warm_up: Option<f64>,
@@ -156,7 +156,7 @@ impl Contender {
             Self::Rival(settings) => ContenderNames {
                 backend: settings.rival.name(),
                 update: settings.tree_update.name(),
-                intersector: OWN,
+                intersector: RIVAL_INTERSECTOR,
             },
         }
     }
@@ -329,7 +329,7 @@ pub(crate) struct MeasuredRow {
     pub(crate) mrays_per_s: Option<f64>,
     pub(crate) trees: usize,
     /// Number of trees that were built but not adopted. Such a tree costs no less than the current tree, or a newer
-    /// tree would arrive before its time of use.
+    /// tree would arrive while the current tree's target time is still the nearer one.
     rejected: usize,
     /// Milliseconds of the first frame, which waits for the first tree.
     first_ms: Option<f64>,

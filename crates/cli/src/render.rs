@@ -322,8 +322,8 @@ fn results(
     );
     if !rows.is_empty() {
         text += &table::stages(rows);
-        text += &output::trees(rows);
-        text += &output::memory(rows);
+        text += &output::trees_text(rows);
+        text += &output::memory_text(rows);
     }
     if !settings.no_images {
         text += &format!("pictures: {}\n", settings.out.display());

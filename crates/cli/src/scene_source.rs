@@ -4,7 +4,7 @@ use crate::command::Requirement;
 use crate::error::CliError;
 use crate::parsers;
 use clap::Args;
-use pipeline::{TREE_BYTES, trees_bytes};
+use pipeline::{HOST_BYTES_PER_TRIANGLE, trees_and_rays_bytes};
 use scene::{Scene, SceneOptions};
 use serde_json::{Value, json};
 
@@ -36,8 +36,8 @@ impl SceneSettings {
     pub(crate) fn open(&self, name: &str, rays: usize) -> Result<Scene, CliError> {
         let options = SceneOptions {
             // Only the memory of the rays: `triangle_bytes` covers the trees.
-            more_bytes: trees_bytes(0, rays),
-            triangle_bytes: TREE_BYTES,
+            more_bytes: trees_and_rays_bytes(0, rays),
+            triangle_bytes: HOST_BYTES_PER_TRIANGLE,
             fps: self.fps,
             clip: self.clip.clone(),
             allow_outside: self.allow_outside,

@@ -11,7 +11,7 @@ use backend::{Backend, BackendName, DeviceKind};
 use geom::Animation;
 use host::FreeMemory;
 use output::AutoChoice;
-use pipeline::{BuilderThreads, Driver, DriverOptions, ExpectedMemory, trees_bytes};
+use pipeline::{BuilderThreads, Driver, DriverOptions, ExpectedMemory, trees_and_rays_bytes};
 use scene::Scene;
 use serde::Serialize;
 use std::sync::Arc;
@@ -220,7 +220,7 @@ impl Setup {
 
 /// Refuses scenes whose trees and rays exceed the host's free memory. Key frames do not count: they are loaded already.
 pub(crate) fn check_trees(triangles: usize, rays: usize) -> Result<(), CliError> {
-    let checked = host::check_memory(trees_bytes(triangles, rays));
+    let checked = host::check_memory(trees_and_rays_bytes(triangles, rays));
     checked.map_err(|e| CliError::invalid(format!("trees over {triangles} triangles: {e}")))
 }
 

@@ -3,12 +3,12 @@
 use crate::error::CliError;
 use std::sync::atomic::{AtomicI32, Ordering};
 
-/// The signal that arrived. Before a signal, [`WAITS`] or [`ENDS`].
-static ARRIVED: AtomicI32 = AtomicI32::new(ENDS);
-/// The run handles the first signal.
-const WAITS: i32 = 0;
-/// The first signal ends the program at once.
-const ENDS: i32 = -1;
+/// The signal that arrived. Before that, the response to a signal: [`RUN_HANDLES_SIGNAL`] or [`EXITS_AT_ONCE`].
+static ARRIVED: AtomicI32 = AtomicI32::new(EXITS_AT_ONCE);
+/// [`check`] reports the first signal to the run.
+const RUN_HANDLES_SIGNAL: i32 = 0;
+/// The first signal ends the program, without waiting for the run.
+const EXITS_AT_ONCE: i32 = -1;
 
 /// Handles SIGINT and SIGTERM: removes incomplete files and exits with the signal's exit code. If no thread can be
 /// started, their default handlers remain, and a later run removes incomplete files. Also ignores SIGXFSZ.
@@ -38,7 +38,7 @@ fn listen() -> std::io::Result<()> {
 fn wait_for_signals(mut signals: signal_hook::iterator::Signals) {
     for signal in signals.forever() {
         // A second signal ends the program at once.
-        if ARRIVED.swap(signal, Ordering::Relaxed) != WAITS {
+        if ARRIVED.swap(signal, Ordering::Relaxed) != RUN_HANDLES_SIGNAL {
             end_at_once(signal);
         }
         let wait_and_end = move || {
@@ -50,7 +50,7 @@ fn wait_for_signals(mut signals: signal_hook::iterator::Signals) {
     }
 }
 
-/// Time that a run has to notice a signal. A run that is blocked in a write never does.
+/// Time in which a run must end after the first signal. A run that is blocked in a write cannot end by itself.
 #[cfg(unix)]
 const GRACE_PERIOD: std::time::Duration = std::time::Duration::from_secs(1);
 
@@ -63,13 +63,13 @@ fn end_at_once(signal: i32) -> ! {
 
 /// From now on, the first signal is reported by [`check`]. It ends the program only if the run does not end in time.
 pub(crate) fn defer() {
-    ARRIVED.store(WAITS, Ordering::Relaxed);
+    ARRIVED.store(RUN_HANDLES_SIGNAL, Ordering::Relaxed);
 }
 
 /// Returns [`CliError::Signal`] if a signal arrived.
 pub(crate) fn check() -> Result<(), CliError> {
     match ARRIVED.load(Ordering::Relaxed) {
-        WAITS | ENDS => Ok(()),
+        RUN_HANDLES_SIGNAL | EXITS_AT_ONCE => Ok(()),
         signal => Err(CliError::Signal(signal as u8)),
     }
 }

@@ -29,12 +29,12 @@ pub(crate) struct StabilitySettings {
     /// Seed of the generated scenes and rays
     #[arg(long, value_name = "S", default_value_t = Plan::default().seed)]
     seed: u64,
-    /// Rays of each family
+    /// Rays of each family. A family is one kind of hard case, such as thin triangles, huge coordinates or rays at edges
     #[arg(long, value_name = "N", default_value_t = Plan::default().rays,
         value_parser = RangedU64ValueParser::<u32>::new().range(1..=1_000_000))]
     rays: u32,
-    /// Instead of checking, measure the error rates of one backend's arithmetic and write them to this file. Later
-    /// checks of devices with this arithmetic use the rates as baseline
+    /// Instead of checking, measure the error rates of one backend and write them to this file. Checks use only the
+    /// baselines in the program. To add the file to them, see docs/checking.md
     #[arg(long, value_name = "FILE", value_parser = parsers::file(), conflicts_with_all = ["json", "intersector", "seed", "rays"])]
     record: Option<PathBuf>,
     /// With --record: measure the seeds from 1 to N

@@ -1,4 +1,5 @@
-//! Tests the program's version. Because of this test, cargo builds the program, which tests of other crates run.
+//! Tests the program's version. Tests of other crates run the program. They have cargo build this test, because cargo then
+//! also builds the program.
 
 use std::process::Command;
 

@@ -7,7 +7,7 @@ use geom::{Animation, Hit, Point, Ray};
 use std::fmt::Debug;
 
 /// Returns the first difference between two lists, compared by `same`, as an error.
-pub(crate) fn lists<T: Debug>(
+pub(crate) fn same_lists<T: Debug>(
     what: &str,
     subject: &[T],
     reference: &[T],
@@ -33,7 +33,7 @@ fn first_difference<T: Debug>(
         let (found, expected) = (subject.len(), reference.len());
         return Err(Difference {
             index: usize::MAX,
-            text: format!("{found} entries of {what}, expected {expected}"),
+            text: format!("{what}: found {found} entries, expected {expected}"),
         });
     }
     let pairs = subject.iter().zip(reference).enumerate();
@@ -86,7 +86,7 @@ pub(crate) fn same_cost(found: Option<f64>, expected: Option<f64>) -> Result<()>
 }
 
 /// Compares the closest hits and the blocked flags of `rays` at `time`.
-pub(crate) fn answers(
+pub(crate) fn same_results(
     case: &Case,
     time: f64,
     rays: Rays<'_>,

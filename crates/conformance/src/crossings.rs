@@ -3,7 +3,7 @@
 //! A ray that continues behind a hit skips all other crossings at the same `t`. So the body is split into parts in
 //! which no two triangles share a vertex, and the crossings of all parts are added.
 
-use crate::stage::{open, record_refit, trace_and_wait, vertices};
+use crate::stage::{interpolate_and_refit, open, trace_and_wait, vertices};
 use backend::{Backend, Intersector, QueryKind, Rays, Result};
 use geom::{Animation, Ray};
 use std::sync::Arc;
@@ -24,7 +24,7 @@ pub(crate) fn crossings(
         let part = Animation::new(vec![points.clone()], part);
         let part = Arc::new(part.expect("a part uses the body's vertices"));
         open(subject, &part, 0.0, intersector)?;
-        record_refit(subject, &part, 0.0)?;
+        interpolate_and_refit(subject, &part, 0.0)?;
         march(subject, rays, &mut counts)?;
     }
     Ok(counts)

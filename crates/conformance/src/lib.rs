@@ -24,7 +24,7 @@ pub use reference::Reference;
 use anyhow::{Context, anyhow};
 use backend::{Inspect, Intersector};
 use generate::cases::cases;
-use generate::strategies::{runner, tree};
+use generate::strategies::{runner, value_tree};
 use properties::Check;
 use proptest::test_runner::{TestCaseError, TestError};
 use std::cell::RefCell;
@@ -100,11 +100,10 @@ pub fn check_property(
     let mut held = 0;
     for number in tested.numbers.clone() {
         let mut runner = runner(tested.seed, number, tested.shrinks);
-        let case = tree(&cases(number), &mut runner);
+        let case = value_tree(&cases(number), &mut runner);
         let outcome = runner.run_one(case, |case| {
             let (subject, reference) = &mut *pair.borrow_mut();
-            // Resets the reference, which has another case loaded.
-            reference.backend();
+            reference.unload();
             let found = by_each_intersector(property, &case, *subject, reference);
             found.map_err(|what| TestCaseError::fail(format!("{what:#}")))
         });
@@ -169,7 +168,7 @@ mod tests {
         let backend = || CpuBackend::new(Some(1)).unwrap();
         let (mut subject, mut reference) = (backend(), Reference::new(Box::new(backend())));
         for number in 0..15 {
-            let mut case = tree(&cases(number), &mut runner(3, number, 0));
+            let mut case = value_tree(&cases(number), &mut runner(3, number, 0));
             for _ in 0..4 {
                 for attempt in 0..ATTEMPTS {
                     let _ = match attempt % 3 {
@@ -179,7 +178,7 @@ mod tests {
                 }
                 let case = case.current();
                 for property in PROPERTIES {
-                    reference.backend();
+                    reference.unload();
                     let held = by_each_intersector(property, &case, &mut subject, &mut reference);
                     held.unwrap_or_else(|e| panic!("{}: {e:#}; {case}", property.name));
                 }

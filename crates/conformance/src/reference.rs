@@ -1,7 +1,7 @@
 //! Results of the reference backend.
 
 use crate::Case;
-use crate::stage::{Traced, open, record_refit, trace_and_wait};
+use crate::stage::{Traced, interpolate_and_refit, open, trace_and_wait};
 use backend::{Generation, Inspect, Intersector, Query, QueryKind, Rays, Result};
 use bvh_layout::Topology;
 use geom::Aabb;
@@ -53,7 +53,7 @@ impl Reference {
             open(backend, &case.animation, case.times[0], intersector)?;
             self.loaded = Some(intersector);
         }
-        record_refit(backend, &case.animation, time)?;
+        interpolate_and_refit(backend, &case.animation, time)?;
         trace_and_wait(backend, query.rays, query.kind)
     }
 
@@ -65,16 +65,16 @@ impl Reference {
         tree: &Topology,
         time: f64,
     ) -> Result<FrameResults> {
-        let backend = self.backend();
+        self.unload();
+        let backend = self.backend.as_mut();
         backend.load(Arc::clone(&case.animation), intersector)?;
         backend.adopt(tree, Generation(1))?;
-        record_refit(backend, &case.animation, time)?;
+        interpolate_and_refit(backend, &case.animation, time)?;
         FrameResults::of(backend, case)
     }
 
-    /// Returns the backend, to load another scene or tree. The current case no longer counts as loaded.
-    pub(crate) fn backend(&mut self) -> &mut dyn Inspect {
+    /// Marks the current case as not loaded. The next trace loads its case.
+    pub(crate) fn unload(&mut self) {
         self.loaded = None;
-        self.backend.as_mut()
     }
 }

@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 /// All scenes here hold their key frames in memory.
 const HELD: &str = "key frames are held";
 
-/// Time limit for a copy of positions after its submission is done.
+/// Maximum time that [`next_positions`] waits for a copy of positions.
 const TIME_LIMIT: Duration = Duration::from_secs(30);
 
 /// Returns the vertices at `time`, by the blend formula of `geom`.
@@ -84,13 +84,17 @@ pub(crate) fn open(
 ///
 /// # Errors
 /// The backend failed.
-pub fn record_refit(backend: &mut dyn Backend, animation: &Animation, time: f64) -> Result<()> {
+pub fn interpolate_and_refit(
+    backend: &mut dyn Backend,
+    animation: &Animation,
+    time: f64,
+) -> Result<()> {
     backend.interpolate(animation.pose(time))?;
-    boxes_anew(backend)
+    preprocess_and_refit(backend)
 }
 
 /// Records `preprocess` and `refit`, for new positions or a new tree.
-pub(crate) fn boxes_anew(backend: &mut dyn Backend) -> Result<()> {
+pub(crate) fn preprocess_and_refit(backend: &mut dyn Backend) -> Result<()> {
     backend.preprocess()?;
     backend.refit()
 }

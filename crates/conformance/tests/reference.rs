@@ -4,7 +4,7 @@
 
 use backend::{Backend, Generation, Hits, Inspect, Intersector, Query, QueryKind, Rays, Ticket};
 use bvh_layout::Topology;
-use conformance::stage::{record_refit, trace_and_wait, tree_at, triangles};
+use conformance::stage::{interpolate_and_refit, trace_and_wait, tree_at, triangles};
 use conformance::{Case, nth_case, topology_from_splits};
 use cpu_ref::CpuBackend;
 use fastrand::Rng;
@@ -46,7 +46,7 @@ fn ready(
     let scene = Arc::clone(animation);
     backend.load(scene, intersector).unwrap();
     backend.adopt(tree, Generation(1)).unwrap();
-    record_refit(&mut backend, animation, time).unwrap();
+    interpolate_and_refit(&mut backend, animation, time).unwrap();
     backend.submit().unwrap();
     backend
 }
@@ -79,7 +79,7 @@ fn boxes_from_scratch(animation: &Animation, tree: &Topology, time: f64) -> Vec<
 }
 
 fn boxes_and_cost(backend: &mut CpuBackend, animation: &Animation, time: f64) -> (Vec<Aabb>, f64) {
-    record_refit(backend, animation, time).unwrap();
+    interpolate_and_refit(backend, animation, time).unwrap();
     let ticket = backend.submit().unwrap();
     let cost = backend.wait(ticket).unwrap().sah_cost.unwrap();
     (backend.boxes().unwrap(), cost)
@@ -112,7 +112,7 @@ fn commands_run_in_recorded_order() {
     let fresh = |time| ready(&animation, Intersector::Exact, &tree, time, 1);
     let expected = closest(&mut fresh(early), &rays);
     let mut backend = fresh(late);
-    record_refit(&mut backend, &animation, early).unwrap();
+    interpolate_and_refit(&mut backend, &animation, early).unwrap();
     let query = Query {
         rays: Rays::List(&rays),
         kind: QueryKind::Closest,

@@ -12,7 +12,7 @@ use backend::{
     Result, Snapshot, Ticket, TreeFormat,
 };
 use bvh_layout::Topology;
-use geom::{Animation, Pose, Ray, own_pool, run_in};
+use geom::{Animation, Pose, Ray, run_in, start_library_pool};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -82,7 +82,7 @@ impl CpuBackend {
         let builder = ThreadPoolBuilder::new()
             .num_threads(threads.unwrap_or(0))
             .thread_name(move |i| format!("{name}-{i}"));
-        let pool = own_pool(builder)
+        let pool = start_library_pool(builder)
             .map_err(|e| BackendError::NoDevice(format!("cannot start threads: {e}")))?;
         let device = Device {
             backend: name.name(),

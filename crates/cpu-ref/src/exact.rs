@@ -4,7 +4,7 @@
 //! intermediate results. The bounds and their proof are in `docs/design/hits.md`.
 
 use crate::intersect::{Watertight, solve};
-use crate::scale::{LEAST, Limits, PreparedRay};
+use crate::scale::{Limits, MIN_NONZERO, PreparedRay};
 use crate::search::RaySearch;
 use crate::traversal::VisitedTriangle;
 use geom::exact::{ExactDistance, RoundedHit};
@@ -164,7 +164,7 @@ fn near(edges: [f32; 3], depths: [f32; 3], doubt: f32) -> Option<[f32; 2]> {
     }
     let spread = greatest(depths) - least(depths);
     let size = largest(depths);
-    let of_weights = 3.0 * (doubt * spread + LEAST * (1.0 + size)) / least_det;
+    let of_weights = 3.0 * (doubt * spread + MIN_NONZERO * (1.0 + size)) / least_det;
     let error = of_weights + DEPTH_ERROR * size + FILTER_UNDERFLOW_ERROR;
     let t = solve(&edges, &depths).t;
     Some([t - error, t + error])

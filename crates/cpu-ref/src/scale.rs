@@ -3,9 +3,9 @@
 use geom::{Aabb, Animation, Point, Ray};
 
 /// Least nonzero component of a direction, `2^-37`, where the largest is in `[1, 2)`. Smaller ones are flushed to zero.
-pub const LEAST_COMPONENT: f32 = power(-37);
+pub const MIN_NONZERO_COMPONENT: f32 = power(-37);
 /// Least nonzero product, weight or distance, `2^-100`. Smaller ones are flushed to zero.
-pub const LEAST: f32 = power(-100);
+pub const MIN_NONZERO: f32 = power(-100);
 
 /// The factor `2^-k` of all vertices, so that products of a few coordinates neither overflow nor vanish.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -17,7 +17,7 @@ impl Scale {
     /// The factor 1.
     pub const ONE: Self = Self { k: 0 };
     /// Least nonzero scaled coordinate, `2^-64`. Smaller ones are flushed to zero.
-    pub const LEAST: f32 = power(-64);
+    pub const MIN_NONZERO_COORDINATE: f32 = power(-64);
 
     /// Returns the scale of a scene: see [`Animation::scale_exponent`].
     pub fn of(animation: &Animation) -> Self {
@@ -46,7 +46,7 @@ impl Scale {
     /// Converts scene units to scaled units. Results whose magnitude is below `2^-64` become zero.
     #[inline]
     pub fn apply(self, p: Point) -> Point {
-        p.map(|x| without(Self::LEAST, x * self.factor()))
+        p.map(|x| without(Self::MIN_NONZERO_COORDINATE, x * self.factor()))
     }
 
     /// Converts scaled units to scene units.
@@ -114,7 +114,7 @@ impl PreparedRay {
     /// rounding is monotone. Subnormal numbers have fewer bits than scaled ones, and large numbers overflow. So the
     /// limits also exclude magnitudes below `2^-125` and above `2^127` in the ray's own units.
     pub fn sure_limits(&self) -> Limits {
-        // 2^-125 and 2^127 in the ray's own units. Scaled distances below `LEAST`, 2^-100, are flushed to zero.
+        // 2^-125 and 2^127 in the ray's own units. Scaled distances below `MIN_NONZERO`, 2^-100, are flushed to zero.
         let small = ldexp(1.0, -125 - self.unscale).max(power(-99));
         let large = ldexp(1.0, 127 - self.unscale);
         let replace_tiny = |limit: f32, small: f32| {
@@ -147,13 +147,13 @@ fn without(least: f32, x: f32) -> f32 {
 /// Returns `x`, or `+0` if `|x|` is below `2^-100`. So devices that flush subnormal numbers compute the same hits.
 #[inline]
 pub fn flushed(x: f32) -> f32 {
-    without(LEAST, x)
+    without(MIN_NONZERO, x)
 }
 
 /// Returns a direction times `2^-e`, which brings its largest component into `[1, 2)`.
 #[inline]
 pub fn unit_direction(direction: Point, e: i32) -> Point {
-    direction.map(|x| without(LEAST_COMPONENT, ldexp(x, -e)))
+    direction.map(|x| without(MIN_NONZERO_COMPONENT, ldexp(x, -e)))
 }
 
 /// Returns the exponent of a finite nonzero number: `2^e <= |x| < 2^(e + 1)`.

@@ -2,7 +2,7 @@
 
 use crate::geometry::Geometry;
 use crate::intersect::RoundedTest;
-use crate::scale::{LEAST, PreparedRay, Scale, flushed};
+use crate::scale::{MIN_NONZERO, PreparedRay, Scale, flushed};
 use crate::traversal::{TreeTraversal, VisitedTriangle};
 use backend::Intersector;
 use geom::exact::ScaledRay;
@@ -53,9 +53,9 @@ impl RaySearch<'_> {
             if let Some(hit) = hit.filter(|hit| hit.is_before(&best)) {
                 best = hit;
             }
-            // Distances below `LEAST` become zero. So a box that begins before `LEAST` may contain a hit at zero with a
-            // lower index.
-            Some(best.t.max(LEAST))
+            // Distances below `MIN_NONZERO` become zero. So a box that begins before this distance may contain a hit at
+            // zero with a lower index.
+            Some(best.t.max(MIN_NONZERO))
         });
         let t = ray.unscaled(best.t);
         best.is_hit().then_some(Hit { t, ..best })

@@ -3,7 +3,7 @@
 //! If the filter cannot decide the hit of a ray, `cpu-ref` traces the ray again.
 
 use crate::intersect::{AnyHitTest, AnyHits};
-use crate::leaf::{OfBlock, OfLane, TriangleRay, Triangles, edges, solve};
+use crate::leaf::{BlockTriangles, BroadcastTriangle, TriangleRay, Triangles, edges, solve};
 use crate::packet::{self, PacketHits, PacketSearch, RayPacket};
 use crate::rays::{MOST_RAYS, OneRay};
 use crate::search::ClosestSearch;
@@ -11,7 +11,7 @@ use crate::simd::{Isa, Lanes, PlaneVector, SetLanes};
 use crate::single::PlacedHit;
 use crate::tree::{Bvh8, LANES, NOWHERE, place};
 use crate::walk::{NodeRay, TraversalStack, Visitor, walk};
-use cpu_ref::scale::LEAST;
+use cpu_ref::scale::MIN_NONZERO;
 use cpu_ref::{DEPTH_ERROR, FILTER_UNDERFLOW_ERROR, SHEAR_ERROR};
 use geom::Hit;
 
@@ -135,7 +135,7 @@ fn filter<L: Lanes>(
     let least_det = u.add(v).add(w).abs().sub(four);
     let size = largest(&depths);
     let spread = greatest(&depths).sub(least_of(&depths));
-    let small = L::splat(LEAST).mul(L::splat(1.0).add(size));
+    let small = L::splat(MIN_NONZERO).mul(L::splat(1.0).add(size));
     let of_weights = L::splat(3.0)
         .mul(doubt.mul(spread).add(small))
         .div(least_det);
@@ -161,7 +161,7 @@ fn filter<L: Lanes>(
 fn sure_limits<L: Lanes>(ray: &TriangleRay<L>) -> [L; 2] {
     // 2^-125 and 2^127 in the ray's own units. `small` is at least 2^-99 in scaled units.
     let small = L::splat(f32::MIN_POSITIVE * 2.0).div(ray.back);
-    let small = small.max(L::splat(2.0 * LEAST));
+    let small = small.max(L::splat(2.0 * MIN_NONZERO));
     let large = L::splat(f32::from_bits(254 << 23)).div(ray.back);
     let after = ray.t_min.replace(ray.t_min.abs().less(small), small);
     let before = ray.t_max.replace(ray.t_max.abs().less(small), small.neg());
@@ -202,7 +202,8 @@ impl<I: Isa, R: Lanes> Visitor<I> for ExactClosestOfRay<'_, R> {
     fn block(&mut self, block: usize, bound: f32) -> Option<f32> {
         let tree = self.tree;
         let ray = TriangleRay::<I::Eight>::single(self.ray);
-        let Some(possible) = filter(&ray, &OfBlock { tree, block }, I::Eight::splat(bound)) else {
+        let (triangles, best) = (BlockTriangles { tree, block }, I::Eight::splat(bound));
+        let Some(possible) = filter(&ray, &triangles, best) else {
             return Some(bound);
         };
         let (low, high) = (possible.low.store(), possible.high.store());
@@ -237,7 +238,7 @@ struct ExactClosestOfPacket<L> {
 
 impl<L: Lanes> PacketSearch<L> for ExactClosestOfPacket<L> {
     #[inline(always)]
-    fn triangle(&mut self, rays: &TriangleRay<L>, triangle: OfLane<'_>) -> bool {
+    fn triangle(&mut self, rays: &TriangleRay<L>, triangle: BroadcastTriangle<'_>) -> bool {
         let Some(possible) = filter(rays, &triangle, self.bound) else {
             return false;
         };

@@ -38,12 +38,12 @@ pub(crate) trait Triangles<L> {
 
 /// All triangles of a block, one in each lane.
 #[derive(Clone, Copy)]
-pub(crate) struct OfBlock<'a> {
+pub(crate) struct BlockTriangles<'a> {
     pub(crate) tree: &'a Bvh8,
     pub(crate) block: usize,
 }
 
-impl<L: Lanes<Array = [f32; LANES]>> Triangles<L> for OfBlock<'_> {
+impl<L: Lanes<Array = [f32; LANES]>> Triangles<L> for BlockTriangles<'_> {
     #[inline(always)]
     fn corner(&self, axis: usize, corner: usize) -> L {
         L::load(&self.tree.blocks[self.block].corners[axis][corner])
@@ -57,13 +57,13 @@ impl<L: Lanes<Array = [f32; LANES]>> Triangles<L> for OfBlock<'_> {
 
 /// One triangle of a block, in all lanes.
 #[derive(Clone, Copy)]
-pub(crate) struct OfLane<'a> {
+pub(crate) struct BroadcastTriangle<'a> {
     pub(crate) tree: &'a Bvh8,
     pub(crate) block: usize,
     pub(crate) lane: usize,
 }
 
-impl<L: Lanes> Triangles<L> for OfLane<'_> {
+impl<L: Lanes> Triangles<L> for BroadcastTriangle<'_> {
     #[inline(always)]
     fn corner(&self, axis: usize, corner: usize) -> L {
         L::splat(self.tree.blocks[self.block].corners[axis][corner][self.lane])
@@ -243,7 +243,7 @@ impl<L: Lanes<Array = [f32; LANES]>> TriangleRay<L> {
 
     /// Computes the spans in the boxes of all triangles of a block.
     #[inline(always)]
-    pub(crate) fn spans(&self, block: OfBlock<'_>, best: f32) -> Spans<L> {
+    pub(crate) fn spans(&self, block: BlockTriangles<'_>, best: f32) -> Spans<L> {
         self.spans_of(&self.relative(&block), L::splat(best))
     }
 }

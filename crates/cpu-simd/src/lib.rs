@@ -4,7 +4,7 @@
 //! *block*, whose triangles are tested together. Above the blocks, each node has up to eight children, whose boxes are
 //! tested together. Boxes of single triangles are not stored. They are computed from the corners when needed.
 //!
-//! Each module uses only modules above it in this list:
+//! Each module uses only modules on its own line and on lines above it:
 //!
 //! - `simd`, `units`: vectors; `window`, `tiles`: parts of slices and pictures for parallel tasks;
 //! - `tree`, `boxes`: nodes, blocks, and operations on eight boxes;

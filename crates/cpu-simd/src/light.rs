@@ -106,7 +106,7 @@ pub(crate) fn shadow_rays<L: Lanes>(
     let (e1, e2) = (minus(b, a), minus(c, a));
     let p = each!(i => {
         let p = a[i].add(u.mul(e1[i]).add(v.mul(e2[i])));
-        p.replace(p.abs().less(L::splat(Scale::LEAST)), L::splat(0.0))
+        p.replace(p.abs().less(L::splat(Scale::MIN_NONZERO_COORDINATE)), L::splat(0.0))
     });
     let normal = cross(&e1, &e2);
     let side = sign(dot(&normal, &minus(&at, &p)));

@@ -46,8 +46,8 @@ impl MovingLanes {
 
     /// Sets all corners and boxes. After the first call for a tree, sets only the moving ones.
     pub(crate) fn fit(&mut self, task: &mut FitTask<'_>) -> Fitted {
-        // The static areas are not the difference of two sums, because it could have no correct digit. So the static
-        // parts are fitted and summed first. Boxes of moving parts depend on these.
+        // Static areas have their own sum: a total minus moving areas could have no correct digit, because moving parts
+        // can be far larger. Static parts are fitted first, because boxes of moving parts may contain them.
         let still = self.still.unwrap_or_else(|| {
             let still_lanes: Vec<u8> = self.lanes.iter().map(|lanes| !lanes).collect();
             task.fit_all(Some(&still_lanes))

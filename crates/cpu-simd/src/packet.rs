@@ -6,12 +6,12 @@
 //! exclude a box, each ray's own test excludes it too.
 
 use crate::intersect::{AnyHitTest, AnyHits, LaneTest};
-use crate::leaf::{OfLane, TriangleRay};
+use crate::leaf::{BroadcastTriangle, TriangleRay};
 use crate::rays::{MOST_RAYS, PreparedRays};
 use crate::simd::{Halves, Isa, Lanes, PlaneVector, SetLanes, each};
 use crate::tree::{BoxPlanes, Bvh8, LANES, NOWHERE, TriangleBlock, place};
 use crate::walk::{BoxTest, MetBoxes, TraversalStack, Visitor, walk};
-use cpu_ref::scale::LEAST;
+use cpu_ref::scale::MIN_NONZERO;
 use geom::Hit;
 use std::marker::PhantomData;
 
@@ -157,7 +157,7 @@ pub(crate) const NONE_SKIPPED: [u32; MOST_RAYS] = [Hit::MISS.triangle; MOST_RAYS
 /// A search that tests the rays of a packet with one triangle at a time.
 pub(crate) trait PacketSearch<L> {
     /// Tests a triangle. Returns whether a bound has changed. Must be `#[inline(always)]`.
-    fn triangle(&mut self, rays: &TriangleRay<L>, triangle: OfLane<'_>) -> bool;
+    fn triangle(&mut self, rays: &TriangleRay<L>, triangle: BroadcastTriangle<'_>) -> bool;
 
     /// Returns the distance up to which each ray searches.
     fn bound(&self) -> L;
@@ -200,7 +200,7 @@ impl<I, L: Lanes, P: Halves, S: PacketSearch<L>> Visitor<I> for PacketVisitor<'_
         self.budget = self.budget.checked_sub(lanes.count_ones())?;
         let mut changed = false;
         for lane in SetLanes::<LANES>(lanes) {
-            let triangle = OfLane { tree, block, lane };
+            let triangle = BroadcastTriangle { tree, block, lane };
             changed |= self.search.triangle(&packet.rays, triangle);
         }
         if changed {
@@ -280,7 +280,7 @@ struct ClosestOfPacket<'a, L: Lanes, T> {
 
 impl<L: Lanes, T: LaneTest> PacketSearch<L> for ClosestOfPacket<'_, L, T> {
     #[inline(always)]
-    fn triangle(&mut self, rays: &TriangleRay<L>, triangle: OfLane<'_>) -> bool {
+    fn triangle(&mut self, rays: &TriangleRay<L>, triangle: BroadcastTriangle<'_>) -> bool {
         let best = &mut self.hits;
         let Some(hits) = T::intersect(rays, &triangle, best.t) else {
             return false;
@@ -304,7 +304,7 @@ impl<L: Lanes, T: LaneTest> PacketSearch<L> for ClosestOfPacket<'_, L, T> {
 
     #[inline(always)]
     fn bound(&self) -> L {
-        self.hits.t.max(L::splat(LEAST))
+        self.hits.t.max(L::splat(MIN_NONZERO))
     }
 }
 
@@ -329,7 +329,7 @@ impl<I, L: Lanes, P: Halves, T: AnyHitTest> Visitor<I> for Any<'_, L, P, T> {
         let triangles = &tree.blocks[block].triangles;
         let lanes = within_reach(&tree.blocks[block], &self.packet.bundle, bound);
         for lane in SetLanes::<LANES>(lanes) {
-            let hits = T::any_hit(&self.packet.rays, &OfLane { tree, block, lane });
+            let hits = T::any_hit(&self.packet.rays, &BroadcastTriangle { tree, block, lane });
             for ray in SetLanes::<MOST_RAYS>((hits.hit | hits.open) & self.left) {
                 if self.skipped[ray] != triangles[lane] {
                     self.left &= !(hits.hit & 1 << ray);

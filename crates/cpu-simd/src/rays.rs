@@ -3,7 +3,7 @@
 use crate::simd::{Lanes, Plain, PlaneVector, each};
 use crate::tiles::Tiles;
 use crate::units::{flushed, scaled};
-use cpu_ref::scale::{LEAST_COMPONENT, PreparedRay, Scale};
+use cpu_ref::scale::{MIN_NONZERO_COMPONENT, PreparedRay, Scale};
 use cpu_ref::{
     MAX_FINITE_PRODUCT_DISTANCE, MAX_PADDING_DISTANCE, MIN_DIRECTION, MIN_PADDING_DISTANCE, PAD,
 };
@@ -12,8 +12,9 @@ use geom::{Aabb, Camera, Ray};
 /// Number of rays of the widest packet.
 pub(crate) const MOST_RAYS: usize = 16;
 
-/// Padding of the boxes of inner nodes, as fractions of `D` and of `|o'|`: `24 * 2^-24` and `4 * 2^-24`. It covers the
-/// roundings of `plane * r - o' * r` (`docs/design/hits.md`, "Inner boxes").
+/// Padding of the boxes of inner nodes: `24 * 2^-24` of the root box's distance `D` (see [`PAD`]), and `4 * 2^-24` of
+/// `|o'|`, the ray's origin in scaled units. It covers the roundings of `plane * r - o' * r` (`docs/design/hits.md`,
+/// "Inner boxes").
 const INNER: [f32; 2] = [24.0 / 16_777_216.0, 4.0 / 16_777_216.0];
 
 /// Least and greatest `2^e`, where `e` is the exponent of a direction's largest component. `cpu-ref` traces other rays.
@@ -110,7 +111,7 @@ impl<L: Lanes> InputRays<L> {
         each!(i => scaled(scale, self.origin[i]))
     }
 
-    /// Returns the lanes whose origin and direction are finite, and whose limits are in order.
+    /// Returns the lanes whose limits are in order, and whose origin and direction have a finite sum of magnitudes.
     #[inline(always)]
     fn sound(&self) -> u32 {
         let mut size = L::splat(0.0);
@@ -152,7 +153,7 @@ impl<L: Lanes> PreparedRays<L> {
         let origin = given.scaled_origin(scale);
         let direction = each!(i => {
             let d = given.direction[i].mul(down);
-            d.replace(d.abs().less(L::splat(LEAST_COMPONENT)), L::splat(0.0))
+            d.replace(d.abs().less(L::splat(MIN_NONZERO_COMPONENT)), L::splat(0.0))
         });
         let farthest = farthest(&origin, root);
         let has_finite_products = L::bits(farthest.less(L::splat(MAX_FINITE_PRODUCT_DISTANCE)));
@@ -179,8 +180,8 @@ impl<L: Lanes> PreparedRays<L> {
         let inverse = each!(i => L::splat(1.0).div(d[i].abs().max(L::splat(MIN_DIRECTION))));
         let negative = each!(i => d[i].less(L::splat(0.0)));
         let signed = each!(i => inverse[i].replace(negative[i], inverse[i].neg()));
-        // `starts` overflows only if the origin is so far away that the distance to any plane rounds to the origin's
-        // coordinate. The products of the box test are then infinite too.
+        // `starts` overflows only if the origin is so far away that `plane - origin` rounds to `-origin` for every plane.
+        // The box test then multiplies the same numbers, so its products overflow too.
         let starts = each!(i => {
             let from = origin[i].mul(signed[i]).neg();
             let wide = L::splat(INNER[0]).mul(farthest).add(L::splat(INNER[1]).mul(origin[i].abs()));

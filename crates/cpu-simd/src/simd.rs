@@ -1,8 +1,9 @@
 //! Vector operations: one interface, and its implementations for the instruction sets of this machine.
 //!
 //! Code that is generic over [`Isa`] is compiled once for each instruction set. [`InstructionSet::run`] calls the
-//! version for one set. All sets give the same bits, with three exceptions: [`Lanes::about`], [`Eight::maxi`] and
-//! [`Eight::mini`]. Generic functions must be `#[inline(always)]`, or they are compiled without the set's instructions.
+//! version for one set. All sets give the same bits, with three exceptions: [`Lanes::mul_add_approximate`],
+//! [`Eight::maxi`] and [`Eight::mini`]. Generic functions must be `#[inline(always)]`, or they are compiled without the
+//! set's instructions.
 
 mod plain;
 #[cfg(target_arch = "x86_64")]
@@ -70,7 +71,7 @@ pub(crate) trait Lanes: PlaneVector {
     fn add(self, other: Self) -> Self;
     fn div(self, other: Self) -> Self;
     /// `self * by + plus`, rounded once or twice depending on the machine. No hit may depend on the result.
-    fn about(self, by: Self, plus: Self) -> Self;
+    fn mul_add_approximate(self, by: Self, plus: Self) -> Self;
     fn abs(self) -> Self;
     /// `2^e`, where `e` is the exponent of a positive normal number. Zero for zero and subnormal numbers, infinity for
     /// infinity and NaN.

@@ -1,12 +1,12 @@
 //! Searches of single rays. Each ray is tested with eight triangles at once.
 
 use crate::intersect::{AnyHitTest, AnyHits, LaneTest};
-use crate::leaf::{OfBlock, TriangleHits, TriangleRay};
+use crate::leaf::{BlockTriangles, TriangleHits, TriangleRay};
 use crate::rays::OneRay;
 use crate::simd::{Isa, Lanes, PlaneVector, SetLanes};
 use crate::tree::{Bvh8, LANES, Link, NOWHERE, place};
-use crate::walk::{BoxTest, DEEPEST, NodeRay, TraversalStack, Visitor, walk};
-use cpu_ref::scale::LEAST;
+use crate::walk::{BoxTest, NodeRay, STACK_CAPACITY, TraversalStack, Visitor, walk};
+use cpu_ref::scale::MIN_NONZERO;
 use geom::Hit;
 use std::marker::PhantomData;
 
@@ -33,10 +33,10 @@ impl<I: Isa, R: Lanes, T: LaneTest> Visitor<I> for ClosestOfRay<'_, R, T> {
         let tree = self.tree;
         let ray = TriangleRay::<I::Eight>::single(self.ray);
         let best = I::Eight::splat(bound);
-        if let Some(hits) = T::intersect(&ray, &OfBlock { tree, block }, best) {
+        if let Some(hits) = T::intersect(&ray, &BlockTriangles { tree, block }, best) {
             self.take(block, &hits);
         }
-        Some(self.best.hit.t.max(LEAST))
+        Some(self.best.hit.t.max(MIN_NONZERO))
     }
 }
 
@@ -87,7 +87,8 @@ pub(crate) fn closest<I: Isa, T: LaneTest>(
 
 /// Searches for any hit of a ray except triangle `skipped`. The result is in lane 0.
 ///
-/// Visits the last child of each node first: builders put likely occluders there.
+/// Visits the last child of each node first: the collapse moves the child that any-hit searches should visit first
+/// there (`bvh_layout::FirstVisited`).
 #[inline(always)]
 pub(crate) fn any<I: Isa, T: AnyHitTest>(
     tree: &Bvh8,
@@ -111,7 +112,7 @@ pub(crate) fn any<I: Isa, T: AnyHitTest>(
             if lanes != 0 {
                 let first = 31 - lanes.leading_zeros();
                 let rest = lanes & !(1 << first);
-                let place = len % DEEPEST;
+                let place = len % STACK_CAPACITY;
                 links[place..place + LANES].copy_from_slice(&I::packed(&node.links, rest));
                 len += rest.count_ones() as usize;
                 link = node.links[first as usize % LANES];
@@ -122,9 +123,9 @@ pub(crate) fn any<I: Isa, T: AnyHitTest>(
             return AnyHits { hit: 0, open };
         }
         len -= 1;
-        link = links[len % DEEPEST];
+        link = links[len % STACK_CAPACITY];
         // Prefetches the entry that is popped next.
-        tree.prefetch(links[len.saturating_sub(1) % DEEPEST]);
+        tree.prefetch(links[len.saturating_sub(1) % STACK_CAPACITY]);
     }
 }
 
@@ -137,7 +138,7 @@ fn block_hits<I: Isa, T: AnyHitTest>(
     skipped: u32,
 ) -> AnyHits {
     let ray = TriangleRay::<I::Eight>::single(ray);
-    let hits = T::any_hit(&ray, &OfBlock { tree, block });
+    let hits = T::any_hit(&ray, &BlockTriangles { tree, block });
     if hits.hit | hits.open == 0 {
         return hits;
     }

@@ -116,7 +116,7 @@ impl<'a, T: ClosestSearch> WideTracer<'a, T> {
             if let Some(hits) = hits {
                 let mut answers = self.unpack::<I>(&hits, I::Packet::load(&group.back));
                 if T::IS_FILTER {
-                    self.report(&rays.rays(), active, hits.open, &mut answers);
+                    self.compute_filtered_hits(&rays.rays(), active, hits.open, &mut answers);
                 }
                 return answers;
             }
@@ -138,7 +138,7 @@ impl<'a, T: ClosestSearch> WideTracer<'a, T> {
             }
         }
         if T::IS_FILTER {
-            self.report(&rays.rays(), active & group.ready, open, &mut answers);
+            self.compute_filtered_hits(&rays.rays(), active & group.ready, open, &mut answers);
         }
         answers
     }
@@ -146,7 +146,13 @@ impl<'a, T: ClosestSearch> WideTracer<'a, T> {
     /// Computes the hits of a [filter](ClosestSearch::IS_FILTER) with `cpu-ref`, in the active lanes. The filter cannot
     /// decide open lanes, so their rays are traced again.
     #[inline(never)]
-    fn report(&self, rays: &[Ray; MOST_RAYS], active: u32, open: u32, answers: &mut LaneAnswers) {
+    fn compute_filtered_hits(
+        &self,
+        rays: &[Ray; MOST_RAYS],
+        active: u32,
+        open: u32,
+        answers: &mut LaneAnswers,
+    ) {
         for lane in SetLanes::<MOST_RAYS>(active) {
             let (ray, place) = (&rays[lane], answers.places[lane]);
             if open >> lane & 1 == 1 {
@@ -389,11 +395,11 @@ impl<I: Isa, T: ClosestSearch> Outlined<I> for AnswerLanes<'_, '_, I::Packet, T>
 struct PacketHistory {
     /// Number of packets in a row that were abandoned.
     failed: u32,
-    /// Cells to trace singly before the next packet is tried.
+    /// Number of batches to trace ray by ray before the next packet is tried.
     pause: u32,
 }
 
-/// The longest pause, in cells.
+/// The longest pause, in batches.
 const PAUSE: u32 = 7;
 
 impl PacketHistory {

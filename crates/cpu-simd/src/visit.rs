@@ -1,6 +1,6 @@
 //! Implements [`TreeTraversal`] for the wide tree, so that searches of `cpu-ref` can visit its triangles one at a time.
 
-use crate::leaf::{OfBlock, TriangleRay};
+use crate::leaf::{BlockTriangles, TriangleRay};
 use crate::rays::{OneRay, PreparedRays};
 use crate::simd::{Isa, Lanes, SetLanes, VectorWork};
 use crate::tree::{Bvh8, LANES, Link, bounds};
@@ -72,7 +72,7 @@ impl<I, L: Lanes<Array = [f32; LANES]>> Visitor<I> for TriangleByTriangle<'_, '_
     #[inline(always)]
     fn block(&mut self, block: usize, mut bound: f32) -> Option<f32> {
         let tree = self.tree;
-        let spans = self.ray.spans(OfBlock { tree, block }, bound);
+        let spans = self.ray.spans(BlockTriangles { tree, block }, bound);
         let (entries, exits) = (spans.entry.store(), spans.exit.store());
         let block = &tree.blocks[block];
         for lane in SetLanes::<LANES>(spans.lanes) {

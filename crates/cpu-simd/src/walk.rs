@@ -35,20 +35,21 @@ impl PendingLink {
 
 /// Capacity of the stack. Each level leaves at most `LANES - 1` entries on it, and there are at most `MAX_DEPTH + 1`
 /// levels.
-pub(crate) const DEEPEST: usize = ((LANES - 1) * (MAX_DEPTH as usize + 1)).next_power_of_two();
+pub(crate) const STACK_CAPACITY: usize =
+    ((LANES - 1) * (MAX_DEPTH as usize + 1)).next_power_of_two();
 
 /// Nodes and blocks still to visit, the next one last.
 pub(crate) struct TraversalStack {
-    pending: [PendingLink; DEEPEST],
+    pending: [PendingLink; STACK_CAPACITY],
     /// Stack of searches that do not order links by distance. Has space for all lanes of one more node.
-    pub(crate) links: [Link; DEEPEST + LANES],
+    pub(crate) links: [Link; STACK_CAPACITY + LANES],
 }
 
 impl Default for TraversalStack {
     fn default() -> Self {
         Self {
-            pending: [PendingLink::UNUSED; DEEPEST],
-            links: [Link::NONE; DEEPEST + LANES],
+            pending: [PendingLink::UNUSED; STACK_CAPACITY],
+            links: [Link::NONE; STACK_CAPACITY + LANES],
         }
     }
 }
@@ -114,7 +115,8 @@ impl<L: Lanes> NodeRay<L> {
     }
 
     /// Returns the distances to near and far planes of boxes, with the operations of the box test in `cpu-ref`. These
-    /// are conservative: a box's `D` is at least that of any contained box, and every operation is monotone.
+    /// are conservative: the padding grows with the box's distance `D` (see [`cpu_ref::PAD`]), which is at least that of
+    /// any contained box, and every operation is monotone.
     #[inline(always)]
     fn spans_with_own_padding(&self, at: [[L; 2]; 3]) -> [[L; 2]; 3] {
         let from = each!(axis => {
@@ -150,7 +152,7 @@ impl<L: Eight> BoxTest<L> for NodeRay<L> {
             each!(axis => {
                 let ([near, far], r) = (at[axis], self.inverse[axis]);
                 let starts = self.starts[axis];
-                [near.about(r, starts[n]), far.about(r, starts[f])]
+                [near.mul_add_approximate(r, starts[n]), far.mul_add_approximate(r, starts[f])]
             })
         };
         let entry = self.t_min.maxi(t[0][n]).maxi(t[1][n].maxi(t[2][n]));
@@ -199,7 +201,7 @@ pub(crate) fn walk<I: Isa>(
                 return false;
             }
             pending.len -= 1;
-            let next = pending.entries[pending.len % DEEPEST];
+            let next = pending.entries[pending.len % STACK_CAPACITY];
             if next.entry() <= bound {
                 link = next.link();
                 break;
@@ -210,7 +212,7 @@ pub(crate) fn walk<I: Isa>(
 
 /// The links of one traversal that are still to visit.
 struct PendingLinks<'a> {
-    entries: &'a mut [PendingLink; DEEPEST],
+    entries: &'a mut [PendingLink; STACK_CAPACITY],
     len: usize,
 }
 
@@ -220,10 +222,10 @@ impl PendingLinks<'_> {
     fn insert(&mut self, base: usize, link: PendingLink) {
         let mut later = link;
         for place in base..self.len {
-            let at = &mut self.entries[place % DEEPEST];
+            let at = &mut self.entries[place % STACK_CAPACITY];
             (*at, later) = ((*at).max(later), (*at).min(later));
         }
-        self.entries[self.len % DEEPEST] = later;
+        self.entries[self.len % STACK_CAPACITY] = later;
         self.len += 1;
     }
 }

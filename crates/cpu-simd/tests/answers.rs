@@ -3,7 +3,7 @@
 
 use backend::{Backend, Generation, Inspect, Intersector, QueryKind, Rays};
 use bvh_layout::{CollapseOptions, Topology};
-use conformance::stage::{record_refit, trace_and_wait, tree_at};
+use conformance::stage::{interpolate_and_refit, trace_and_wait, tree_at};
 use conformance::{Cases, PROPERTIES, Reference, check_property, nth_case, uneven_tree};
 use cpu_ref::CpuBackend;
 use cpu_simd::{InstructionSet, open_at};
@@ -171,7 +171,7 @@ fn ready(
 
 fn refit(backend: &mut CpuBackend, animation: &Animation, (tree, generation): (&Topology, u64)) {
     backend.adopt(tree, Generation(generation)).unwrap();
-    record_refit(backend, animation, 0.7).unwrap();
+    interpolate_and_refit(backend, animation, 0.7).unwrap();
     backend.submit().unwrap();
 }
 
@@ -194,7 +194,7 @@ fn answers(
     })
 }
 
-/// Checks that every instruction set finds the reference's hits, with either tree.
+/// Checks that every instruction set finds the reference's hits. The instruction sets use the two trees in turn.
 fn check(
     animation: &Arc<Animation>,
     intersector: Intersector,

@@ -2,7 +2,7 @@
 
 use backend::{Backend, Generation, Intersector, QueryKind, Rays};
 use bvh_layout::Topology;
-use conformance::stage::{record_refit, trace_and_wait, tree_at};
+use conformance::stage::{interpolate_and_refit, trace_and_wait, tree_at};
 use cpu_ref::CpuBackend;
 use geom::{Animation, Hit, Point, Ray};
 use std::sync::Arc;
@@ -60,7 +60,7 @@ fn frame(
     time: f64,
     rays: &[Ray],
 ) -> (Vec<Hit>, f64) {
-    record_refit(backend, animation, time).unwrap();
+    interpolate_and_refit(backend, animation, time).unwrap();
     let ticket = backend.submit().unwrap();
     let cost = backend.wait(ticket).unwrap().sah_cost.unwrap();
     let answers = trace_and_wait(backend, Rays::List(rays), QueryKind::Closest).unwrap();

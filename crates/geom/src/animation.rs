@@ -282,7 +282,7 @@ impl Animation {
 
     /// Returns the exponent `k` for which scaling by `2^-k` keeps products from overflow and underflow.
     ///
-    /// `k` is 0 if the largest finite `|coordinate|` of all key frames is within `[2^-10, 2^30]`, and else that
+    /// `k` is 0 if the largest finite `|coordinate|` of all key frames is 0 or within `[2^-10, 2^30]`, and else that
     /// coordinate's exponent, clamped to `-126..=126`. `k` is also 0 if some key frame has coordinates far beyond its
     /// typical size. In a [streamed](Self::streamed) animation, only the initial key frame counts.
     pub fn scale_exponent(&self) -> i32 {
@@ -406,7 +406,7 @@ mod tests {
             (
                 vec![square()],
                 vec![[0, 1, 4]],
-                "triangle 0 names vertex 4, but there are 4",
+                "triangle 0 has vertex index 4, but the vertex count is 4",
             ),
         ] {
             let e = Animation::new(keys, triangles).unwrap_err();

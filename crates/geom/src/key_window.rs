@@ -12,8 +12,9 @@ const SPARE: usize = 2;
 /// A window over a sequence of key frames, which follows playback.
 ///
 /// Key frames are read in a separate thread pool. It has half as many threads as [`parallelism`], because trees are
-/// built at the same time. The pool is not created by [`crate::own_pool`], because it runs the [`KeySource`]: code of
-/// the program, which may call the library.
+/// built at the same time. The pool runs the [`KeySource`], which is code of the program and may call the library. In a
+/// pool of [`crate::start_library_pool`], such a call would do its parallel work in the same pool, and could wait there
+/// for other tasks of the program. So the pool is created directly: see module `threads`.
 pub(crate) struct KeyWindow {
     /// Number of key frames in the whole sequence.
     pub(crate) keys: usize,

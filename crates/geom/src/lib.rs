@@ -30,8 +30,8 @@ pub use range::CoordinateRange;
 pub use ray::{Hit, Ray};
 pub use survey::StaticParts;
 pub use threads::{
-    convert_in_parallel, copy_in_parallel, in_parallel, lock, own_pool, parallelism, run_in,
-    set_each, share_parts, use_global_pool,
+    convert_in_parallel, copy_in_parallel, for_each_in_parallel, in_parallel, lock, parallelism,
+    run_in, set_each, start_library_pool, use_global_pool,
 };
 pub use triangle::{Triangle, is_active, is_degenerate, normal_signs, side_of};
 

@@ -7,8 +7,8 @@ use crate::{Point, Pose};
 const OUTLYING: f32 = 65_536.0;
 /// A key frame is spread if its largest coordinate exceeds this multiple of [`Sizes::typical`].
 ///
-/// Boxes are padded by `17 * 2^-24` of the scene's size. At this limit, the padding is `17 * 2^-14` of the typical
-/// size.
+/// A box is padded by `17 * 2^-24` of `D`, the largest distance along one axis from the ray's origin to a corner. At this
+/// limit, a `D` of the largest coordinate gives a padding of `17 * 2^-14` of the typical size.
 const SPREAD: f32 = 1024.0;
 /// [`CoordinateRange::clearance`] as a multiple of the typical size.
 const CLEARANCE: f32 = 256.0;
@@ -23,10 +23,10 @@ pub struct CoordinateRange {
     pub extreme: bool,
     /// True if some triangles may be so small and so close to zero that rays that start there need exact arithmetic.
     pub tiny: bool,
-    /// True if the sizes of vertices differ greatly. Backends then compute the padding of each inner box from that box
-    /// instead of the root box. This changes no hit.
+    /// True if the largest coordinate far exceeds the typical one. Backends then compute the padding of each inner box
+    /// from that box instead of the root box. This changes no hit.
     pub spread: bool,
-    /// Upper limit, in scene units, of the extent from which the offset of shadow rays is computed.
+    /// Upper limit, in scene units, of the root box's longest edge in the formula for the offset of shadow rays.
     pub clearance: f32,
 }
 
@@ -66,7 +66,7 @@ impl CoordinateRange {
     pub(crate) fn of(sizes: &Sizes, scale_exponent: i32) -> Self {
         Self {
             extreme: sizes.largest > to_scene_units(Self::FAR, scale_exponent),
-            tiny: sizes.second < to_scene_units(TINY, scale_exponent),
+            tiny: sizes.second_smallest < to_scene_units(TINY, scale_exponent),
             spread: sizes.largest > sizes.typical * SPREAD,
             clearance: sizes.typical * CLEARANCE,
         }
@@ -104,7 +104,7 @@ fn is_outlying(sizes: &Sizes) -> bool {
     sizes.largest > sizes.typical * OUTLYING
 }
 
-/// Returns 0 if `largest` is within `[2^-10, 2^30]`, else its exponent, clamped to `-126..=126`.
+/// Returns 0 if `largest` is 0 or within `[2^-10, 2^30]`, else its exponent, clamped to `-126..=126`.
 fn exponent_for(largest: f32) -> i32 {
     if largest == 0.0 || (2.0_f32.powi(-10)..=2.0_f32.powi(30)).contains(&largest) {
         return 0;

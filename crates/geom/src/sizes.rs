@@ -13,7 +13,7 @@ pub(crate) struct Sizes {
     /// Second smallest size of the vertices that are not at the origin.
     ///
     /// A triangle with a nonzero area has at least two such vertices. So it has a coordinate of at least this size.
-    pub(crate) second: f32,
+    pub(crate) second_smallest: f32,
     /// Lower quartile of the sizes of sampled vertices.
     pub(crate) typical: f32,
 }
@@ -40,7 +40,7 @@ impl Sizes {
         };
         Self {
             largest,
-            second: least[1],
+            second_smallest: least[1],
             typical,
         }
     }

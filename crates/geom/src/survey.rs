@@ -22,7 +22,7 @@ pub(crate) struct Survey {
     pub(crate) bounds: Vec<Aabb>,
 }
 
-/// Number of vertices per parallel task.
+/// Minimum number of vertices per parallel task.
 const RUN: usize = 1 << 16;
 
 impl Survey {
@@ -130,7 +130,7 @@ pub(crate) fn check_triangles(
     match invalid {
         None => Ok(()),
         Some((triangle, vertex)) => Err(KeyFrameError(format!(
-            "triangle {triangle} names vertex {vertex}, but there are {vertices}"
+            "triangle {triangle} has vertex index {vertex}, but the vertex count is {vertices}"
         ))),
     }
 }

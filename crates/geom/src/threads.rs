@@ -1,9 +1,9 @@
 //! Thread pools of the library, separate from those of the program.
 //!
 //! While a rayon worker waits for other threads, it runs queued tasks of its own pool. The program may call the library
-//! from one of its own rayon tasks. If the library waited on that worker, the worker could start other tasks of the
-//! program. These may need a lock that the first task holds, or nest until the stack overflows. Therefore the library
-//! never waits for parallel work on a worker of the program, nor in a pool that runs tasks of the program.
+//! from a task of its own rayon pool. If the call waited in rayon, that worker could start other tasks of the program.
+//! These may need a lock that the first task holds, or nest until the stack overflows. Therefore no worker of a pool that
+//! runs tasks of the program waits in rayon for parallel work of the library.
 
 use rayon::prelude::*;
 use rayon::{Scope, ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
@@ -20,25 +20,25 @@ pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 
 thread_local! {
     /// True if this thread is a worker of one of the library's pools.
-    static IS_OWN_WORKER: Cell<bool> = const { Cell::new(false) };
+    static IS_LIBRARY_WORKER: Cell<bool> = const { Cell::new(false) };
 }
 
 /// True if rayon's global pool belongs to the library: see [`use_global_pool`].
-static GLOBAL_IS_OWN: AtomicBool = AtomicBool::new(false);
+static GLOBAL_POOL_IS_LIBRARY: AtomicBool = AtomicBool::new(false);
 
 /// Makes the library work in rayon's global pool, so that the program controls the number of threads.
 ///
 /// The program must not run its own tasks in that pool.
 pub fn use_global_pool() {
-    GLOBAL_IS_OWN.store(true, Ordering::Relaxed);
+    GLOBAL_POOL_IS_LIBRARY.store(true, Ordering::Relaxed);
 }
 
 /// Starts a thread pool of the library. Parallel work of the library that begins on one of its workers uses this pool.
 ///
 /// # Errors
 /// The system refuses to start the threads.
-pub fn own_pool(builder: ThreadPoolBuilder) -> Result<ThreadPool, ThreadPoolBuildError> {
-    let mark = |_| IS_OWN_WORKER.set(true);
+pub fn start_library_pool(builder: ThreadPoolBuilder) -> Result<ThreadPool, ThreadPoolBuildError> {
+    let mark = |_| IS_LIBRARY_WORKER.set(true);
     builder.start_handler(mark).build()
 }
 
@@ -53,8 +53,9 @@ pub fn run_in<T: Send>(pool: &ThreadPool, work: impl FnOnce() -> T + Send) -> T 
     }
 }
 
-/// Runs parallel `work` and returns its result. Uses the library pool that the calling thread belongs to, or else the
-/// shared pool.
+/// Runs parallel `work` in the library pool that the calling thread belongs to, or else in the *shared pool*, which all
+/// calls of the library share. Without a shared pool (after [`use_global_pool`], or if its threads could not start), runs
+/// `work` in rayon's current pool. Returns the result.
 ///
 /// `work` must never wait for code of the program, because that code may itself wait for the shared pool.
 ///
@@ -89,12 +90,12 @@ pub fn parallelism() -> usize {
 /// library's pools, after [`use_global_pool`], and if the shared pool could not be started.
 fn shared_pool() -> Option<&'static ThreadPool> {
     static SHARED: OnceLock<Option<ThreadPool>> = OnceLock::new();
-    if IS_OWN_WORKER.get() || GLOBAL_IS_OWN.load(Ordering::Relaxed) {
+    if IS_LIBRARY_WORKER.get() || GLOBAL_POOL_IS_LIBRARY.load(Ordering::Relaxed) {
         return None;
     }
     let start = |threads| {
         let builder = ThreadPoolBuilder::new().num_threads(threads);
-        own_pool(builder.thread_name(|i| format!("abvh-shared-{i}"))).ok()
+        start_library_pool(builder.thread_name(|i| format!("abvh-shared-{i}"))).ok()
     };
     // If the system refuses one thread per core, it may still grant one.
     let shared = SHARED.get_or_init(|| start(0).or_else(|| start(1)));
@@ -102,7 +103,7 @@ fn shared_pool() -> Option<&'static ThreadPool> {
 }
 
 /// Runs `work` on a thread that can wait without running tasks of the program. This is a new thread if the calling
-/// thread is a rayon worker.
+/// thread is a rayon worker. If the system refuses a new thread, runs `work` on the calling thread.
 fn off_worker<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     if rayon::current_thread_index().is_none() {
         return work();
@@ -170,11 +171,14 @@ where
         return convert((to, from));
     }
     let run = COPY_RUN / size_of::<T>();
-    share_parts(to.chunks_mut(run).zip(from.chunks(run)), convert);
+    for_each_in_parallel(to.chunks_mut(run).zip(from.chunks(run)), convert);
 }
 
 /// Passes each part to `work`, on the calling thread and a few helpers. A helper that starts late may find no parts.
-pub fn share_parts<P: Send>(parts: impl Iterator<Item = P> + Send, work: impl Fn(P) + Sync) {
+pub fn for_each_in_parallel<P: Send>(
+    parts: impl Iterator<Item = P> + Send,
+    work: impl Fn(P) + Sync,
+) {
     let parts = Mutex::new(parts);
     let next = || lock(&parts).next();
     let work_on = || {

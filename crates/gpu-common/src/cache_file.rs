@@ -20,7 +20,8 @@ pub struct CacheFile {
 }
 
 impl CacheFile {
-    /// Creates a cache file in `folder`. `name` identifies device and driver; this program's version is appended.
+    /// Returns the cache file of this name in `folder`, without opening it. `name` identifies device and driver; this
+    /// program's version is appended.
     #[must_use]
     pub fn new(folder: &Path, name: &str) -> Self {
         let version = env!("CARGO_PKG_VERSION");

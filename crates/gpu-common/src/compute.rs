@@ -68,8 +68,8 @@ impl<D: GpuDevice> ComputeBackend<D> {
         &mut self.engine.gpu
     }
 
-    /// Forgets submissions whose command buffers the program dropped, and returns their tickets. The next submission
-    /// must then begin with `interpolate`.
+    /// Gives each submission whose command buffer the program dropped an empty report, and returns their tickets. The
+    /// next submission must then begin with `interpolate`.
     pub fn remove_dropped(&mut self) -> Vec<Ticket> {
         let dropped = self.engine.remove_dropped();
         if let Some(tree) = self.tree.as_mut().filter(|_| !dropped.is_empty()) {
@@ -161,7 +161,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
         tree.current.grow(&engine.gpu, &mut engine.frames, &shape)?;
         let params = Params::of(animation.scale_exponent(), &shape);
         let tree_stages = &mut engine.frames.recorder.tree_stages;
-        tree_stages.uncounted = Some(0);
+        tree_stages.skipped_degenerate = Some(0);
         tree_stages.summed_areas = true;
         let sort = rebuild::sort(params, animation.vertex_count(), &shape);
         engine.run(Some(Stage::Rebuild), &sort, |name| tree.get(name))?;
@@ -270,9 +270,9 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         }
         let (params, tree) = (self.params(), &self.tree().current);
         let progress = &tree.progress;
-        let (work, uncounted) = progress.preprocess(self.intersector, params, &tree.shape);
+        let (work, skipped_degenerate) = progress.preprocess(self.intersector, params, &tree.shape);
         self.run(Stage::Preprocess, &work)?;
-        self.engine.frames.recorder.tree_stages.uncounted = Some(uncounted);
+        self.engine.frames.recorder.tree_stages.skipped_degenerate = Some(skipped_degenerate);
         let tree = &mut self.tree_mut().current;
         tree.progress.preprocessed(&tree.shape);
         self.engine.next_stage = NextStage::Refit;

@@ -20,7 +20,7 @@ pub struct Options {
     pub validation: Validation,
     /// Whether to pass kernels as WGSL with run-time checks of array bounds and loops. Interfaces that accept no WGSL
     /// ignore this. By default kernels are passed as SPIR-V if the device accepts it, or else as WGSL without checks.
-    pub checks_kernels: bool,
+    pub uses_checked_wgsl: bool,
 }
 
 /// Use of a validation layer, including synchronisation validation if the interface has it.
@@ -142,7 +142,7 @@ pub struct SubmissionOutput {
     pub counts: Counts,
     /// For each timestamp, the stage between this timestamp and the next; `None` if no stage is timed there.
     pub marks: Vec<Option<Stage>>,
-    /// Value of each timestamp, in ticks of [`DeviceInfo::clock`]; `None` without a clock.
+    /// Value of each timestamp, in ticks of [`DeviceInfo::clock`]; `None` if the device has no timestamps.
     pub ticks: Option<Vec<u64>>,
 }
 
@@ -269,7 +269,8 @@ pub trait GpuDevice: Send + Sized + 'static {
     /// all work has finished.
     fn wait(&self, until: Option<LastUse>) -> Result<()>;
 
-    /// Blocks until a submission has finished and returns its output. Called once per submission, in order.
+    /// Blocks until a submission has finished and returns its output. Called in order, except for dropped submissions.
+    /// May be called again after an error or [`Outcome::Dropped`].
     fn finish(&mut self, ticket: Ticket) -> Result<Outcome>;
 
     /// Returns the copied positions of a submission, once the copy has finished. They may outlive the device.

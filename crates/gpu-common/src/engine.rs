@@ -28,7 +28,7 @@ pub enum NextStage {
 /// A device with a scene, its positions, submissions and traces. The backend that owns the engine implements trees and
 /// traversal.
 ///
-/// Stages are timed by the device's clock. Without such a clock, each stage's time is `None`. Then `device_ms` is the
+/// Stages are timed by the device's timestamps. Without timestamps, each stage's time is `None`. Then `device_ms` is the
 /// host's time from the submission until its end was noticed.
 pub struct Engine<D: GpuDevice> {
     /// Properties of the device, with the arithmetic that was tested.
@@ -58,11 +58,11 @@ impl<D: GpuDevice> Engine<D> {
     pub fn new(mut gpu: D, kernels: impl IntoIterator<Item = &'static Kernel>) -> Result<Self> {
         let mut pipelines = Pipelines::of(&gpu, kernels)?;
         let mut frames = Frames::new(&gpu);
-        let (arithmetic, fuses_once) = test_arithmetic(&mut gpu, &mut frames, &pipelines)?;
+        let (arithmetic, fma_rounds_once) = test_arithmetic(&mut gpu, &mut frames, &pipelines)?;
         let mut info = gpu.info();
         info.device.arithmetic = arithmetic;
         pipelines.traits = Traits {
-            fuses_once,
+            fma_rounds_once,
             packets: info.packets,
             rasterizes: info.rasterizes,
         };
@@ -185,7 +185,8 @@ impl<D: GpuDevice> Engine<D> {
         self.frames.recorder.record(pipelines, stage, work, find)
     }
 
-    /// Records the shading of the pending trace of `query`, if there is a palette and a tree.
+    /// Records the shading of the pending trace of `query`. Does nothing unless `query` has a camera and a light, and
+    /// there is a palette and a tree.
     ///
     /// # Panics
     /// If no trace is pending.
@@ -226,7 +227,8 @@ impl<D: GpuDevice> Engine<D> {
         Ok(())
     }
 
-    /// Submits the recording. Reports count `never_active` triangles that are in no tree as inactive.
+    /// Submits the recording. `never_active` is the number of triangles that are in no tree. The report counts them as
+    /// inactive.
     pub fn submit(&mut self, never_active: u64) -> Result<Ticket> {
         let scene = self.scene.as_ref().expect("a scene was loaded");
         let place = |p: usize| (&scene.positions[p], scene.position_bytes());
@@ -241,8 +243,8 @@ impl<D: GpuDevice> Engine<D> {
         Ok(ticket)
     }
 
-    /// Forgets submissions whose command buffers the program dropped, and returns their tickets. Later submissions
-    /// depend on earlier ones, so all data on the device is then stale.
+    /// Gives each submission whose command buffer the program dropped an empty report, and returns their tickets. Later
+    /// submissions depend on earlier ones, so all data on the device is then stale.
     pub fn remove_dropped(&mut self) -> Vec<Ticket> {
         let dropped = self.frames.remove_dropped(&mut self.gpu);
         if !dropped.is_empty() {

@@ -189,7 +189,7 @@ impl<D: GpuDevice> Frames<D> {
         open.map(|s| s.ticket)
     }
 
-    /// Forgets submissions whose command buffers the program dropped, and returns their tickets.
+    /// Gives each submission whose command buffer the program dropped an empty report, and returns their tickets.
     pub(crate) fn remove_dropped(&mut self, gpu: &mut D) -> Vec<Ticket> {
         let mut dropped = Vec::new();
         for ticket in self.unfinished().collect::<Vec<_>>() {
@@ -266,7 +266,7 @@ impl<D: GpuDevice> Frames<D> {
         let submission = submission.expect("unfinished submissions are remembered");
         let times = match &ticks {
             Some(ticks) => self.clock.times(&marks, ticks, &submission.idle),
-            // Without a device clock, use the host's.
+            // Without timestamps, use the host's clock.
             None => StageTimes {
                 device_ms: submission.at.elapsed().as_secs_f64() * 1e3,
                 ..StageTimes::default()

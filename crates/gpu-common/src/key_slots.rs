@@ -17,13 +17,13 @@ const LARGE_KEPT: usize = 3;
 /// Minimum number of static vertices between two runs of moving ones. Shorter gaps are uploaded with the runs.
 const GAP: usize = 1 << 12;
 
-/// Key frames, each in its own buffer. Only device memory limits their count.
+/// Key frames, each in its own buffer: all that the host holds, or else the paged or streamed ones that were used last.
 pub(crate) struct KeySlots<D: GpuDevice> {
     /// In upload order.
     slots: Vec<KeySlot<D>>,
     /// Buffers of evicted key frames.
     free: Pool<D::Buffer>,
-    /// Maximum number of paged or streamed key frames.
+    /// Maximum number of paged or streamed key frames, unless a recording or the latest pose needs more.
     kept: usize,
     /// Increases with each use.
     clock: u64,

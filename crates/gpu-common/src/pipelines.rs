@@ -2,7 +2,7 @@
 
 use crate::GpuDevice;
 use backend::Result;
-use geom::{in_parallel, own_pool, parallelism};
+use geom::{in_parallel, parallelism, start_library_pool};
 use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
 use shaders::{Code, Kernel, Traits};
@@ -69,7 +69,7 @@ impl<D: GpuDevice> Pipelines<D> {
         let make_all = move || {
             let all = || missing.par_iter().map(|&kernel| compile(kernel));
             // Compilation takes seconds. In a pool of its own it does not delay other parallel work.
-            match own_pool(ThreadPoolBuilder::new().num_threads(parallelism())) {
+            match start_library_pool(ThreadPoolBuilder::new().num_threads(parallelism())) {
                 Ok(pool) => pool.install(|| all().collect()),
                 Err(_) => in_parallel(|| all().collect()),
             }

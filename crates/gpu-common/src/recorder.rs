@@ -1,6 +1,6 @@
 //! Records stages as commands.
 
-use crate::recording::is_of_submission;
+use crate::recording::is_owned_by_device;
 use crate::{
     DeviceInfo, Dispatch, GpuDevice, Pipelines, PositionsCopy, RecordedCommand, RecordingOf, Stage,
 };
@@ -89,7 +89,7 @@ impl<D: GpuDevice> Recorder<D> {
             let buffers = &mut self.recording.buffers;
             let first = buffers.len();
             let names = work.kernel.bindings.iter().map(|b| b.name);
-            let names = names.filter(|name| !is_of_submission(*name));
+            let names = names.filter(|name| !is_owned_by_device(*name));
             buffers.extend(names.map(|name| D::bind(find(name))));
             commands.push(RecordedCommand::Dispatch(Dispatch {
                 work: *work,

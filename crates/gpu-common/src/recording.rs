@@ -106,7 +106,7 @@ impl<P, B, N> Recording<P, B, N> {
 }
 
 /// Returns whether the device owns the buffer of this name, so that recordings do not contain it.
-pub(crate) fn is_of_submission(name: BufferName) -> bool {
+pub(crate) fn is_owned_by_device(name: BufferName) -> bool {
     matches!(name, BufferName::Params | BufferName::Counts)
 }
 

@@ -14,11 +14,11 @@ pub struct AnimationBuffers<D: GpuDevice> {
     pub animation: Arc<Animation>,
     pub(crate) keys: KeySlots<D>,
     /// One or two position buffers. The first request to copy positions to the host creates the second buffer, so that
-    /// the next frame can write one while the other is copied. If `interpolate` writes only moving rows, both contain
-    /// the static vertices from the start.
+    /// the next frame can write one while the other is copied. If `interpolate` writes only the
+    /// [rows with moving vertices](shaders::moving_rows), both contain the static vertices from the start.
     pub positions: Vec<D::Buffer>,
     /// Buffers of the triangles' vertex indices, of the coordinate range that a kernel measures, and of the list of
-    /// rows with moving vertices. The list is empty if it would not save time.
+    /// these rows. The list is empty if it would not save time.
     others: BufferTable<D>,
     pub(crate) moving_row_count: Option<usize>,
     /// Colour tables; empty until a palette is loaded.

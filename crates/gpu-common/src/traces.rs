@@ -62,7 +62,7 @@ impl<D: GpuDevice> TraceBuffers<D> {
         if has_tree && kind != QueryKind::Any && !lends_results {
             buffers.fit(gpu, BufferName::Hits, bytes(size_of::<Hit>()))?;
         }
-        // `exact` also stores undecided rays in this buffer, for which a lent buffer has no space.
+        // `exact` also stores undecided rays in the buffer `Occluded`. A lent buffer has no space for them.
         let is_exact = traced_by == Some(Intersector::Exact);
         let copies_results = lends_results && is_exact && kind == QueryKind::Any;
         let occluded = match kind {
@@ -90,7 +90,8 @@ impl<D: GpuDevice> TraceBuffers<D> {
         self.buffers.held()
     }
 
-    /// Returns the buffer of rays, hits or occlusion.
+    /// Returns the buffer that kernels of this trace bind by this name: the trace's own, or the lent one that replaces
+    /// it.
     pub fn get(&self, name: BufferName) -> Option<&D::Buffer> {
         let results = match self.kind {
             QueryKind::Any => BufferName::Occluded,

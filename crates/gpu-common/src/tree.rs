@@ -100,7 +100,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
         intersector: Intersector,
     ) -> Result<Self> {
         let leaves = animation.live_count() as u64;
-        let names = [BufferName::Covers, BufferName::Visibility];
+        let names = [BufferName::PixelCoverage, BufferName::Visibility];
         Ok(Self {
             animation: Arc::clone(animation),
             intersector,
@@ -248,7 +248,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
             let uploaded = take_sent(&mut self.sent, frames);
             let old = candidate.place(uploaded, shape, TreeProgress::of_candidate());
             match old {
-                // An earlier evaluation of the recording reads the topology, so the pool must not reuse the buffer yet.
+                // The recording also evaluates the previous candidate in this buffer, so the pool must not reuse it yet.
                 Some(old) if frames.recorder.uses(&old.buffer) => frames.replace([old.buffer]),
                 old => self.release(old, frames.submitted),
             }
@@ -312,7 +312,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
         tracing: &Trace,
     ) -> Result<()> {
         let buffers = &mut self.visibility_buffers;
-        frames.replace(buffers.grow(gpu, BufferName::Covers, tracing.cover_bytes)?);
+        frames.replace(buffers.grow(gpu, BufferName::PixelCoverage, tracing.coverage_bytes)?);
         frames.replace(buffers.grow(gpu, BufferName::Visibility, tracing.visibility_bytes)?);
         Ok(())
     }
@@ -332,8 +332,8 @@ impl<D: GpuDevice> TreeBuffers<D> {
         let candidate = self.candidate.as_ref().map_or(0, DeviceTree::held);
         let visibility = self.visibility_buffers.get(BufferName::Visibility);
         let visibility = visibility.map_or(0, |b| D::size(b).allocated);
-        let covers = self.visibility_buffers.held() - visibility;
-        let trees = self.current.held() + candidate + covers + self.free.held();
+        let coverage = self.visibility_buffers.held() - visibility;
+        let trees = self.current.held() + candidate + coverage + self.free.held();
         [trees, build, visibility]
     }
 }
@@ -352,7 +352,7 @@ struct UploadedTopology<B> {
     upload_value: u64,
 }
 
-/// Removes the topology that was sent, for work recorded from now on.
+/// Removes and returns the topology that was sent. The next submission waits for its upload.
 fn take_sent<D: GpuDevice>(
     sent: &mut Option<UploadedTopology<D::Buffer>>,
     frames: &mut Frames<D>,

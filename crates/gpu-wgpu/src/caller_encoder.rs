@@ -9,13 +9,14 @@ use wgpu::{CommandEncoder, SubmissionIndex};
 #[derive(Default)]
 pub(crate) struct CallerEncoder {
     pub(crate) encoder: Option<CommandEncoder>,
-    /// Unfinished submissions. Each has the index of a later submission to the queue, if one is known.
+    /// Unfinished submissions. wgpu does not return the index of the program's own submission, so an entry has the index
+    /// of a later one, or `None` if it is not known.
     pub(crate) under_way: BTreeMap<Ticket, Option<SubmissionIndex>>,
 }
 
 impl CallerEncoder {
-    /// Returns whether no encoder contains an unfinished submission up to `ticket`. A queue write could run before such
-    /// a submission.
+    /// Returns whether all unfinished submissions in encoders are later than `ticket`. If not, a queue write could run
+    /// before a submission that still uses the buffer.
     pub(crate) fn is_past(&self, ticket: u64) -> bool {
         let oldest = self.under_way.first_key_value();
         oldest.is_none_or(|(oldest, _)| oldest.0 > ticket)

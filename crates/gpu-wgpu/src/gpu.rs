@@ -20,7 +20,7 @@ pub(crate) struct OpenGpu {
     pub(crate) limits: wgpu::Limits,
     pub(crate) features: Features,
     /// Whether kernels are passed as WGSL with run-time checks.
-    pub(crate) checks_kernels: bool,
+    pub(crate) uses_checked_wgsl: bool,
     /// Whether the device was opened with validation.
     pub(crate) is_validated: bool,
     /// Nanoseconds per tick of the device's clock.
@@ -56,7 +56,7 @@ impl OpenGpu {
         let (device, queue) = opened
             .map_err(|e| BackendError::NoDevice(format!("the device cannot be opened: {e}")))?;
         let mut gpu = Self::over(device, queue, adapter.get_info())?;
-        (gpu.checks_kernels, gpu.is_validated) = (options.checks_kernels, is_validated);
+        (gpu.uses_checked_wgsl, gpu.is_validated) = (options.uses_checked_wgsl, is_validated);
         gpu.cache = AdapterPipelineCache::open(&gpu.device, &gpu.info, options.cache.as_deref());
         gpu.register_callbacks();
         Ok(gpu)
@@ -77,7 +77,7 @@ impl OpenGpu {
             info,
             limits,
             features,
-            checks_kernels: false,
+            uses_checked_wgsl: false,
             is_validated: false,
             faults: Arc::default(),
             buffers_made: AtomicU64::new(0),
@@ -100,7 +100,7 @@ impl OpenGpu {
 
     /// Returns whether kernels are passed as SPIR-V.
     pub(crate) fn takes_spirv(&self) -> bool {
-        !self.checks_kernels && takes_spirv(&self.info, self.features)
+        !self.uses_checked_wgsl && takes_spirv(&self.info, self.features)
     }
 
     /// Returns the kind of packets for this device, if it can trace packets.

@@ -90,7 +90,7 @@ fn compute_pipeline(
 /// Loads a kernel in the form that the device accepts.
 fn load(gpu: &OpenGpu, kernel: &Kernel, code: Code) -> Result<ShaderModule> {
     gpu.guard(kernel.name, 0, || {
-        if gpu.checks_kernels {
+        if gpu.uses_checked_wgsl {
             gpu.device.create_shader_module(wgsl(kernel, code))
         } else if gpu.takes_spirv() {
             pass_through(&gpu.device, kernel, code)

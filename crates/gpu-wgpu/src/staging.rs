@@ -7,7 +7,7 @@ use crate::buffers::{Mapping, unreadable, write};
 use crate::gpu::{OpenGpu, STAGING, make, unmap};
 use backend::Result;
 use bytemuck::Pod;
-use geom::share_parts;
+use geom::for_each_in_parallel;
 use gpu_common::{Staging, with_slack};
 use wgpu::{Buffer, MapMode, WriteOnly};
 
@@ -120,7 +120,7 @@ fn fill_piece(to: &Buffer, from: &[u8]) -> Result<()> {
     let (whole, last) = from.split_at(from.len() / RUN * RUN);
     let runs: Vec<_> = runs.into_iter().collect();
     let parts = runs.into_iter().zip(whole.chunks(RUN));
-    share_parts(parts, |(to, from)| {
+    for_each_in_parallel(parts, |(to, from)| {
         WriteOnly::<[u8]>::from(to).copy_from_slice(from);
     });
     rest.copy_from_slice(last);

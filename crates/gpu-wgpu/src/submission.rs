@@ -66,7 +66,8 @@ impl SubmissionEncoder {
         })
     }
 
-    /// Encodes a recording and the copy of the report. With a `stamp`, the report also contains this ticket.
+    /// Encodes a recording, and the copies of its counts and timestamps to the report. With a `stamp`, the report also
+    /// contains this ticket.
     ///
     /// wgpu validates the program's encoder only when the program finishes it. If the encoder belongs to another device
     /// or has an open pass, its commands never run, but wgpu still maps the report. The stamp then reveals the error,

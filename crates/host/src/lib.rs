@@ -112,14 +112,14 @@ pub fn open(path: &Path) -> io::Result<File> {
 /// Reads a whole regular file.
 ///
 /// # Errors
-/// Returns errors of [`open`] and [`refuse_pointer`], and [`ErrorKind::OutOfMemory`] if memory is insufficient.
+/// Returns errors of [`open`] and [`reject_lfs_pointer`], and [`ErrorKind::OutOfMemory`] if memory is insufficient.
 pub fn read(path: &Path) -> io::Result<Vec<u8>> {
     let mut file = open(path)?;
     let size = usize::try_from(file.metadata()?.len()).unwrap_or(usize::MAX);
     let mut bytes = Vec::new();
     reserve(&mut bytes, size)?;
     file.read_to_end(&mut bytes)?;
-    refuse_pointer(&bytes)?;
+    reject_lfs_pointer(&bytes)?;
     Ok(bytes)
 }
 
@@ -127,7 +127,7 @@ pub fn read(path: &Path) -> io::Result<Vec<u8>> {
 ///
 /// # Errors
 /// Returns [`ErrorKind::InvalidData`] for a Git LFS pointer.
-pub fn refuse_pointer(bytes: &[u8]) -> io::Result<()> {
+pub fn reject_lfs_pointer(bytes: &[u8]) -> io::Result<()> {
     if bytes.starts_with(b"version https://git-lfs.github.com/spec/") {
         let message = "a Git LFS pointer, not the file's contents; 'git lfs pull' downloads them";
         return Err(io::Error::new(ErrorKind::InvalidData, message));

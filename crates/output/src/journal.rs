@@ -29,7 +29,8 @@ pub struct Manifest {
     /// Rendered scene.
     pub scene: SceneId,
     /// Number of key frames of the animation.
-    pub key_times: usize,
+    #[serde(rename = "key_times")]
+    pub key_frames: usize,
     /// Values of the options, by name.
     pub options: BTreeMap<String, Value>,
 }
@@ -85,7 +86,7 @@ impl Manifest {
             ("schema", json!(self.schema)),
             ("program's version", json!(self.version)),
             ("scene", json!(self.scene.name)),
-            ("number of key times", json!(self.key_times)),
+            ("number of key frames", json!(self.key_frames)),
         ];
         let fixed = fixed.map(|(name, value)| (name.to_owned(), value));
         // Numbered, because files in different folders may have equal names.

@@ -26,6 +26,7 @@ pub use journal::{
 pub use picture::{drop_alpha, write_png};
 pub use rays::{RayFile, write_rays};
 pub use stats::{
-    AutoChoice, FrameQuantity, SCHEMA, Summary, TIMES, memory, mrays, overview, trees, write_json,
+    AutoChoice, FrameQuantity, SCHEMA, Summary, TIMES, memory_text, mrays, overview, trees_text,
+    write_json,
 };
 pub use video::{Video, VideoFiles, VideoPlanes};

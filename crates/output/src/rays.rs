@@ -51,7 +51,7 @@ impl RayFile {
         let file = host::open(path).map_err(unreadable)?;
         let mut reader = BufReader::with_capacity(1 << 18, file);
         let first_bytes = reader.fill_buf().map_err(unreadable)?;
-        host::refuse_pointer(first_bytes).map_err(unreadable)?;
+        host::reject_lfs_pointer(first_bytes).map_err(unreadable)?;
         let no_array = |reason| refused(format!("not a .npy array: {reason}"));
         let (header, header_bytes) = read_header(&mut reader).map_err(no_array)?;
         let (format, [rays, columns]) = check(&header).map_err(refused)?;

@@ -101,7 +101,7 @@ pub fn write_json(path: &Path, value: &impl Serialize) -> Result<(), OutputError
 
 /// Returns a line of text about adopted and rejected trees and their age.
 #[must_use]
-pub fn trees(frames: &[FrameRecord]) -> String {
+pub fn trees_text(frames: &[FrameRecord]) -> String {
     let adopted = frames.iter().filter(|f| f.tree.adopted).count();
     let newest = frames
         .iter()
@@ -130,7 +130,7 @@ pub fn mrays(count: f64, ms: f64) -> Option<f64> {
 
 /// Returns the peak memory as one line of text per known quantity.
 #[must_use]
-pub fn memory(frames: &[FrameRecord]) -> String {
+pub fn memory_text(frames: &[FrameRecord]) -> String {
     let most = |(name, of): &(&str, FrameQuantity)| {
         let most = frames.iter().filter_map(of).reduce(f64::max)?;
         let (owner, mib) = (name.trim_end_matches("_bytes"), most / f64::from(1 << 20));

@@ -3,7 +3,7 @@
 use crate::error::PipelineError;
 use crate::tree_builder::{Built, Job, TreeBuilder};
 use bvh_build::{BuildError, Cancel};
-use geom::{lock, own_pool, run_in};
+use geom::{lock, run_in, start_library_pool};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex};
@@ -114,7 +114,8 @@ impl BuilderThreads {
         let builder = rayon::ThreadPoolBuilder::new()
             .num_threads(threads.max(1))
             .thread_name(|i| format!("abvh-build-{i}"));
-        let pool = own_pool(builder).map_err(|e| PipelineError::Threads(e.to_string()))?;
+        let pool =
+            start_library_pool(builder).map_err(|e| PipelineError::Threads(e.to_string()))?;
         Ok(Self(Arc::new(pool)))
     }
 

@@ -46,9 +46,9 @@ pub struct DriverOptions {
 struct PendingFrame {
     ticket: Ticket,
     record: FrameRecord,
-    /// Divisor of the refitted cost in [`FrameTreeStats::sah_ratio`](crate::FrameTreeStats::sah_ratio); `None` if the
-    /// tree was built for the frame's pose.
-    cost_before: Option<f64>,
+    /// Cost of the tree at the vertices that it was built from: the divisor of
+    /// [`FrameTreeStats::sah_ratio`](crate::FrameTreeStats::sah_ratio). `None` if it was built for the frame's pose.
+    cost_when_built: Option<f64>,
 }
 
 /// The frame that is being recorded.
@@ -211,7 +211,8 @@ impl Driver {
             self.backend.refit()?;
         }
         let recorded = self.backend.trace(queries);
-        // If a key frame cannot be read, nothing of the frame is recorded.
+        // Backends on the host may run all recorded stages in `trace`. If they cannot read a key frame, they drop the
+        // submission, so there is nothing to submit.
         if let Err(e) = &recorded
             && !matches!(e, BackendError::KeyFrame(_))
         {
@@ -239,7 +240,7 @@ impl Driver {
         record.wall_ms = ms(recording.started.elapsed());
         self.pending.push_back(PendingFrame {
             ticket,
-            cost_before: (Some(tree.pose) != recording.pose).then_some(tree.cost),
+            cost_when_built: (Some(tree.pose) != recording.pose).then_some(tree.cost),
             record,
         });
         recording.number += 1;
@@ -278,7 +279,8 @@ impl Driver {
         AdoptionRule::of(self.options.update, self.options.predict)
     }
 
-    /// Records positions at `pose` and, if they moved, a tree over them. Returns whether a refit must follow.
+    /// Records positions at `pose` and, if they moved, a tree over them. Returns whether `preprocess` and `refit` are
+    /// called next. After a build on the device they have nothing to do.
     fn record_device_tree(&mut self, pose: Pose) -> Result<bool, PipelineError> {
         let moved = self.record_positions(pose)?;
         let generation = match &self.trees.current {

@@ -46,7 +46,8 @@ pub struct FrameRecord {
 
 impl FrameRecord {
     /// Stores the report of the submission that traced the frame. If a separate submission read back vertices, its
-    /// report is in `self.report` before the call, and its times and bytes are added.
+    /// report is in `self.report` before the call. Its device time and its bytes are added. Its interpolation time is
+    /// used if `report` has none.
     pub(crate) fn complete(&mut self, mut report: FrameReport) {
         let (times, read_back) = (&mut report.times, &self.report.times);
         times.interpolate_ms = times.interpolate_ms.or(read_back.interpolate_ms);

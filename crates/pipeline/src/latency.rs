@@ -103,10 +103,10 @@ impl LatencyPredictor {
         self.next = strategy;
     }
 
-    /// Compares the target times of the current tree, `last`, and of a finished tree, `new`. Returns whether the
-    /// current time is at least as near to `new` as to `last`, or does not approach `new`.
-    pub(crate) fn is_nearer_than(&self, last: f64, new: f64) -> bool {
-        let nearer = |left| left <= (last - self.time).abs();
+    /// Compares the target times of the current tree, `current`, and of a finished tree, `new`. Returns whether the
+    /// current time is at least as near to `new` as to `current`, or does not approach `new`.
+    pub(crate) fn is_new_target_nearer(&self, current: f64, new: f64) -> bool {
+        let nearer = |left| left <= (current - self.time).abs();
         self.approach(new).is_none_or(nearer)
     }
 
@@ -116,21 +116,21 @@ impl LatencyPredictor {
         comes_nearer.then_some((new - self.time).abs())
     }
 
-    /// Returns whether a tree with target time `new` should be evaluated. `costlier_at` is the distance at which it was
-    /// last found to cost too much, if it was evaluated before. It is evaluated again once the distance has halved, or
-    /// if time does not approach `new`.
-    pub(crate) fn should_evaluate(&self, new: f64, costlier_at: Option<f64>) -> bool {
-        match self.approach(new).zip(costlier_at) {
+    /// Returns whether a tree with target time `new` should be evaluated. `costlier_distance` is the distance at which
+    /// it was last found to cost too much, if it was evaluated before. It is evaluated again once the distance has
+    /// halved, or if time does not approach `new`.
+    pub(crate) fn should_evaluate(&self, new: f64, costlier_distance: Option<f64>) -> bool {
+        match self.approach(new).zip(costlier_distance) {
             Some((left, before)) => left <= 0.5 * before,
             None => true,
         }
     }
 
-    /// Returns whether a tree requested now would arrive before the midpoint of two target times: `last`, that of the
+    /// Returns whether a tree requested now would arrive before the midpoint of two target times: `current`, that of the
     /// current tree, and `new`, that of a finished tree. From the midpoint on, the finished tree is the nearer one.
-    pub(crate) fn newer_tree_arrives_first(&self, last: f64, new: f64) -> bool {
-        let midpoint = f64::midpoint(last, new);
-        (midpoint - self.time) / self.step > self.expected()
+    pub(crate) fn newer_tree_arrives_first(&self, current: f64, new: f64) -> bool {
+        let midpoint = f64::midpoint(current, new);
+        (midpoint - self.time) / self.step > self.expected_latency()
     }
 
     /// Returns the middle of the time in which a tree requested now is used. Assumes that the next tree is requested
@@ -146,7 +146,7 @@ impl LatencyPredictor {
 
     /// Returns the time at which a tree requested now has been used for `share` of its frames.
     fn in_use(&self, share: f64) -> f64 {
-        let latency = self.expected();
+        let latency = self.expected_latency();
         self.ahead(latency + share * (latency - 1.0).max(0.0))
     }
 
@@ -157,7 +157,9 @@ impl LatencyPredictor {
         (left > 0.0).then(|| [0.25, 0.75].map(|share| self.time + share * left))
     }
 
-    fn expected(&self) -> f64 {
+    /// Returns the expected number of frames from a request to the adoption, including the evaluation. Without an
+    /// estimate, the build counts as 0 frames.
+    fn expected_latency(&self) -> f64 {
         let built = self.latency().or(self.guess).unwrap_or(0.0);
         built + self.evaluation
     }
@@ -226,7 +228,7 @@ mod tests {
 
     #[test]
     fn adopts_the_tree_nearest_in_time() {
-        for (times, last, new, expected) in [
+        for (times, current, new, expected) in [
             ([1.0, 2.0], 1.5, 4.0, false),
             ([2.0, 3.0], 1.5, 4.0, true),
             // Without motion; time moves away from `new`; time has passed `new`.
@@ -238,7 +240,7 @@ mod tests {
             ([8.0, 7.0], 8.5, 6.0, true),
         ] {
             let f = watching([0.0, 100.0], None, &times);
-            assert_eq!(f.is_nearer_than(last, new), expected, "{times:?}");
+            assert_eq!(f.is_new_target_nearer(current, new), expected, "{times:?}");
         }
     }
 

@@ -27,4 +27,4 @@ pub use motion::{
     inactive_and_degenerate_at, motion, refit_costs,
 };
 pub use policy::RunFacts;
-pub use resources::{ExpectedMemory, TREE_BYTES, Threads, trees_bytes};
+pub use resources::{ExpectedMemory, HOST_BYTES_PER_TRIANGLE, Threads, trees_and_rays_bytes};

@@ -7,12 +7,12 @@ use serde::Serialize;
 
 /// Maximum bytes per triangle on the host while trees are built and traced: corners, colours, boxes, the current tree,
 /// the tree being built and its input. Measured: 215 to 345.
-pub const TREE_BYTES: u64 = 345;
+pub const HOST_BYTES_PER_TRIANGLE: u64 = 345;
 /// Bytes per ray: hits, shadows and pixels in three frames.
 const RAY_BYTES: u64 = 64;
 const BASE_BYTES: u64 = 16 << 20;
-/// Bytes per triangle on a device: triangle records, nodes and lists of all trees that may exist at once. Measured: 119
-/// with `refit`, up to 171 with `async`, which replaces trees.
+/// Bytes per triangle on a device for triangle records, nodes and lists, without the buffers of a candidate tree (see
+/// [`CANDIDATE_BYTES`]). Measured: 119 with `refit`, up to 171 if trees are replaced.
 const DEVICE_TREE_BYTES: u64 = 176;
 /// Bytes per triangle on a device that builds the trees, including scratch memory.
 const DEVICE_REBUILD_BYTES: u64 = 260;
@@ -44,7 +44,7 @@ impl ExpectedMemory {
         rays: usize,
     ) -> Self {
         let keys = keys_bytes(animation);
-        let trees = trees_bytes(animation.triangle_count(), rays);
+        let trees = trees_and_rays_bytes(animation.triangle_count(), rays);
         // With adoption by cost, a candidate tree exists in addition to the current one.
         let candidate = if options.update.adopts_by_cost() {
             animation.live_count() as u64 * CANDIDATE_BYTES
@@ -70,8 +70,8 @@ fn keys_bytes(animation: &Animation) -> u64 {
 
 /// Returns the bytes on the host for trees over `triangles` triangles and for the results of `rays` rays.
 #[must_use]
-pub fn trees_bytes(triangles: usize, rays: usize) -> u64 {
-    let trees = (triangles as u64).saturating_mul(TREE_BYTES);
+pub fn trees_and_rays_bytes(triangles: usize, rays: usize) -> u64 {
+    let trees = (triangles as u64).saturating_mul(HOST_BYTES_PER_TRIANGLE);
     trees.saturating_add((rays as u64).saturating_mul(RAY_BYTES))
 }
 
@@ -141,19 +141,19 @@ mod tests {
     #[test]
     fn cores_are_shared_for_concurrent_builds() {
         use DeviceKind::{Cpu, Gpu, Software};
-        let (free, refit) = (Policy::Async, Policy::Refit);
+        let (async_policy, refit) = (Policy::Async, Policy::Refit);
         // Cores, requested threads, and expected threads for rendering and for building.
         for (kind, update, cores, asked, expected) in [
-            (Cpu, free, 16, [None, None], [12, 4]),
-            (Software, free, 16, [None, None], [12, 4]),
-            (Cpu, free, 4, [None, None], [3, 1]),
-            (Cpu, free, 2, [None, None], [2, 1]),
-            (Cpu, free, 16, [Some(1), None], [1, 1]),
-            (Software, free, 16, [Some(8), None], [8, 2]),
-            (Gpu, free, 16, [None, None], [16, 15]),
-            (Gpu, free, 1, [None, None], [1, 1]),
-            (Gpu, free, 16, [Some(1), None], [1, 1]),
-            (Gpu, free, 16, [None, Some(3)], [16, 3]),
+            (Cpu, async_policy, 16, [None, None], [12, 4]),
+            (Software, async_policy, 16, [None, None], [12, 4]),
+            (Cpu, async_policy, 4, [None, None], [3, 1]),
+            (Cpu, async_policy, 2, [None, None], [2, 1]),
+            (Cpu, async_policy, 16, [Some(1), None], [1, 1]),
+            (Software, async_policy, 16, [Some(8), None], [8, 2]),
+            (Gpu, async_policy, 16, [None, None], [16, 15]),
+            (Gpu, async_policy, 1, [None, None], [1, 1]),
+            (Gpu, async_policy, 16, [Some(1), None], [1, 1]),
+            (Gpu, async_policy, 16, [None, Some(3)], [16, 3]),
             // Rendering and building run alternately, so each gets all cores.
             (Cpu, refit, 8, [None, None], [8, 8]),
             (Gpu, refit, 8, [Some(2), Some(5)], [2, 5]),

@@ -11,7 +11,7 @@ use bvh_build::{
     BinaryTree, BlockSize, Boxes, BuildError, Cancel, MovedTree, SahBuilder, SubtreeRebuilder,
     TreeCosts, sah_cost,
 };
-use bvh_layout::{CollapseOptions, Converter, First, Topology};
+use bvh_layout::{CollapseOptions, Converter, FirstVisited, Topology};
 pub(crate) use degradation::BuildStrategy;
 use degradation::DegradationMonitor;
 use extrapolation::ExtrapolationMonitor;
@@ -27,8 +27,9 @@ use std::time::{Duration, Instant};
 pub(crate) enum Vertices {
     /// Positions that a backend interpolated, read back.
     ReadBack(Snapshot),
-    /// Pose to blend on the host, from key frames or observed frames. The bits are the same as in any backend.
-    KeyFrames(Pose),
+    /// Pose to blend on the host, from key frames or from two observed frames. Positions blended from key frames are
+    /// bit-identical to those of every backend.
+    AtPose(Pose),
 }
 
 /// A finished tree.
@@ -189,7 +190,7 @@ impl TreeBuilder {
         input: &mut BuildInput,
         times: Option<[f64; 2]>,
     ) -> Result<bool, KeyFrameError> {
-        let Vertices::KeyFrames(pose) = &mut input.vertices else {
+        let Vertices::AtPose(pose) = &mut input.vertices else {
             return Ok(false);
         };
         if pose.alpha <= 1.0 {
@@ -211,9 +212,9 @@ impl TreeBuilder {
     }
 
     /// Builds a tree from the vertices of `input`. If `input` has swept poses, builds the tree over boxes that
-    /// contain each triangle at both poses, and then computes the boxes at the vertices. A build from subtrees does not
-    /// update the boxes, unless the format is [`TreeFormat::WideBlocks`]. Returns the costs at the vertices if the
-    /// build computed them.
+    /// contain each triangle at both poses, and then computes the boxes at the vertices. Without swept poses, a build
+    /// from subtrees does not update the boxes, unless the format is [`TreeFormat::WideBlocks`]. Returns the costs at
+    /// the vertices if the build computed them.
     fn build_tree(
         &mut self,
         source: &PoseSource<'_>,
@@ -264,7 +265,7 @@ impl TreeBuilder {
         source: &PoseSource<'_>,
         [a, b]: [Pose; 2],
     ) -> Result<(), KeyFrameError> {
-        self.compute_boxes(source, &Vertices::KeyFrames(a))?;
+        self.compute_boxes(source, &Vertices::AtPose(a))?;
         blend(&source.at(b)?, &mut self.positions);
         grow(&mut self.boxes, &source.boxes(&self.positions));
         Ok(())
@@ -311,9 +312,13 @@ impl TreeBuilder {
                 topology.with_moving(animation.static_parts())
             }
             TreeFormat::WideBlocks => {
+                let first_visited = match self.builder.toward {
+                    Some(_) => FirstVisited::Left,
+                    None => FirstVisited::Larger,
+                };
                 let options = CollapseOptions {
                     boxes: &self.boxes,
-                    first: self.builder.toward.map_or(First::Larger, |_| First::Left),
+                    first_visited,
                 };
                 Topology::new(tree, triangles).with_blocks(animation.triangles(), options)
             }

@@ -1,7 +1,7 @@
 //! The list of files that a scene depends on.
 
-use crate::clip::buffer_files;
 use crate::folder::Folder;
+use crate::gltf::buffer_files;
 use crate::join::inputs;
 use crate::obj::library_names;
 use crate::paths::{entries, exists, extension, is_pattern, matches, path};
@@ -13,8 +13,8 @@ use std::path::{Path, PathBuf};
 
 /// Returns all files that determine the content of the scene `spec`: key frames, materials and buffers.
 ///
-/// The list is sorted and has no duplicates. Demos have no files. Fails if a file or directory does not exist.
-/// A glob without a match adds no files.
+/// The list is sorted and has no duplicates. Demos have no files. Fails if an input does not exist, but a glob may have
+/// no match. Missing material libraries and buffers are not listed.
 pub fn files(spec: &str) -> Result<Vec<PathBuf>> {
     let mut all = Vec::new();
     for input in inputs(spec, &exists)? {

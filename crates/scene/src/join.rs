@@ -176,7 +176,7 @@ fn join(spec: &str, inputs: &[Input<'_>], options: &SceneOptions) -> Result<Scen
 }
 
 /// Makes all placements relative to one offset, because each input was recentred by its own. Returns that offset: the
-/// centre of the first input after its placement.
+/// centre of the first input after its placement. For a demo, which is never recentred, its origin counts as its centre.
 fn recentre(places: &mut [InputPlacement], scenes: &[Scene]) -> Position {
     let mut common = None;
     for (place, scene) in places.iter_mut().zip(scenes) {

@@ -7,12 +7,12 @@
 //!
 //! [`Viewpoint`] chooses a camera and a light for any scene.
 //!
-//! Every error is one line of text. No input makes this crate panic.
+//! Every error is one line of text, unless a path contains a line break. No input makes this crate panic.
 
-mod clip;
 mod demo;
 mod files;
 mod folder;
+mod gltf;
 mod join;
 mod mesh;
 mod obj;
@@ -81,11 +81,12 @@ pub struct SceneOptions {
     pub clip: Option<String>,
     /// Whether the files of a scene may refer to files outside its folder.
     pub allow_outside: bool,
-    /// Whether the centre of the first key frame is subtracted from all coordinates before they are rounded to single
-    /// precision. [`Facts::offset`] holds that centre.
+    /// Whether a fixed point is subtracted from all coordinates before they are rounded to single precision: the centre
+    /// of the first key frame, or for joined inputs that of the first input after its placement. For a demo, its origin
+    /// counts as its centre. [`Facts::offset`] holds the point.
     pub recentre: bool,
-    /// Maximum size in bytes of an animation whose key frames are all held in memory. A larger animation is paged: it
-    /// holds a few key frames, and reads or computes the others during playback.
+    /// Maximum size of all key frames in bytes. A larger animation of more than eight key frames is paged: it holds a
+    /// few key frames, and reads or computes the others during playback.
     pub key_bytes: u64,
     /// Bytes that the caller needs in addition to the scene. Opening fails if they are not free.
     pub more_bytes: u64,
@@ -107,7 +108,7 @@ impl Default for SceneOptions {
     }
 }
 
-/// Reason why a scene cannot be opened: one line, with the file and the location if known.
+/// Reason why a scene cannot be opened, with the file and the location if known.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct SceneError(pub(crate) String);

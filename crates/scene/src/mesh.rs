@@ -156,7 +156,7 @@ pub(crate) fn compact(triangles: &mut [[u32; 3]], vertices: usize) -> Vec<u32> {
 pub(crate) const CLAY: Rgb = [204, 196, 184];
 
 /// Converts sRGB components from floats. Values outside 0 to 1 are clamped; NaN becomes 0.
-pub(crate) fn from_display(colour: [f32; 3]) -> Rgb {
+pub(crate) fn srgb_bytes(colour: [f32; 3]) -> Rgb {
     colour.map(|c| (c.clamp(0.0, 1.0) * 255.0 + 0.5) as u8)
 }
 
@@ -188,7 +188,7 @@ impl Skipped {
 /// Description of faces that are skipped.
 pub(crate) const SHORT_FACES: &str = "faces of fewer than 3 vertices";
 
-/// Colours as stored in a file.
+/// Colours of a file: floats as stored, and integers from 0 to 255 as 0 to 1.
 #[derive(Default)]
 pub(crate) struct Colours(Vec<[f32; 3]>);
 
@@ -201,9 +201,9 @@ impl Colours {
         append(&mut self.0, colour)
     }
 
-    /// Converts all colours. If a component exceeds `MAX_ONE`, all colours are read as 0 to 255, and a remark is added.
-    /// Otherwise they are read as 0 to 1.
-    pub(crate) fn into_display(self, path: &Path, notes: &mut Vec<String>) -> Vec<Rgb> {
+    /// Converts all colours. If a finite component exceeds `MAX_ONE`, all colours are read as 0 to 255, and a remark is
+    /// added. Otherwise they are read as 0 to 1.
+    pub(crate) fn into_srgb_bytes(self, path: &Path, notes: &mut Vec<String>) -> Vec<Rgb> {
         /// Largest component that counts as 1, because rounding can leave white slightly above 1.
         const MAX_ONE: f32 = 1.01;
         let is_above_one = |c: &f32| *c > MAX_ONE && c.is_finite();
@@ -212,19 +212,17 @@ impl Colours {
             scale = 255.0;
             let file = path.display();
             notes.push(format!(
-                "{file}: colours above 1 are read as 0 to 255, like all colours of the file"
+                "{file}: a colour component exceeds 1, so all colours of the file are read as 0 to 255"
             ));
         }
         let colours = self.0.into_iter();
-        colours
-            .map(|c| from_display(c.map(|c| c / scale)))
-            .collect()
+        colours.map(|c| srgb_bytes(c.map(|c| c / scale))).collect()
     }
 }
 
 /// Converts linear components to sRGB (IEC 61966-2-1).
 pub(crate) fn from_linear(colour: [f32; 3]) -> Rgb {
-    from_display(colour.map(|c| {
+    srgb_bytes(colour.map(|c| {
         let c = f64::from(c.clamp(0.0, 1.0));
         let encoded = if c <= 0.003_130_8 {
             12.92 * c

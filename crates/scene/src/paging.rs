@@ -18,7 +18,7 @@ impl From<KeyFrameError> for SceneError {
     }
 }
 
-/// Minimum and maximum number of key frames that a paged animation keeps in memory.
+/// Minimum and maximum number of key frames that a paged animation keeps in memory, in addition to the first.
 const HELD_KEYS: [u64; 2] = [8, 64];
 
 /// Numbers of key frames and of vertices in each.
@@ -34,7 +34,7 @@ impl KeySize {
         (self.vertices as u64).saturating_mul(size_of::<Point>() as u64)
     }
 
-    /// Returns the number of key frames that are held in memory.
+    /// Returns the number of key frames that are held in memory: all, or those in addition to the first.
     fn held(&self, options: &SceneOptions) -> usize {
         let most = options.key_bytes / self.key_bytes().max(1);
         if self.keys as u64 <= most {

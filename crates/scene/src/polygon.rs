@@ -135,9 +135,9 @@ impl Clipper<'_> {
 /// Emits `vertices - 2` triangles that fill a polygon. Corners are indices into the polygon in ascending order, so each
 /// triangle has the polygon's orientation.
 ///
-/// `ears` is sorted by first corner, then by last corner in descending order. Its triangles do not cross. Some may be
-/// missing: `earcut` omits triangles without area, and a polygon that crosses itself has no triangulation. Fans fill
-/// the gaps.
+/// `ears` is sorted by first corner, then by last corner in descending order. If its triangles cross when the vertices
+/// are placed on a circle in order, some are left out. Some may also be missing: `earcut` omits triangles without area,
+/// and a polygon that crosses itself has no triangulation. Fans fill the gaps.
 fn complete(ears: &[[u32; 3]], vertices: usize, mut emit: impl FnMut([u32; 3])) {
     let apex = |from: u32, to: u32| {
         let at = ears.partition_point(|&[a, _, c]| (a, !c) < (from, !to));

@@ -4,7 +4,7 @@ use crate::folder::Folder;
 use crate::mesh::{CLAY, Paint, Polygons, compact, mean};
 use crate::paging::{KeySize, check_keys, reserve};
 use crate::paths::extension;
-use crate::ply::{Pattern, Ply};
+use crate::ply::{MeshFile, PlyTemplate};
 use crate::polygon::{self, Triangulation};
 use crate::rounding::{Position, Rounding};
 use crate::{Facts, Result, Rgb, Scene, SceneError, SceneOptions, obj, paging, ply};
@@ -16,12 +16,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, OnceLock};
 use std::time::SystemTime;
 
-/// Reads a mesh file of either format. An OBJ file has no pattern.
-fn read(path: &Path) -> Result<Ply> {
+/// Reads a mesh file of either format. An OBJ file has no template.
+fn read(path: &Path) -> Result<MeshFile> {
     match extension(path).as_str() {
-        "obj" => Ok(Ply {
+        "obj" => Ok(MeshFile {
             mesh: obj::read(path)?,
-            pattern: None,
+            template: None,
         }),
         _ => ply::read(path),
     }
@@ -33,7 +33,7 @@ fn read(path: &Path) -> Result<Ply> {
 /// same triangles.
 pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &SceneOptions) -> Result<Scene> {
     let path = files[0].as_path();
-    let Ply { mesh, pattern } = read(path)?;
+    let MeshFile { mesh, template } = read(path)?;
     mesh.polygons.check(path)?;
     let found = polygon::triangulate(&mesh.polygons, &mesh.points);
     let Triangulation {
@@ -70,7 +70,7 @@ pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &SceneOptions) ->
         alike: files.iter().map(|_| AtomicBool::new(false)).collect(),
         files: files.clone(),
         polygons,
-        pattern,
+        template,
         rounding,
         kept,
         notes: Mutex::default(),
@@ -112,7 +112,7 @@ struct Sequence {
     alike: Vec<AtomicBool>,
     /// Polygons of all files.
     polygons: Polygons,
-    pattern: Option<Pattern>,
+    template: Option<PlyTemplate>,
     /// Indices, as numbered in the files, of the vertices that faces use.
     kept: Vec<u32>,
     rounding: Rounding,
@@ -131,12 +131,12 @@ impl Sequence {
     fn read(&self, key: usize) -> Result<Vec<Point>> {
         let path = &self.files[key];
         self.check_unchanged(key)?;
-        if let Some(pattern) = &self.pattern {
+        if let Some(template) = &self.template {
             if self.alike[key].load(Ordering::Relaxed) {
-                let points = pattern.read_again(path, &self.kept)?;
+                let points = template.read_again(path, &self.kept)?;
                 return Ok(self.rounding.points(&points));
             }
-            if let Some(points) = pattern.read(path, &self.kept)? {
+            if let Some(points) = template.read(path, &self.kept)? {
                 self.alike[key].store(true, Ordering::Relaxed);
                 return Ok(self.rounding.points(&points));
             }
@@ -144,8 +144,8 @@ impl Sequence {
         let mesh = read(path)?.mesh;
         let (first, expected) = (&self.files[0], &self.polygons);
         mesh.polygons.check_same(path, first, expected)?;
-        // Keeps only the remark that the file may be cut short. All files repeat the other remarks, so those of
-        // the first file suffice.
+        // Keeps only the remark that the file may be cut short. The other remarks usually repeat those of the first
+        // file.
         let notes = mesh.notes.into_iter();
         let notes: Vec<_> = notes.filter(|note| note.contains("cut short")).collect();
         if !notes.is_empty() && key > 0 {

@@ -1,7 +1,7 @@
 //! Opens one input: a demo, a file, a directory or a glob.
 
 use crate::paths::{entries, extension, is_gltf, is_pattern, matches, path, stem};
-use crate::{Result, Scene, SceneError, SceneOptions, clip, demo, sequence};
+use crate::{Result, Scene, SceneError, SceneOptions, demo, gltf, sequence};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -29,7 +29,7 @@ pub(crate) fn refuse_clip(place: impl AsRef<Path>, options: &SceneOptions) -> Re
 
 fn file(path: &Path, options: &SceneOptions) -> Result<Scene> {
     match extension(path).as_str() {
-        "gltf" | "glb" => clip::open(stem(path), path, options),
+        "gltf" | "glb" => gltf::open(stem(path), path, options),
         "obj" | "ply" => {
             refuse_clip(path, options)?;
             sequence::open(stem(path), vec![path.to_owned()], options)
@@ -88,7 +88,7 @@ fn frames(
     let kind = match (count_of("obj"), count_of("ply")) {
         (0, 0) => {
             let gltf = files.iter().find(|f| is_gltf(f));
-            let hint = gltf.map(|f| format!("; name {} itself to open it", f.display()));
+            let hint = gltf.map(|f| format!("; to open {}, give its own path", f.display()));
             let (count, hint) = (files.len(), hint.unwrap_or_default());
             return bad(format!("no .obj or .ply file among {count} files{hint}"));
         }
@@ -281,7 +281,7 @@ mod tests {
             ("cloud.obj", obj(0, "")),
         ]);
         for (path, says) in [
-            ("other", "no .obj or .ply file among 2 files; name"),
+            ("other", "no .obj or .ply file among 2 files; to open"),
             ("other/a.glb", "not glTF"),
             ("a[", "not a pattern"),
             ("void.obj", "no triangles"),

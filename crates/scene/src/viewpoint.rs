@@ -133,7 +133,7 @@ impl PyramidExtent {
         if !self.is_finite() {
             return 2.0 * size;
         }
-        // A vertex is inside the pyramid if x - shift <= (back - z) * tan, and the same holds for -x.
+        // A vertex is inside the pyramid if |x - shift| <= (back - z) * tan along both axes of the picture.
         let back = (self.high + self.low) / (2.0 * tan);
         back.max_element().max(self.near + 0.05 * size)
     }

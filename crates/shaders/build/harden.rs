@@ -21,7 +21,8 @@ pub(crate) fn harden_module(module: &mut Module) {
 }
 
 /// Decorates float operations with NoContraction, which naga does not emit. Without it, drivers fuse and regroup them.
-/// Functions named `loose_…` are exempt, because they decide no hit.
+/// Functions named `loose_…` are exempt. Their results only skip work, or are compared with error bounds that hold with and
+/// without fusing.
 fn forbid_contraction(module: &mut Module) {
     let loose: HashSet<u32> = named(module, |name| name.starts_with("loose_")).collect();
     let is_strict = |f: &&Function| !f.def_id().is_some_and(|id| loose.contains(&id));

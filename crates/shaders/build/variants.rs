@@ -44,7 +44,7 @@ pub(crate) struct EntryPoint {
     pub(crate) name: String,
     /// The intersectors that the kernel serves, or none if it does not depend on the intersector.
     intersectors: Vec<&'static str>,
-    /// Whether the kernel computes remainders of quotients, so that it may have a fused form.
+    /// Whether the kernel computes remainders of quotients, so that its text with fused multiply-adds may differ.
     divides: bool,
     uses_subgroups: bool,
     /// The kernel's own parameters, if any: a member of `Params`.
@@ -63,7 +63,7 @@ pub(crate) struct Variant {
     pub(crate) fused: Option<Text>,
 }
 
-/// A kernel's text in both forms.
+/// A kernel's text in both forms: `plain` becomes SPIR-V, and `opaque` is the WGSL for hosts.
 #[derive(PartialEq, Eq)]
 pub(crate) struct Text {
     pub(crate) plain: String,

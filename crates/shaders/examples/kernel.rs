@@ -7,7 +7,7 @@
 use shaders::{KERNELS, Kernel, RAY_KERNELS};
 use std::process::ExitCode;
 
-/// Returns whether a kernel has this entry point and serves these values.
+/// Returns whether a kernel has this entry point and lists all `values` as intersectors, except the argument `fused`.
 fn matches(kernel: &Kernel, entry: &str, values: &[String]) -> bool {
     let serves = |value: &String| kernel.intersectors.contains(&value.as_str());
     kernel.entry == entry && values.iter().filter(|v| *v != "fused").all(serves)

@@ -8,11 +8,12 @@
 use crate::Packets;
 use backend::Arithmetic;
 
-/// Device properties that select kernels and their forms. By default, no optional property is present.
+/// Device properties that select kernels, and for each kernel the code with or without fused multiply-add. By default, no
+/// optional property is present.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Traits {
     /// Whether an explicit fused multiply-add rounds once.
-    pub fuses_once: bool,
+    pub fma_rounds_once: bool,
     /// How invocations search together, if the device can trace packets.
     pub packets: Option<Packets>,
     /// Whether buffers have a 64-bit atomic minimum, which rasterization needs.
@@ -60,7 +61,7 @@ pub fn operands() -> Vec<[f32; 4]> {
 }
 
 /// Compares the results of the kernel with those of IEEE 754. Returns the device's behaviour for operations that it
-/// may round freely, and [`Traits::fuses_once`].
+/// may round freely, and [`Traits::fma_rounds_once`].
 ///
 /// `results` holds a pair for each of `operands`. The first element must be correct. The second one holds the device's
 /// own quotient, its sum of products, the number of loop iterations (in the first pair only), and the rounding error
@@ -79,7 +80,7 @@ pub fn verify(
         "the sign of a * b - c * d",
     ];
     let mut behaviour = Arithmetic::IEEE;
-    let mut fuses_once = !operands.is_empty();
+    let mut fma_rounds_once = !operands.is_empty();
     for (x, [found, free]) in operands.iter().zip(results) {
         let expected = expect(*x);
         if let Some(i) = (0..4).find(|&i| found[i] != expected[i]) {
@@ -91,10 +92,10 @@ pub fn verify(
         let [sum, _, quotient, _] = expected;
         behaviour.rounds_division &= free[0] == quotient;
         behaviour.fuses |= free[1] != sum;
-        fuses_once &= free[3] == product_rounding_error(*x).to_bits();
+        fma_rounds_once &= free[3] == product_rounding_error(*x).to_bits();
     }
     match results.first().map_or(ITERATIONS, |r| r[1][2]) {
-        ITERATIONS => Ok((behaviour, fuses_once)),
+        ITERATIONS => Ok((behaviour, fma_rounds_once)),
         iterations => Err(format!(
             "the driver ends loops after {iterations} iterations; software drivers of Mesa need version 23.1 or newer"
         )),

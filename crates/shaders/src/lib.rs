@@ -126,8 +126,8 @@ backend::named! {
         Nodes = "the tree's nodes",
         /// Partial sums of areas: see build/costs.wgsl. Empty until a tree determines its size: see [`Shape::cost_bytes`].
         Costs = "the tree's partial areas",
-        /// Empty until a trace determines its size: see [`crate::work::Trace::cover_bytes`].
-        Covers = "the triangles' pixel coverage",
+        /// Empty until a trace determines its size: see [`crate::work::Trace::coverage_bytes`].
+        PixelCoverage = "the triangles' pixel coverage",
         /// Empty until a trace determines its size: see [`crate::work::Trace::visibility_bytes`]. The size depends on the
         /// picture, not on the tree.
         Visibility = "the visibility buffer",
@@ -135,7 +135,7 @@ backend::named! {
         Hits = "hits",
         /// Whether rays hit anything, or hits are in shadow.
         Occluded = "shadows",
-        /// Hits or occlusion, as read by the kernel that counts them.
+        /// Hits or occlusion: `extreme_rays` writes them, and `count_answers` reads them.
         Answers = "results of rays",
         /// sRGB colour of each triangle: [`backend::Palette::colours`].
         Colours = "the triangles' colours",
@@ -206,7 +206,7 @@ impl Kernel {
 
     /// Returns the code to load on a device.
     pub fn code_for(&self, traits: Traits) -> Code {
-        let fused = self.fused.filter(|_| traits.fuses_once);
+        let fused = self.fused.filter(|_| traits.fma_rounds_once);
         fused.unwrap_or(self.code)
     }
 

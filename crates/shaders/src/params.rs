@@ -95,7 +95,7 @@ kernel_params! {
     SearchParams = "search" { undecided_rays_at, undecided_shadows_at, fallback_workers, candidate_capacity }
     /// Parameters of kernels that rasterize.
     RasterParams = "raster" { tile_capacity }
-    /// Parameters of kernels that trace extreme rays.
+    /// Parameters of kernels that trace extreme rays, which need exact arithmetic: see [`CoordinateRange::is_extreme`].
     ExtremesParams = "extremes" { rule, answer_words }
     /// Parameters of `measure_range`.
     MeasureParams = "measure" { sample_step }
@@ -160,7 +160,7 @@ impl Params {
 
     /// Replaces an unknown range by an ordinary one. Only rays with extreme origins are then extreme.
     pub(crate) fn without_unknown_range(mut self) -> Self {
-        if self.is_unknown() {
+        if self.has_unknown_range() {
             self.extreme = 0;
         }
         self
@@ -168,7 +168,7 @@ impl Params {
 
     /// Returns whether the host does not know which rays are extreme. The device then reads
     /// [`crate::BufferName::Range`].
-    pub fn is_unknown(&self) -> bool {
+    pub fn has_unknown_range(&self) -> bool {
         self.extreme == Self::UNKNOWN
     }
 
@@ -264,7 +264,7 @@ impl Counts {
         sah_cost(f64::from(areas) + root, root)
     }
 
-    /// Returns the number of rays, including shadow rays, that exact integers resolved.
+    /// Returns the number of undecided and extreme rays, including shadow rays, which exact integers resolved.
     pub fn settled(&self) -> u64 {
         u64::from(self.undecided) + u64::from(self.undecided_shadows)
     }

@@ -4,11 +4,11 @@
 //!
 //! 1. [`sort`] orders the live triangles along a space-filling curve (Lauterbach, Garland, Sengupta, Luebke, Manocha:
 //!    *Fast BVH Construction on GPUs*, 2009), by a stable radix sort of 8 bits per pass.
-//! 2. [`leaves`] computes triangle records and one cluster per leaf, in the order of the curve.
+//! 2. [`leaves`] computes triangle records and one cluster per triangle, in the order of the curve.
 //! 3. [`cluster`] merges neighbours bottom-up into `nodes`, including boxes.
 //!
-//! The result can be traced at once, without a refit. It has 64-byte inner nodes and leaves of one or two triangles, like
-//! other trees. But leaves stay in the order of the curve, and there are no treelets.
+//! The result can be traced at once, without a refit. Like other trees, it has 64-byte inner nodes, and leaf nodes of one or
+//! two triangles. But triangles stay in the order of the curve, and there are no treelets.
 
 mod phases;
 

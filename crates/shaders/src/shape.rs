@@ -10,7 +10,7 @@ use std::ops::Range;
 pub struct Shape {
     /// Parameters of kernels for the tree: where parts of the topology and of the wide tree begin, in words.
     pub params: Params,
-    /// Number of leaves.
+    /// Number of triangles in the tree. Kernels call each one a leaf, although a leaf node may reference two.
     pub leaf_count: u32,
     /// Treelets of each level, those of triangles first.
     pub treelets: Vec<Range<u32>>,
@@ -22,7 +22,8 @@ pub struct Shape {
     pub cost_bytes: u64,
 }
 
-/// Maximum number of boxes that 64 invocations test in less time than they would take to traverse the levels above.
+/// Maximum number of boxes with which a workgroup of 64 invocations starts a search (wgsl/intersect/resolve_camera.wgsl).
+/// Testing all these boxes takes less time than traversing the levels above them.
 const MAX_START_BOXES: u32 = 2048;
 
 impl Shape {

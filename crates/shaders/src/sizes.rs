@@ -45,7 +45,8 @@ pub(crate) fn undecided_shadows_at(rays: u64) -> u64 {
 
 /// Number of words of a stack.
 const STACK_SIZE: u64 = 64;
-/// Maximum number of stacks. This number of invocations occupies any device.
+/// Maximum number of stacks, one per worker. One of 16 invocations is a worker (wgsl/intersect/fallback.wgsl). So a
+/// dispatch has up to 32,768 invocations, which occupies any device.
 const MAX_WORKERS: u32 = 2048;
 
 /// Minimum capacity for candidates. Even a single ray may need many candidates.

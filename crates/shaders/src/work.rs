@@ -157,8 +157,8 @@ pub struct Trace {
     pub primary: Vec<Work>,
     /// Dispatches that trace shadow rays, if `primary` does not.
     pub shadow: Option<Vec<Work>>,
-    /// Minimum size of the buffer `covers`, in bytes.
-    pub cover_bytes: u64,
+    /// Minimum size of the buffer `pixel_coverage`, in bytes.
+    pub coverage_bytes: u64,
     /// Minimum size of the buffer `visibility`, in bytes.
     pub visibility_bytes: u64,
 }

@@ -77,7 +77,7 @@ fn some_bytes(rng: &mut Rng, length: usize) -> Range<usize> {
     start..length.min(start + count)
 }
 
-/// Returns the longest ranges of bytes that are all `inside`.
+/// Returns every maximal run of bytes for which `inside` is true.
 fn runs(bytes: &[u8], inside: impl Fn(u8) -> bool) -> Vec<Range<usize>> {
     let mut end = 0;
     let stretches = bytes.chunk_by(|&a, &b| inside(a) == inside(b)).map(|run| {
@@ -88,7 +88,8 @@ fn runs(bytes: &[u8], inside: impl Fn(u8) -> bool) -> Vec<Range<usize>> {
     stretches.filter(|run| inside(bytes[run.start])).collect()
 }
 
-/// Corrects the lengths in a GLB or NPY file, which follow from the end of its JSON or header.
+/// Corrects the length fields of a GLB or NPY file to match its contents. Pads the JSON before a GLB file's binary chunk
+/// to a multiple of four bytes.
 fn fix_lengths(bytes: &mut Vec<u8>) {
     if bytes.starts_with(b"glTF") && bytes.len() > 20 {
         fix_glb_lengths(bytes);

@@ -6,7 +6,7 @@ use crate::lent::{
 };
 use crate::open_vulkan;
 use crate::other_device::{Exported, Importer, OtherDevice};
-use crate::scenes::{hits, open, rays, record_refit, submit_trace};
+use crate::scenes::{hits, interpolate_and_refit, open, rays, submit_trace};
 use abvh::external_memory::{ExternalBuffer, ExternalRays};
 use abvh::{
     Device, Error, Intersector, MeshId, Point, Query, Ray, Scene, Source, Step, Tracer,
@@ -287,7 +287,7 @@ pub(crate) fn timeline_bounds_external_memory_access() {
     open(&mut backend, &animation);
     let arrive = |backend: &mut VulkanBackend, points: Vec<Point>| {
         let time = animation.push(PointBuffer::from(points)).unwrap();
-        record_refit(backend, &animation, time);
+        interpolate_and_refit(backend, &animation, time);
     };
     let (list, closest) = (rays(500), QueryKind::Closest);
     let [still, moved] = [0.5, 0.25].map(|height| {

@@ -2,8 +2,8 @@
 
 use crate::Subject;
 use crate::scenes::{
-    SHADOWED, arrive, bits, camera, look, open, rays, record_refit, report, submit_trace, swarm,
-    trace, tree_at,
+    SHADOWED, bits, camera, interpolate_and_refit, look, open, rays, report, submit_trace, swarm,
+    trace, tree_at, wait_for_positions,
 };
 use backend::{Backend, BackendError, Generation, Hits, Intersector, Query, QueryKind, Rays};
 use geom::{Animation, Camera};
@@ -18,7 +18,7 @@ pub(crate) fn stages_are_timed_in_milliseconds(backend: &mut dyn Subject) {
     let since = Instant::now();
     open(backend, &animation);
     let tickets = [0.0, 0.3, 0.6].map(|time| {
-        record_refit(backend, &animation, time);
+        interpolate_and_refit(backend, &animation, time);
         submit_trace(backend, Rays::Camera(&camera), SHADOWED)
     });
     for ticket in tickets {
@@ -41,7 +41,7 @@ pub(crate) fn device_memory_is_counted_and_freed(backend: &mut dyn Subject) {
     let (large, small) = (swarm(20_000), swarm(20));
     let mut bytes = |animation| {
         open(backend, animation);
-        record_refit(backend, animation, 0.5);
+        interpolate_and_refit(backend, animation, 0.5);
         backend.request_positions().unwrap();
         backend.submit().unwrap();
         let bytes = backend.memory().held.unwrap();
@@ -84,14 +84,14 @@ pub(crate) fn steady_frames_create_no_buffers(backend: &mut dyn Subject) {
             let tree = &trees[frame as usize / 3 % 3];
             backend.adopt(tree, Generation(2 + frame)).unwrap();
         }
-        record_refit(backend, &animation, 0.06 * frame as f64);
+        interpolate_and_refit(backend, &animation, 0.06 * frame as f64);
         if frame % 3 == 0 {
             backend.request_positions().unwrap();
         }
         let found = trace(backend, Rays::Camera(&camera), SHADOWED);
         assert!(found.closest.iter().any(|h| h.is_hit()));
         if frame % 3 == 0 {
-            arrive(backend);
+            wait_for_positions(backend);
         }
         if frame == 9 {
             made = backend.buffers_made();
@@ -103,7 +103,7 @@ pub(crate) fn steady_frames_create_no_buffers(backend: &mut dyn Subject) {
 pub(crate) fn too_large_query_is_refused(backend: &mut dyn Subject) {
     let animation = swarm(50);
     open(backend, &animation);
-    record_refit(backend, &animation, 0.5);
+    interpolate_and_refit(backend, &animation, 0.5);
     let square = |side| look([0.3, 0.2, 3.0], [0.0; 3], (50.0, [side, side]));
     let kind = QueryKind::Closest;
     let mut limit_met = |camera: &Camera| {
@@ -129,7 +129,8 @@ pub(crate) fn too_large_query_is_refused(backend: &mut dyn Subject) {
     assert_eq!(again, found);
 }
 
-/// Checks that the query after a refused one has the same hits, whether or not the host computed the moment's range.
+/// Checks that the query after a refused one has the same hits, whether or not the host has computed the range of the
+/// coordinates at that time.
 pub(crate) fn range_is_measured_after_refused_query(backend: &mut dyn Subject) {
     let scene = swarm(50);
     let mut far = scene.first().to_vec();
@@ -144,7 +145,7 @@ pub(crate) fn range_is_measured_after_refused_query(backend: &mut dyn Subject) {
         if is_known {
             live.range(live.pose(time));
         }
-        record_refit(backend, &live, time);
+        interpolate_and_refit(backend, &live, time);
         // More workgroups in one dimension than most devices support.
         let wide = look([0.3, 0.2, 3.0], [0.0; 3], (50.0, [1_100_000, 1]));
         let (rays_of, kind) = (Rays::Camera(&wide), QueryKind::Closest);
@@ -171,10 +172,10 @@ fn play(backend: &mut dyn Backend, animation: &Arc<Animation>) -> Vec<(Hits, Vec
             let tree = tree_at(animation, time);
             backend.adopt(&tree, Generation(round)).unwrap();
         }
-        record_refit(backend, animation, time);
+        interpolate_and_refit(backend, animation, time);
         backend.request_positions().unwrap();
         let seen = trace(backend, Rays::Camera(&camera()), SHADOWED);
-        (seen, bits(&arrive(backend).1))
+        (seen, bits(&wait_for_positions(backend).1))
     });
     frames.collect()
 }
@@ -206,10 +207,10 @@ pub(crate) fn scenes_share_a_device_concurrently(backend: &mut dyn Subject) {
 pub(crate) fn snapshot_outlives_the_backend(mut backend: Box<dyn Subject>) {
     let animation = swarm(100);
     open(&mut *backend, &animation);
-    record_refit(&mut *backend, &animation, 0.25);
+    interpolate_and_refit(&mut *backend, &animation, 0.25);
     backend.request_positions().unwrap();
     assert_eq!(report(&mut *backend).readback_bytes, 100 * 36);
-    let (_, snapshot) = arrive(&mut *backend);
+    let (_, snapshot) = wait_for_positions(&mut *backend);
     let expected = bits(&backend.positions().unwrap());
     drop(backend);
     // The last user of the device closes it on a thread that ends then.
@@ -221,16 +222,17 @@ pub(crate) fn dropping_a_busy_backend_is_safe(mut backend: Box<dyn Subject>) {
     let subject: &mut dyn Backend = &mut *backend;
     let animation = swarm(2000);
     open(subject, &animation);
-    record_refit(subject, &animation, 0.5);
+    interpolate_and_refit(subject, &animation, 0.5);
     subject.request_positions().unwrap();
     submit_trace(subject, Rays::Camera(&camera()), SHADOWED);
     let tree = tree_at(&animation, 0.5);
     subject.adopt(&tree, Generation(2)).unwrap();
-    record_refit(subject, &animation, 0.6);
+    interpolate_and_refit(subject, &animation, 0.6);
     subject.request_positions().unwrap();
 }
 
-/// Checks that the device holds only few key frames, in any order of playback. A property checks the positions.
+/// Checks that the device holds only few key frames, in any order of playback. The property
+/// `paged_key_frames_have_the_positions_of_held_ones` of `conformance` checks the positions.
 pub(crate) fn paged_key_frames_take_memory_for_few(backend: &mut dyn Subject) {
     let options = scene::SceneOptions {
         key_bytes: 0,
@@ -255,7 +257,7 @@ pub(crate) fn paged_key_frames_take_memory_for_few(backend: &mut dyn Subject) {
 pub(crate) fn shading_requires_a_palette(backend: &mut dyn Subject) {
     let (animation, camera) = (swarm(50), camera());
     open(backend, &animation);
-    record_refit(backend, &animation, 0.0);
+    interpolate_and_refit(backend, &animation, 0.0);
     let query = Query {
         rays: Rays::Camera(&camera),
         kind: SHADOWED,

@@ -2,7 +2,7 @@
 
 use crate::Subject;
 use crate::scenes::{
-    SHADOWED, camera, hits, open, record_refit, report, submit_trace, swarm, tree_at,
+    SHADOWED, camera, hits, interpolate_and_refit, open, report, submit_trace, swarm, tree_at,
 };
 use backend::{FrameReport, Generation, Inspect, Intersector, QueryKind, Rays};
 use bvh_layout::Topology;
@@ -37,7 +37,7 @@ pub(crate) fn submission_accepts_many_stages(backend: &mut dyn Subject) {
     backend.load(Arc::clone(&animation), intersector).unwrap();
     backend.adopt(&chain(), Generation(1)).unwrap();
     for _ in 0..9 {
-        record_refit(backend, &animation, 0.0);
+        interpolate_and_refit(backend, &animation, 0.0);
     }
     let camera = camera();
     let ticket = submit_trace(backend, Rays::Camera(&camera), QueryKind::Closest);
@@ -51,7 +51,7 @@ pub(crate) fn cost_persists_until_next_refit(backend: &mut dyn Subject) {
     let animation = swarm(300);
     open(backend, &animation);
     assert_eq!(report(backend).sah_cost, None);
-    record_refit(backend, &animation, 0.0);
+    interpolate_and_refit(backend, &animation, 0.0);
     let told = |r: &FrameReport| (r.sah_cost, r.inactive, r.degenerate);
     let first = report(backend);
     assert!(first.sah_cost.is_some() && told(&report(backend)) == told(&first));
@@ -135,7 +135,7 @@ pub(crate) fn trees_of_any_shape_have_the_references_hits_and_boxes(backend: &mu
         // The second time is a key frame, after which some triangles become inactive.
         for (tree, (generation, time)) in trees.iter().zip([(2, 0.3), (3, 0.0)]) {
             backend.adopt(tree, Generation(generation)).unwrap();
-            record_refit(backend, &animation, time);
+            interpolate_and_refit(backend, &animation, time);
             let ticket = submit_trace(backend, Rays::Camera(&camera), QueryKind::Closest);
             let boxes = backend.boxes().unwrap();
             let report = backend.wait(ticket).unwrap();
@@ -156,7 +156,7 @@ fn refitted(
     let intersector = Intersector::Watertight;
     backend.load(Arc::clone(animation), intersector).unwrap();
     backend.adopt(tree, Generation(1)).unwrap();
-    record_refit(backend, animation, 0.7);
+    interpolate_and_refit(backend, animation, 0.7);
     (report(backend), backend.boxes().unwrap())
 }
 

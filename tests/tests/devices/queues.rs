@@ -2,8 +2,8 @@
 
 use crate::open_vulkan;
 use crate::scenes::{
-    SHADOWED, arrive, bits, camera, hits, open, positions, rays, record_refit, submit_trace, swarm,
-    trace, tree_at,
+    SHADOWED, bits, camera, hits, interpolate_and_refit, open, positions, rays, submit_trace,
+    swarm, trace, tree_at, wait_for_positions,
 };
 use backend::{Backend, BackendError, FRAMES_IN_FLIGHT, Generation, QueryKind, Rays, Ticket};
 use geom::Animation;
@@ -95,7 +95,7 @@ pub(crate) fn submissions_in_flight_are_bounded() {
     let (animation, camera) = (swarm(2000), camera());
     open(&mut backend, &animation);
     for frame in 0..8 {
-        record_refit(&mut backend, &animation, 0.2 * f64::from(frame));
+        interpolate_and_refit(&mut backend, &animation, 0.2 * f64::from(frame));
         let Ticket(number) = submit_trace(&mut backend, Rays::Camera(&camera), SHADOWED);
         let older = Ticket(number - FRAMES_IN_FLIGHT as u64);
         assert!(is_done(&backend, older), "{number}");
@@ -126,7 +126,7 @@ pub(crate) fn shared_key_frames_equal_copied_ones() {
             let moved = positions(&scene, 0.15 * f64::from(frame));
             memory.copy_from_slice(&moved);
             let time = streamed.push(memory).unwrap();
-            record_refit(&mut backend, &streamed, time);
+            interpolate_and_refit(&mut backend, &streamed, time);
             trace(&mut backend, Rays::List(&list), QueryKind::Closest)
         });
         frames.collect::<Vec<_>>()
@@ -144,19 +144,19 @@ pub(crate) fn pending_readbacks_are_not_overwritten() {
         [0, 1].map(|_| Buffer::new(&gpu, "a blocked copy", 16, BufferUse::Device).unwrap());
     block_queue(&mut backend.gpu_mut().readback, &gate, &from, &to);
     for time in [0.1, 0.2] {
-        record_refit(&mut backend, &animation, time);
+        interpolate_and_refit(&mut backend, &animation, time);
         backend.request_positions().unwrap();
         backend.submit().unwrap();
     }
     // Neither position buffer has been read back yet.
-    record_refit(&mut backend, &animation, 0.3);
+    interpolate_and_refit(&mut backend, &animation, 0.3);
     let third = backend.submit().unwrap();
     std::thread::sleep(Duration::from_millis(200));
     let early = is_done(&backend, third);
     gate.signal(1).unwrap();
     assert!(!early);
     for time in [0.1, 0.2] {
-        let (_, snapshot) = arrive(&mut backend);
+        let (_, snapshot) = wait_for_positions(&mut backend);
         assert!(bits(&snapshot) == bits(&positions(&animation, time)));
     }
     backend.wait(third).unwrap();
@@ -167,7 +167,7 @@ pub(crate) fn frames_continue_during_blocked_copies() {
     let gpu = Arc::clone(&backend.gpu().gpu);
     let (animation, camera) = (swarm(5000), camera());
     open(&mut backend, &animation);
-    record_refit(&mut backend, &animation, 0.0);
+    interpolate_and_refit(&mut backend, &animation, 0.0);
     let ticket = submit_trace(&mut backend, Rays::Camera(&camera), SHADOWED);
     backend.wait(ticket).unwrap();
 
@@ -175,18 +175,18 @@ pub(crate) fn frames_continue_during_blocked_copies() {
     let [from, to] =
         [0, 1].map(|_| Buffer::new(&gpu, "a blocked copy", 16, BufferUse::Device).unwrap());
     block_queue(&mut backend.gpu_mut().readback, &gate, &from, &to);
-    record_refit(&mut backend, &animation, 0.4);
+    interpolate_and_refit(&mut backend, &animation, 0.4);
     backend.request_positions().unwrap();
     let asked = submit_trace(&mut backend, Rays::Camera(&camera), SHADOWED);
     for frame in 0..5 {
-        record_refit(&mut backend, &animation, 0.5 + 0.1 * f64::from(frame));
+        interpolate_and_refit(&mut backend, &animation, 0.5 + 0.1 * f64::from(frame));
         let ticket = submit_trace(&mut backend, Rays::Camera(&camera), SHADOWED);
         let report = backend.wait(ticket).unwrap();
         assert!(report.hits > 0 && backend.take_positions().unwrap().is_none());
     }
     // Adopting a tree does not wait, and earlier frames are not delayed.
     block_queue(&mut backend.gpu_mut().upload, &gate, &from, &to);
-    record_refit(&mut backend, &animation, 1.5);
+    interpolate_and_refit(&mut backend, &animation, 1.5);
     let before = submit_trace(&mut backend, Rays::Camera(&camera), SHADOWED);
     let tree = tree_at(&animation, 1.5);
     backend.adopt(&tree, Generation(2)).unwrap();
@@ -198,7 +198,7 @@ pub(crate) fn frames_continue_during_blocked_copies() {
     gate.signal(1).unwrap();
     assert!(!early);
     assert!(hits(&mut backend, after) == hits(&mut backend, before));
-    let (from, snapshot) = arrive(&mut backend);
+    let (from, snapshot) = wait_for_positions(&mut backend);
     assert_eq!(from, asked);
     assert!(bits(&snapshot) == bits(&positions(&animation, 0.4)));
 }

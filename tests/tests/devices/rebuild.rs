@@ -1,7 +1,7 @@
 //! Tests trees built on the device: validity, sorting, depth and cost.
 
 use crate::Subject;
-use crate::scenes::{numbers, record_refit, report, swarm, tree_at};
+use crate::scenes::{interpolate_and_refit, numbers, report, swarm, tree_at};
 use backend::{Backend, Generation, Inspect, Intersector, check_tree};
 use bvh_layout::Topology;
 use cpu_ref::CpuBackend;
@@ -39,7 +39,7 @@ pub(crate) fn trees_of_any_size_are_valid(backend: &mut dyn Subject) {
         let scene = Arc::clone(&animation);
         reference.load(scene, Intersector::Watertight).unwrap();
         reference.adopt(&tree, Generation(1)).unwrap();
-        record_refit(&mut reference, &animation, time);
+        interpolate_and_refit(&mut reference, &animation, time);
         let expected = report(&mut reference).sah_cost.unwrap_or(0.0);
         let error = (cost - expected).abs();
         assert!(error <= 1e-4 * expected, "{cost} {expected}");
@@ -59,7 +59,7 @@ pub(crate) fn adjacent_pairs_share_a_leaf(backend: &mut dyn Subject) {
     assert!((0..600).step_by(2).all(is_there));
 }
 
-/// Tests nested triangles: each round except the last ones merges only the innermost two.
+/// Tests nested triangles: each round of clustering, except the last ones, merges only the innermost two clusters.
 pub(crate) fn nested_triangles_respect_maximum_depth(backend: &mut dyn Subject) {
     for count in [300, 3000] {
         let corners = |i: u32| {
@@ -84,7 +84,8 @@ pub(crate) fn builds_trees_of_extreme_coordinates(backend: &mut dyn Subject) {
         let animation = at_points((0..4096).map(point), size);
         made(backend, &animation, 0.0).0.binary().depth(0)
     });
-    // The lowest possible tree has depth 12. Tiles that begin half a tile earlier add one.
+    // The lowest possible tree has depth 12. In every second phase of clustering, the tiles of 512 clusters begin half a
+    // tile earlier, which adds at most one level.
     assert!(depths[3] <= 13, "{depths:?}");
 }
 
@@ -110,7 +111,7 @@ pub(crate) fn device_tree_cost_is_near_host(backend: &mut dyn Subject) {
     let (_, cost) = made(backend, &animation, 0.3);
     let tree = tree_at(&animation, 0.3);
     backend.adopt(&tree, Generation(2)).unwrap();
-    record_refit(backend, &animation, 0.3);
+    interpolate_and_refit(backend, &animation, 0.3);
     let host = report(backend).sah_cost.unwrap();
     assert!(cost < 1.15 * host, "{cost} {host}");
 }

@@ -74,8 +74,8 @@ pub(crate) fn open(backend: &mut dyn Backend, animation: &Arc<Animation>) {
 }
 
 /// Records all stages that precede a trace.
-pub(crate) fn record_refit(backend: &mut dyn Backend, animation: &Animation, time: f64) {
-    stage::record_refit(backend, animation, time).unwrap();
+pub(crate) fn interpolate_and_refit(backend: &mut dyn Backend, animation: &Animation, time: f64) {
+    stage::interpolate_and_refit(backend, animation, time).unwrap();
 }
 
 pub(crate) fn submit_trace(backend: &mut dyn Backend, rays: Rays<'_>, kind: QueryKind) -> Ticket {
@@ -104,10 +104,10 @@ pub(crate) fn check_picture(
     (animation, time): (&Animation, f64),
     camera: &Camera,
 ) {
-    record_refit(backend, animation, time);
+    interpolate_and_refit(backend, animation, time);
     let together = trace(backend, Rays::Camera(camera), SHADOWED);
     let rays: Vec<_> = camera.rays().collect();
-    record_refit(backend, animation, time);
+    interpolate_and_refit(backend, animation, time);
     let apart = trace(backend, Rays::List(&rays), SHADOWED);
     assert!(together == apart, "{camera:?} at {time}");
 }
@@ -117,7 +117,7 @@ pub(crate) fn look(eye: Point, target: Point, (fov, size): (f32, [u32; 2])) -> C
 }
 
 /// Size of most pictures, in pixels.
-pub(crate) const SQUARE: [u32; 2] = [66, 62];
+pub(crate) const PICTURE_SIZE: [u32; 2] = [66, 62];
 
 /// Cameras outside and among the triangles, looking past them, close up, and far away.
 pub(crate) fn cameras() -> [Camera; 5] {
@@ -128,11 +128,11 @@ pub(crate) fn cameras() -> [Camera; 5] {
         ([2.0, 1.0, 3.0], [0.1, 0.2, 0.0], 4.0),
         ([300.0, 200.0, 3e3], [0.0; 3], 0.1),
     ]
-    .map(|(eye, target, fov)| look(eye, target, (fov, SQUARE)))
+    .map(|(eye, target, fov)| look(eye, target, (fov, PICTURE_SIZE)))
 }
 
 /// Waits for the oldest requested positions.
-pub(crate) fn arrive(backend: &mut dyn Backend) -> (Ticket, Snapshot) {
+pub(crate) fn wait_for_positions(backend: &mut dyn Backend) -> (Ticket, Snapshot) {
     next_positions(backend).unwrap()
 }
 

@@ -2,7 +2,7 @@
 
 use crate::Subject;
 use crate::scenes::{
-    SHADOWED, SQUARE, cameras, check_picture, look, numbers, positions, swarm, trace, tree_at,
+    PICTURE_SIZE, SHADOWED, cameras, check_picture, look, numbers, positions, swarm, trace, tree_at,
 };
 use backend::{Generation, Intersector, Rays};
 use bvh_layout::Topology;
@@ -70,10 +70,11 @@ fn check_packets(backend: &mut dyn Subject, intersector: Intersector) {
 }
 
 /// Pixels of each camera's picture.
-const PIXELS: usize = (SQUARE[0] * SQUARE[1]) as usize;
+const PIXELS: usize = (PICTURE_SIZE[0] * PICTURE_SIZE[1]) as usize;
 
 /// Triangles of a few pixels, every third one twice. Some are slivers, and some have zero area though rounding may give
-/// them some. Two cover half of the picture. For textbook intersectors all are smaller, because boxes are rasterized.
+/// them some. Two cover half of the picture. With `MollerTrumbore` and `Woop` all are smaller, because kernels then
+/// rasterize the box of each triangle instead of the triangle.
 fn dust_for(intersector: Intersector) -> Arc<Animation> {
     match intersector {
         Intersector::Watertight | Intersector::Exact => dust(0.02, 1.0),
@@ -165,8 +166,8 @@ fn check_rasterization(backend: &mut dyn Subject, intersector: Intersector) {
             "{intersector:?}, {camera:?}"
         );
     }
-    // Tiles add no more memory to the tree than packets would, except for their list. The visibility buffer is
-    // memory of frames.
+    // The tiles count as memory of the tree: 16 bytes for each tile, and for each of the 4096 entries of the list of large
+    // triangles. The visibility buffer counts as memory of frames.
     let (grown, live) = (
         backend.memory().held.unwrap().tree - before,
         dust.live_count(),
@@ -176,7 +177,7 @@ fn check_rasterization(backend: &mut dyn Subject, intersector: Intersector) {
     // A refitted swarm that moves, with triangles that are inactive at times.
     let swarm = swarm(2250);
     open_by(backend, &swarm, intersector);
-    let far = look([2.0, 8.0, 30.0], [0.0; 3], (50.0, SQUARE));
+    let far = look([2.0, 8.0, 30.0], [0.0; 3], (50.0, PICTURE_SIZE));
     for (time, camera) in [0.0, 0.3, 1.0].into_iter().zip([&far, &far, &cameras()[0]]) {
         check_picture(backend, (&swarm, time), camera);
     }
@@ -189,8 +190,8 @@ pub(crate) fn excessive_coverage_falls_back_to_rays(backend: &mut dyn Subject) {
 }
 
 fn check_fallback_to_rays(backend: &mut dyn Subject, intersector: Intersector) {
-    // The first three need more tests than traversal does, of large, medium and small triangles. The others have more
-    // tiles than fit in memory, and more large triangles than the list holds.
+    // The first three exceed the limit of two tests per pixel, with large, medium and small triangles. The fourth has more
+    // tiles than fit in memory. The fifth has more large triangles than their list holds.
     let tests = [sheets(4), panes(500, 0.4), panes(9000, 0.08)];
     let others = [splinters(400), sheets(5000)];
     for animation in tests.into_iter().chain(others) {
@@ -203,7 +204,7 @@ fn check_fallback_to_rays(backend: &mut dyn Subject, intersector: Intersector) {
         );
     }
     // Rasterization is retried after a while. This camera has fewer triangles to cover.
-    let away = look([0.0, 0.0, 3.0], [0.0, 0.0, 9.0], (50.0, SQUARE));
+    let away = look([0.0, 0.0, 3.0], [0.0, 0.0, 9.0], (50.0, PICTURE_SIZE));
     let mut tried = (0..1000).map(|_| {
         trace(backend, Rays::Camera(&away), SHADOWED);
         is_rasterization_complete(backend, intersector)

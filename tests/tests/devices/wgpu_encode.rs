@@ -2,10 +2,10 @@
 
 use crate::lent::{Found, OnHost, Sheets, bits, sheet, two_sheets};
 use crate::scenes::{
-    SHADOWED, camera, hits, open, record_refit, submit_trace, swarm, trace, tree_at,
+    SHADOWED, camera, hits, interpolate_and_refit, open, submit_trace, swarm, trace, tree_at,
 };
-use crate::wgpu_lent::{bytes_of, filled, lent, own_device};
-use crate::wgpu_points::Own;
+use crate::wgpu_lent::{backend_on, bytes_of, filled, own_device};
+use crate::wgpu_points::SheetsOnCallerDevice;
 use abvh::own_device::{
     OwnDevice, RayBuffers, required_features, required_limits, useful_features,
 };
@@ -20,7 +20,7 @@ use wgpu::{Buffer, BufferUsages, CommandEncoder};
 
 /// A scene of two sheets. The program's commands move the first one.
 struct Encoded {
-    own: Own,
+    caller: SheetsOnCallerDevice,
     vertices: Buffer,
     rays: Buffer,
     results: Buffer,
@@ -36,36 +36,38 @@ struct Step {
 
 impl Encoded {
     fn new(update: Update) -> Self {
-        let mut own = Own::open(update);
-        own.tracer.warm_up(0.0).unwrap();
+        let mut caller = SheetsOnCallerDevice::open(update);
+        caller.tracer.warm_up(0.0).unwrap();
         let rays: Vec<Ray> = camera().rays().collect();
         let copied = BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
         let results = vec![0; 16 * rays.len()];
         Self {
-            vertices: own.buffer(&sheet(7.0), copied | BufferUsages::STORAGE),
+            vertices: caller.buffer(&sheet(7.0), copied | BufferUsages::STORAGE),
             rays: filled(
-                &own.device,
+                &caller.device,
                 bytemuck::cast_slice(&rays),
                 BufferUsages::STORAGE,
             ),
-            results: filled(&own.device, &results, BufferUsages::STORAGE | copied),
-            own,
+            results: filled(&caller.device, &results, BufferUsages::STORAGE | copied),
+            caller,
         }
     }
 
     fn commands(&self) -> CommandEncoder {
         let desc = Default::default();
-        self.own.device.device.create_command_encoder(&desc)
+        self.caller.device.device.create_command_encoder(&desc)
     }
 
     /// Encodes two queries of a camera's rays, with sheets at these heights. The first sheet's vertices are copied on
     /// the device when the commands run.
     fn encode(&mut self, [on_device, on_host]: [f32; 2]) -> Step {
         let mut commands = self.commands();
-        let from = self.own.buffer(&sheet(on_device), BufferUsages::COPY_SRC);
+        let from = self
+            .caller
+            .buffer(&sheet(on_device), BufferUsages::COPY_SRC);
         commands.copy_buffer_to_buffer(&from, 0, &self.vertices, 0, None);
-        let sheets = self.own.sheets;
-        let mut step = self.own.tracer.step(0.0);
+        let sheets = self.caller.sheets;
+        let mut step = self.caller.tracer.step(0.0);
         let vertices = Source::Wgpu(self.vertices.slice(12..));
         step.vertices(sheets[0], vertices).unwrap();
         let vertices = sheet(on_host);
@@ -82,7 +84,7 @@ impl Encoded {
         let id = step.encode(&mut commands).unwrap();
         let usage = BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
         let copied = vec![0; self.results.size() as usize];
-        let copied = filled(&self.own.device, &copied, usage);
+        let copied = filled(&self.caller.device, &copied, usage);
         commands.copy_buffer_to_buffer(&self.results, 0, &copied, 0, None);
         Step {
             commands,
@@ -93,7 +95,7 @@ impl Encoded {
     }
 
     fn submit(&self, commands: CommandEncoder) {
-        self.own.device.queue.submit([commands.finish()]);
+        self.caller.device.queue.submit([commands.finish()]);
     }
 
     /// Checks all results of a step against the host's.
@@ -103,8 +105,8 @@ impl Encoded {
         expected: &[Found],
     ) {
         // `copied` has the results of the second query, which the next step overwrites in `results`.
-        assert!(bits(self.own.tracer.hits(id, queries[0]).unwrap()) == expected);
-        let bytes = bytes_of(&self.own.device, copied);
+        assert!(bits(self.caller.tracer.hits(id, queries[0]).unwrap()) == expected);
+        let bytes = bytes_of(&self.caller.device, copied);
         let words: &[[u32; 4]] = bytemuck::cast_slice(&bytes);
         for (&[t, u, v, triangle], met) in zip(words, expected) {
             let found = (triangle != u32::MAX).then_some([t, u, v]);
@@ -134,26 +136,26 @@ pub(crate) fn steps_keep_the_command_order() {
 }
 
 pub(crate) fn unsubmitted_step_has_no_results() {
-    let mut own = Encoded::new(Update::Async);
-    let steps = [0.25, 0.5].map(|height| own.encode([height, 1.0]));
+    let mut encoded = Encoded::new(Update::Async);
+    let steps = [0.25, 0.5].map(|height| encoded.encode([height, 1.0]));
     for step in &steps {
-        let is_done = own.own.tracer.is_done(step.id, step.queries[0]);
+        let is_done = encoded.caller.tracer.is_done(step.id, step.queries[0]);
         assert_eq!(is_done, Ok(false));
-        let said = own.own.tracer.hits(step.id, step.queries[0]).err();
+        let said = encoded.caller.tracer.hits(step.id, step.queries[0]).err();
         assert!(matches!(said, Some(Error::Misuse(_))), "{said:?}");
     }
     // A third step cannot begin.
-    let mut commands = own.commands();
-    let mut step = own.own.tracer.step(0.0);
+    let mut commands = encoded.commands();
+    let mut step = encoded.caller.tracer.step(0.0);
     step.trace(&camera(), Query::Closest).unwrap();
     let said = step.encode(&mut commands);
     assert!(matches!(said, Err(Error::Misuse(_))), "{said:?}");
     let mut expected = OnHost::open(Update::Async);
     for (step, height) in zip(steps, [0.25, 0.5]) {
-        own.submit(step.commands);
+        encoded.submit(step.commands);
         let expected = expected.see([Some((height, false)), Some((1.0, false))]);
-        own.check((step.id, step.queries, &step.copied), &expected);
-        let is_done = own.own.tracer.is_done(step.id, step.queries[0]);
+        encoded.check((step.id, step.queries, &step.copied), &expected);
+        let is_done = encoded.caller.tracer.is_done(step.id, step.queries[0]);
         assert_eq!(is_done, Ok(true));
     }
 }
@@ -165,35 +167,36 @@ const WAYS_TO_DISCARD: [fn(&Encoded, CommandEncoder); 2] = [
 ];
 
 /// Checks that the next step has the host's results, with vertices from device and host memory.
-fn check_next(own: &mut Encoded, [on_device, on_host]: [f32; 2]) {
-    let step = own.encode([on_device, on_host]);
-    own.submit(step.commands);
+fn check_next(encoded: &mut Encoded, [on_device, on_host]: [f32; 2]) {
+    let step = encoded.encode([on_device, on_host]);
+    encoded.submit(step.commands);
     let moved = [Some((on_device, false)), Some((on_host, false))];
     let expected = OnHost::open(Update::Async).see(moved);
-    own.check((step.id, step.queries, &step.copied), &expected);
+    encoded.check((step.id, step.queries, &step.copied), &expected);
 }
 
 /// Checks that earlier steps keep their results, and that later ones are as if the step had never existed.
 pub(crate) fn step_with_dropped_commands_is_abandoned() {
     for update in [Update::Async, Update::Refit, Update::DeviceRebuild] {
         for drop_commands in WAYS_TO_DISCARD {
-            let mut own = Encoded::new(update);
-            check_next(&mut own, [0.5, 1.0]);
-            let before = own.encode([0.75, 1.25]);
-            let dropped = own.encode([0.25, 1.5]);
-            own.submit(before.commands);
-            drop_commands(&own, dropped.commands);
+            let mut encoded = Encoded::new(update);
+            check_next(&mut encoded, [0.5, 1.0]);
+            let before = encoded.encode([0.75, 1.25]);
+            let dropped = encoded.encode([0.25, 1.5]);
+            encoded.submit(before.commands);
+            drop_commands(&encoded, dropped.commands);
             let expected = OnHost::open(Update::Async);
             let expected = { expected }.see([Some((0.75, false)), Some((1.25, false))]);
             let found = (before.id, before.queries, &before.copied);
-            own.check(found, &expected);
-            let said = own.own.tracer.hits(dropped.id, dropped.queries[0]).err();
+            encoded.check(found, &expected);
+            let tracer = &mut encoded.caller.tracer;
+            let said = tracer.hits(dropped.id, dropped.queries[0]).err();
             assert_eq!(said, Some(Error::NoResult));
             // The commands would have copied vertices that the host does not have.
-            let lost = Err(Error::VerticesLost(own.own.sheets[0]));
-            assert_eq!(own.own.tracer.step(0.0).trace(&[], Query::Any), lost);
+            let lost = Err(Error::VerticesLost(encoded.caller.sheets[0]));
+            assert_eq!(encoded.caller.tracer.step(0.0).trace(&[], Query::Any), lost);
             for height in [0.5, 0.25, 1.0] {
-                check_next(&mut own, [height, 1.75]);
+                check_next(&mut encoded, [height, 1.75]);
             }
         }
     }
@@ -248,78 +251,81 @@ pub(crate) fn tracer_recovers_from_dropped_commands() {
 
 /// wgpu refuses these commands only when they are finished. The step then has no results.
 pub(crate) fn refused_commands_have_no_results() {
-    let mut own = Encoded::new(Update::Async);
-    let other = own_device(own.own.device.device.limits());
+    let mut encoded = Encoded::new(Update::Async);
+    let other = own_device(encoded.caller.device.device.limits());
     let refused = |device: &OwnDevice, commands: CommandEncoder| {
         let scope = (device.device).push_error_scope(wgpu::ErrorFilter::Validation);
         device.queue.submit([commands.finish()]);
         assert!(pollster::block_on(scope.pop()).is_some());
     };
     for is_foreign in [true, false, true] {
-        let device = if is_foreign { &other } else { &own.own.device };
+        let device = match is_foreign {
+            true => &other,
+            false => &encoded.caller.device,
+        };
         let mut commands = (device.device).create_command_encoder(&Default::default());
         let desc = wgpu::ComputePassDescriptor::default();
         let pass = (!is_foreign).then(|| commands.begin_compute_pass(&desc).forget_lifetime());
-        let mut step = own.own.tracer.step(0.0);
+        let mut step = encoded.caller.tracer.step(0.0);
         let vertices = sheet(4.0);
-        (step.vertices(own.own.sheets[1], Source::Host(&vertices))).unwrap();
+        (step.vertices(encoded.caller.sheets[1], Source::Host(&vertices))).unwrap();
         let query = step.trace(&camera(), Query::Closest).unwrap();
         let id = step.encode(&mut commands).unwrap();
         drop(pass);
         refused(device, commands);
-        let said = own.own.tracer.hits(id, query).err();
+        let said = encoded.caller.tracer.hits(id, query).err();
         assert!(matches!(said, Some(Error::Misuse(_))), "{said:?}");
-        let said = own.own.tracer.hits(id, query).err();
+        let said = encoded.caller.tracer.hits(id, query).err();
         assert_eq!(said, Some(Error::NoResult));
-        check_next(&mut own, [0.5, 1.0]);
+        check_next(&mut encoded, [0.5, 1.0]);
     }
 }
 
 /// Also checks that commands recorded before the refused step are kept.
 pub(crate) fn unencodable_steps_are_refused() {
     let camera = camera();
-    let refused = |tracer: &mut Tracer, own: &Encoded, queries: usize| {
-        let mut commands = own.commands();
-        let from = own.own.buffer(&sheet(3.0), BufferUsages::COPY_SRC);
+    let refused = |tracer: &mut Tracer, encoded: &Encoded, queries: usize| {
+        let mut commands = encoded.commands();
+        let from = encoded.caller.buffer(&sheet(3.0), BufferUsages::COPY_SRC);
         let usage = BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
-        let to = own.own.buffer(&sheet(4.0), usage);
+        let to = encoded.caller.buffer(&sheet(4.0), usage);
         commands.copy_buffer_to_buffer(&from, 0, &to, 0, None);
         let mut step = tracer.step(0.0);
         for _ in 0..queries {
             step.trace(&camera, Query::Closest).unwrap();
         }
         let said = step.encode(&mut commands);
-        own.submit(commands);
-        let copied = bytes_of(&own.own.device, &to);
+        encoded.submit(commands);
+        let copied = bytes_of(&encoded.caller.device, &to);
         let points: &[f32] = bytemuck::cast_slice(&copied);
         assert_eq!(points[3..], *sheet(3.0).as_flattened());
         said.err()
     };
-    let mut own = Encoded::new(Update::Async);
-    let device = |own: &Encoded| Device::from(own.own.device.clone());
+    let mut encoded = Encoded::new(Update::Async);
+    let device = |encoded: &Encoded| Device::from(encoded.caller.device.clone());
     let on = |device| Tracer::builder().device(device).threads(2);
     let build = |builder: abvh::TracerBuilder| builder.build(two_sheets().0).unwrap();
     let is_unsupported = |said| matches!(said, Some(Error::Unsupported(_)));
     // There is no tree yet.
-    let mut first = build(on(device(&own)));
-    let said = refused(&mut first, &own, 1);
+    let mut first = build(on(device(&encoded)));
+    let said = refused(&mut first, &encoded, 1);
     assert!(matches!(said, Some(Error::Misuse(_))), "{said:?}");
     for update in [Update::Rebuild, Update::Lockstep(0), Update::Lockstep(2)] {
-        let mut waiting = build(on(device(&own)).update(update));
+        let mut waiting = build(on(device(&encoded)).update(update));
         waiting.warm_up(0.0).unwrap();
-        let said = refused(&mut waiting, &own, 1);
+        let said = refused(&mut waiting, &encoded, 1);
         assert!(is_unsupported(said), "{update:?}");
     }
-    let mut exact = build(on(device(&own)).intersector(Intersector::Exact));
+    let mut exact = build(on(device(&encoded)).intersector(Intersector::Exact));
     exact.warm_up(0.0).unwrap();
-    assert!(is_unsupported(refused(&mut exact, &own, 2)));
-    assert_eq!(refused(&mut exact, &own, 1), None);
+    assert!(is_unsupported(refused(&mut exact, &encoded, 2)));
+    assert_eq!(refused(&mut exact, &encoded, 1), None);
     let mut host = build(on(Device::Cpu));
     host.warm_up(0.0).unwrap();
-    assert!(is_unsupported(refused(&mut host, &own, 1)));
+    assert!(is_unsupported(refused(&mut host, &encoded, 1)));
     // Rays in host memory are traced immediately, so the step can no longer be encoded.
-    let mut commands = own.commands();
-    let mut step = own.own.tracer.step(0.0);
+    let mut commands = encoded.commands();
+    let mut step = encoded.caller.tracer.step(0.0);
     step.trace(&[Ray::new([0.0; 3], [1.0; 3])], Query::Any)
         .unwrap();
     assert_eq!(step.encode(&mut commands), Err(Error::TooLate));
@@ -331,11 +337,11 @@ pub(crate) fn tree_outlives_commands_that_read_it() {
     let limits = gpu_wgpu::required_limits(&animation, camera.pixels());
     let features = required_features() | useful_features();
     let own = own_device_with(features, limits);
-    let mut backend = lent(&own).unwrap();
+    let mut backend = backend_on(&own).unwrap();
     open(&mut backend, &animation);
-    record_refit(&mut backend, &animation, 0.3);
+    interpolate_and_refit(&mut backend, &animation, 0.3);
     let expected = trace(&mut backend, Rays::Camera(&camera), SHADOWED);
-    record_refit(&mut backend, &animation, 0.3);
+    interpolate_and_refit(&mut backend, &animation, 0.3);
     let commands = own.device.create_command_encoder(&Default::default());
     backend.gpu_mut().set_encoder(commands).unwrap();
     let ticket = submit_trace(&mut backend, Rays::Camera(&camera), SHADOWED);

@@ -1,7 +1,8 @@
 //! Tests devices that the program opened: with few features, with low limits, or lost.
 
 use crate::scenes::{
-    SHADOWED, arrive, camera, open, rays, record_refit, report, submit_trace, swarm, trace, tree_at,
+    SHADOWED, camera, interpolate_and_refit, open, rays, report, submit_trace, swarm, trace,
+    tree_at, wait_for_positions,
 };
 use abvh::own_device::OwnDevice;
 use abvh::{Device, Scene, Tracer};
@@ -23,12 +24,12 @@ pub(crate) fn own_device(limits: Limits) -> OwnDevice {
 }
 
 /// Creates a backend on the device.
-pub(crate) fn lent(own: &OwnDevice) -> backend::Result<WgpuBackend> {
+pub(crate) fn backend_on(device: &OwnDevice) -> backend::Result<WgpuBackend> {
     let OwnDevice {
         device,
         queue,
         info,
-    } = own.clone();
+    } = device.clone();
     from_device(device, queue, info)
 }
 
@@ -51,24 +52,24 @@ pub(crate) fn bytes_of(own: &OwnDevice, buffer: &Buffer) -> Vec<u8> {
     heard.recv().unwrap()
 }
 
-/// Also compares the kernel variants. The lent device uses WGSL without checks.
+/// Also compares the forms in which kernels are passed. The lent device gets WGSL without run-time checks.
 pub(crate) fn featureless_device_gives_same_hits() {
     let (animation, camera) = (swarm(300), camera());
     let limits = required_limits(&animation, camera.pixels());
-    let mut lent = lent(&own_device(limits)).unwrap();
+    let mut lent = backend_on(&own_device(limits)).unwrap();
     let found = results(&mut lent, &animation, &camera);
-    for checks_kernels in [false, true] {
+    for uses_checked_wgsl in [false, true] {
         let options = Options {
-            checks_kernels,
+            uses_checked_wgsl,
             ..Options::default()
         };
-        let mut own = gpu_wgpu::open(&options).unwrap();
+        let mut opened = gpu_wgpu::open(&options).unwrap();
         assert!(
-            results(&mut own, &animation, &camera) == found,
+            results(&mut opened, &animation, &camera) == found,
             "{options:?}"
         );
     }
-    record_refit(&mut lent, &animation, 0.7);
+    interpolate_and_refit(&mut lent, &animation, 0.7);
     let ticket = lent.submit().unwrap();
     let times = lent.wait(ticket).unwrap().times;
     assert!(
@@ -79,7 +80,7 @@ pub(crate) fn featureless_device_gives_same_hits() {
 
 pub(crate) fn too_large_scene_names_its_limit() {
     let own = own_device(required_limits(&swarm(10), 10));
-    let mut backend = lent(&own).unwrap();
+    let mut backend = backend_on(&own).unwrap();
     let refused = backend.load(swarm(25_000), Intersector::Watertight);
     let said = refused.unwrap_err().to_string();
     let expected = format!(
@@ -90,7 +91,7 @@ pub(crate) fn too_large_scene_names_its_limit() {
     // A scene that fits can still be loaded. Lists of rays are limited in the same way.
     let animation = swarm(10);
     open(&mut backend, &animation);
-    record_refit(&mut backend, &animation, 0.0);
+    interpolate_and_refit(&mut backend, &animation, 0.0);
     let many = rays(40_000);
     let (rays, kind) = (Rays::List(&many), QueryKind::Closest);
     let refused = backend.trace(&[Query { rays, kind }]).unwrap_err();
@@ -103,7 +104,7 @@ pub(crate) fn too_large_scene_names_its_limit() {
 }
 
 pub(crate) fn device_with_few_buffers_is_refused() {
-    let refused = lent(&own_device(Limits::downlevel_defaults())).err();
+    let refused = backend_on(&own_device(Limits::downlevel_defaults())).err();
     let said = refused.map(|e| e.to_string()).unwrap_or_default();
     assert!(
         said.contains("(max_storage_buffers_per_shader_stage) needs 8, the limit is 4"),
@@ -125,7 +126,7 @@ pub(crate) fn lent_device_keeps_its_handlers() {
     device.set_device_lost_callback(move |_, _| {
         counter.fetch_add(1, Ordering::Relaxed);
     });
-    let mut backend = lent(&own).unwrap();
+    let mut backend = backend_on(&own).unwrap();
     // One scene is refused and one fits. Neither calls the program's handlers.
     assert!(
         backend
@@ -133,7 +134,7 @@ pub(crate) fn lent_device_keeps_its_handlers() {
             .is_err()
     );
     open(&mut backend, &animation);
-    record_refit(&mut backend, &animation, 0.5);
+    interpolate_and_refit(&mut backend, &animation, 0.5);
     backend.request_positions().unwrap();
     let ticket = submit_trace(&mut backend, Rays::Camera(&camera), SHADOWED);
     backend.wait(ticket).unwrap();
@@ -151,7 +152,7 @@ pub(crate) fn stages_are_timed_within_shared_passes() {
         let limits = required_limits(&animation, camera.pixels());
         let own = own_device_with(features, limits);
         let features = own.device.features();
-        let mut backend = lent(&own).unwrap();
+        let mut backend = backend_on(&own).unwrap();
         open(&mut backend, &animation);
         let is_timed = features.contains(wgpu::Features::TIMESTAMP_QUERY);
         let is_right = |ms: &Option<f64>| ms.map_or(!is_timed, |ms| is_timed && ms > 0.0);
@@ -183,7 +184,7 @@ fn results(
     camera: &Camera,
 ) -> (Vec<Aabb>, [Hits; 3]) {
     open(backend, animation);
-    record_refit(backend, animation, 0.6);
+    interpolate_and_refit(backend, animation, 0.6);
     let list = rays(500);
     let queries = [
         (Rays::Camera(camera), SHADOWED),
@@ -239,13 +240,13 @@ pub(crate) fn calls_after_device_loss_return_errors() {
     for (name, verb) in verbs {
         let limits = required_limits(&animation, 100);
         let own = own_device(limits);
-        let mut backend = lent(&own).unwrap();
+        let mut backend = backend_on(&own).unwrap();
         open(&mut backend, &animation);
-        record_refit(&mut backend, &animation, 0.5);
+        interpolate_and_refit(&mut backend, &animation, 0.5);
         backend.request_positions().unwrap();
         let ticket = submit_trace(&mut backend, Rays::List(&list), QueryKind::Closest);
         backend.wait(ticket).unwrap();
-        let (_, held) = arrive(&mut backend);
+        let (_, held) = wait_for_positions(&mut backend);
         own.device.destroy();
         // wgpu frees destroyed buffers at the next poll.
         let _ = own.device.poll(wgpu::PollType::Poll);

@@ -2,7 +2,7 @@
 
 use crate::lent::{Sheets, all_kinds, sheet, two_sheets};
 use crate::wgpu_lent::{bytes_of, filled};
-use crate::wgpu_points::Own;
+use crate::wgpu_points::SheetsOnCallerDevice;
 use abvh::own_device::RayBuffers;
 use abvh::shader_module::{SceneBuffers, wgsl};
 use abvh::{Device, Error, Intersector, Query, Ray, Source, Tracer, Update};
@@ -36,8 +36,8 @@ struct Shader {
 }
 
 impl Shader {
-    fn new(own: &Own, rays: &[Ray]) -> Self {
-        let device = &own.device.device;
+    fn new(caller: &SheetsOnCallerDevice, rays: &[Ray]) -> Self {
+        let device = &caller.device.device;
         let source = format!("{}{SHADER}", wgsl(1));
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: None,
@@ -52,16 +52,21 @@ impl Shader {
             cache: None,
         });
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
-        let results = |bytes| filled(&own.device, &vec![7; bytes * rays.len()], usage);
+        let results = |bytes| filled(&caller.device, &vec![7; bytes * rays.len()], usage);
         Self {
             pipeline,
-            rays: filled(&own.device, bytemuck::cast_slice(rays), usage),
+            rays: filled(&caller.device, bytemuck::cast_slice(rays), usage),
             hits: results(16),
             occluded: results(4),
         }
     }
 
-    fn record(&self, own: &Own, scene: &SceneBuffers, commands: &mut CommandEncoder) {
+    fn record(
+        &self,
+        caller: &SheetsOnCallerDevice,
+        scene: &SceneBuffers,
+        commands: &mut CommandEncoder,
+    ) {
         let own_buffers = [&self.rays, &self.hits, &self.occluded].into_iter();
         let entries = own_buffers
             .zip(0..)
@@ -77,15 +82,15 @@ impl Shader {
                 layout: &self.pipeline.get_bind_group_layout(group),
                 entries,
             };
-            let bound = own.device.device.create_bind_group(&bound);
+            let bound = caller.device.device.create_bind_group(&bound);
             pass.set_bind_group(group, &bound, &[]);
         }
         let rays = self.rays.size() as u32 / size_of::<Ray>() as u32;
         pass.dispatch_workgroups(rays.div_ceil(64), 1, 1);
     }
 
-    fn results(&self, own: &Own) -> Results {
-        let [hits, occluded] = [&self.hits, &self.occluded].map(|b| bytes_of(&own.device, b));
+    fn results(&self, caller: &SheetsOnCallerDevice) -> Results {
+        let [hits, occluded] = [&self.hits, &self.occluded].map(|b| bytes_of(&caller.device, b));
         (
             bytemuck::cast_slice(&hits).to_vec(),
             bytemuck::cast_slice(&occluded).to_vec(),
@@ -93,7 +98,7 @@ impl Shader {
     }
 
     /// Returns the results of the library's queries, with the sheets in their current positions.
-    fn queried(&self, own: &mut Own) -> Results {
+    fn queried(&self, caller: &mut SheetsOnCallerDevice) -> Results {
         for query in [Query::Closest, Query::Any] {
             let results = match query {
                 Query::Closest => &self.hits,
@@ -104,11 +109,11 @@ impl Shader {
                 count: self.rays.size() as usize / size_of::<Ray>(),
                 results: Some(results),
             };
-            let mut step = own.tracer.step(0.0);
+            let mut step = caller.tracer.step(0.0);
             step.trace_buffers(asked, query).unwrap();
             step.submit().unwrap();
         }
-        self.results(own)
+        self.results(caller)
     }
 }
 
@@ -120,12 +125,12 @@ pub(crate) fn shader_hits_match_queries() {
         ray.t_min = -2.0;
     }
     let starts_far = |ray: &Ray| ray.origin.iter().any(|x| x.abs() > 1e15 && x.is_finite());
-    let mut own = Own::open(Update::Async);
-    own.tracer.warm_up(0.0).unwrap();
-    let shader = Shader::new(&own, &list);
+    let mut caller = SheetsOnCallerDevice::open(Update::Async);
+    caller.tracer.warm_up(0.0).unwrap();
+    let shader = Shader::new(&caller, &list);
     // In the last case, one vertex is outlying.
     for (height, is_outlying) in [(0.2, false), (0.4, false), (0.3, false), (0.5, true)] {
-        let mut commands = own
+        let mut commands = caller
             .device
             .device
             .create_command_encoder(&Default::default());
@@ -133,19 +138,19 @@ pub(crate) fn shader_hits_match_queries() {
         if is_outlying {
             points[7][1] = 1e30;
         }
-        let vertices = own.buffer(&points, BufferUsages::COPY_SRC);
-        let (first, second) = (own.sheets[0], own.sheets[1]);
-        let mut step = own.tracer.step(0.0);
+        let vertices = caller.buffer(&points, BufferUsages::COPY_SRC);
+        let (first, second) = (caller.sheets[0], caller.sheets[1]);
+        let mut step = caller.tracer.step(0.0);
         step.vertices(first, Source::Wgpu(vertices.slice(12..)))
             .unwrap();
         step.vertices(second, Source::Host(&sheet(1.5 * height)))
             .unwrap();
         step.encode(&mut commands).unwrap();
-        let scene = own.tracer.scene_buffers().unwrap();
-        shader.record(&own, &scene, &mut commands);
-        own.device.queue.submit([commands.finish()]);
-        let (hits, occluded) = shader.results(&own);
-        let (expected, expected_any) = shader.queried(&mut own);
+        let scene = caller.tracer.scene_buffers().unwrap();
+        shader.record(&caller, &scene, &mut commands);
+        caller.device.queue.submit([commands.finish()]);
+        let (hits, occluded) = shader.results(&caller);
+        let (expected, expected_any) = shader.queried(&mut caller);
         let met = expected.iter().filter(|hit| hit[3] != MISS).count();
         assert!(met > 100, "{met} rays hit");
         for (i, ray) in list.iter().enumerate() {
@@ -160,9 +165,10 @@ pub(crate) fn shader_hits_match_queries() {
 }
 
 pub(crate) fn untraceable_scene_is_an_error() {
-    let own = Own::open(Update::Async);
+    let caller = SheetsOnCallerDevice::open(Update::Async);
     let refused = |builder: abvh::TracerBuilder, warm: bool| {
-        let builder = builder.device(Device::from(own.device.clone())).threads(2);
+        let device = Device::from(caller.device.clone());
+        let builder = builder.device(device).threads(2);
         let mut tracer = builder.build(two_sheets().0).unwrap();
         if warm {
             tracer.warm_up(0.0).unwrap();

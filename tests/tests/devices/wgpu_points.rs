@@ -17,13 +17,13 @@ const USAGES: [BufferUsages; 2] = [
 ];
 
 /// A scene of two sheets, traced on the program's own device.
-pub(crate) struct Own {
+pub(crate) struct SheetsOnCallerDevice {
     pub(crate) device: OwnDevice,
     pub(crate) tracer: Tracer,
     pub(crate) sheets: [MeshId; 2],
 }
 
-impl Own {
+impl SheetsOnCallerDevice {
     /// Creates a buffer of `points` after one unused point.
     pub(crate) fn buffer(&self, points: &[Point], usage: BufferUsages) -> Buffer {
         let all = [&[[9.0; 3]], points].concat();
@@ -31,7 +31,7 @@ impl Own {
     }
 }
 
-impl Sheets for Own {
+impl Sheets for SheetsOnCallerDevice {
     fn open(update: Update) -> Self {
         let (scene, sheets) = two_sheets();
         let limits = required_limits(&scene, camera().pixels()).unwrap();
@@ -69,35 +69,35 @@ impl Sheets for Own {
 }
 
 pub(crate) fn reads_vertices_from_caller_buffers() {
-    check_vertices_match_host::<Own>();
+    check_vertices_match_host::<SheetsOnCallerDevice>();
 }
 
 pub(crate) fn unsuitable_vertex_buffer_is_an_error() {
-    let mut own = Own::open(Update::Async);
-    let buffer = own.buffer(&sheet(0.0), BufferUsages::COPY_SRC);
-    let stored = own.buffer(&sheet(0.0), BufferUsages::STORAGE);
-    let mesh = own.sheets[0];
-    let mut ask = |from| own.tracer.step(0.0).vertices(mesh, Source::Wgpu(from));
+    let mut caller = SheetsOnCallerDevice::open(Update::Async);
+    let buffer = caller.buffer(&sheet(0.0), BufferUsages::COPY_SRC);
+    let stored = caller.buffer(&sheet(0.0), BufferUsages::STORAGE);
+    let mesh = caller.sheets[0];
+    let mut ask = |from| caller.tracer.step(0.0).vertices(mesh, Source::Wgpu(from));
     assert!(matches!(ask(buffer.slice(..)), Err(Error::Count { .. })));
     assert!(matches!(ask(stored.slice(12..)), Err(Error::Misuse(_))));
     assert!(matches!(ask(buffer.slice(2..4802)), Err(Error::Misuse(_))));
     ask(buffer.slice(12..)).unwrap();
     for usage in USAGES {
-        let foreign = Own::open(Update::Async).buffer(&sheet(0.0), usage);
+        let foreign = SheetsOnCallerDevice::open(Update::Async).buffer(&sheet(0.0), usage);
         // The trace or the submission detects another device's buffer. Later steps are not affected.
-        let mut step = own.tracer.step(0.0);
+        let mut step = caller.tracer.step(0.0);
         let said = step.vertices(mesh, Source::Wgpu(foreign.slice(12..)));
         let traced = step.trace(&camera(), Query::Closest);
         let submitted = traced.and_then(|_| step.submit());
         assert!(said.is_err() || submitted.is_err());
         // The mesh's vertices are unknown until they are supplied again.
-        let again = own.tracer.step(0.0).trace(&[], Query::Any);
+        let again = caller.tracer.step(0.0).trace(&[], Query::Any);
         assert_eq!(again, Err(Error::VerticesLost(mesh)));
-        let hits = own.see([Some((0.5, true)), None]);
+        let hits = caller.see([Some((0.5, true)), None]);
         assert!(hits == OnHost::open(Update::Async).see([Some((0.5, false)), None]));
     }
 }
 
 pub(crate) fn buffer_vertices_survive_mesh_replacement() {
-    check_vertices_survive_replacement::<Own>();
+    check_vertices_survive_replacement::<SheetsOnCallerDevice>();
 }

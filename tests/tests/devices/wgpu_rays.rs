@@ -19,7 +19,7 @@ const USAGE: BufferUsages = BufferUsages::STORAGE
     .union(BufferUsages::COPY_SRC);
 
 /// A scene on the program's device, with buffers of rays and of results.
-struct Own {
+struct RaysOnCallerDevice {
     device: OwnDevice,
     tracer: Tracer,
     count: usize,
@@ -27,7 +27,7 @@ struct Own {
     results: Buffer,
 }
 
-impl Own {
+impl RaysOnCallerDevice {
     fn new(scene: Scene, rays: &[Ray], intersector: Intersector) -> Self {
         let limits = required_limits(&scene, rays.len()).unwrap();
         let device = own_device(limits);
@@ -43,7 +43,7 @@ impl Own {
     }
 }
 
-impl LentRays for Own {
+impl LentRays for RaysOnCallerDevice {
     fn tracer(&mut self) -> &mut Tracer {
         &mut self.tracer
     }
@@ -72,31 +72,33 @@ impl LentRays for Own {
 pub(crate) fn reads_rays_from_caller_buffers() {
     let list = all_kinds();
     for intersector in INTERSECTORS {
-        let mut own = check_rays_match_host(|scene, rays| Own::new(scene, rays, intersector));
+        let mut caller =
+            check_rays_match_host(|scene, rays| RaysOnCallerDevice::new(scene, rays, intersector));
         // Hits of rays from the host are stored on the device in the format of results.
-        let mut step = own.tracer.step(0.5);
+        let mut step = caller.tracer.step(0.5);
         let asked = step.trace(&list, Query::Closest).unwrap();
         let done = step.submit().unwrap();
-        let hits = own.tracer.hits_buffer(done, asked).unwrap();
-        let hits = bytes_of(&own.device, &hits);
-        assert!(hits[..16 * list.len()] == bytes_of(&own.device, &own.results));
+        let hits = caller.tracer.hits_buffer(done, asked).unwrap();
+        let hits = bytes_of(&caller.device, &hits);
+        assert!(hits[..16 * list.len()] == bytes_of(&caller.device, &caller.results));
         // Later rays from the host do not overwrite the program's buffer.
         for query in [Query::Closest, Query::Any].repeat(4) {
             let ray = [Ray::new([9.0; 3], [1.0; 3])];
-            found(&mut own.tracer, query, |step| step.trace(&ray, query));
+            found(&mut caller.tracer, query, |step| step.trace(&ray, query));
         }
         let bytes: &[u8] = bytemuck::cast_slice(&list);
-        assert!(bytes_of(&own.device, &own.rays) == bytes, "{intersector:?}");
+        let kept = bytes_of(&caller.device, &caller.rays);
+        assert!(kept == bytes, "{intersector:?}");
     }
 }
 
 /// Tests a list from the host that is uploaded in parts, on a device whose limits allow no larger list.
 pub(crate) fn long_lists_fit_the_requested_limits() {
     let all = rays(1000).repeat(34);
-    let mut own = Own::new(flying(), &all, INTERSECTORS[0]);
+    let mut caller = RaysOnCallerDevice::new(flying(), &all, INTERSECTORS[0]);
     for query in [Query::Closest, Query::Any, Query::Closest] {
-        let sent = found(&mut own.tracer, query, |step| step.trace(&all, query));
-        assert!(sent == own.trace(query, false), "{query:?}");
+        let sent = found(&mut caller.tracer, query, |step| step.trace(&all, query));
+        assert!(sent == caller.trace(query, false), "{query:?}");
     }
 }
 
@@ -106,12 +108,12 @@ pub(crate) fn ray_buffers_are_released() {
     let few = rays(64);
     let mut all = few.clone();
     all.resize(BYTES / size_of::<Ray>(), few[0]);
-    let mut own = Own::new(flying(), &all, INTERSECTORS[0]);
-    own.count = few.len();
+    let mut caller = RaysOnCallerDevice::new(flying(), &all, INTERSECTORS[0]);
+    caller.count = few.len();
     let mut step = || {
-        own.rays = filled(&own.device, bytemuck::cast_slice(&all), USAGE);
-        own.trace(Query::Closest, false);
-        let report = own.device.device.generate_allocator_report();
+        caller.rays = filled(&caller.device, bytemuck::cast_slice(&all), USAGE);
+        caller.trace(Query::Closest, false);
+        let report = caller.device.device.generate_allocator_report();
         report.map(|report| report.total_allocated_bytes)
     };
     let held: Vec<_> = (0..40).filter_map(|_| step()).collect();
@@ -125,12 +127,12 @@ pub(crate) fn ray_buffers_are_released() {
 
 pub(crate) fn unsuitable_ray_buffer_is_an_error() {
     let list = all_kinds();
-    let open = || Own::new(flying(), &list, INTERSECTORS[0]);
-    let (mut own, mut other) = (open(), open());
+    let open = || RaysOnCallerDevice::new(flying(), &list, INTERSECTORS[0]);
+    let (mut caller, mut other) = (open(), open());
     let all = BufferUsages::STORAGE | BufferUsages::COPY_DST;
     let [rays, copied, both] = [BufferUsages::STORAGE, BufferUsages::COPY_SRC, all]
-        .map(|usage| filled(&own.device, bytemuck::cast_slice(&list), usage));
-    let count = own.count;
+        .map(|usage| filled(&caller.device, bytemuck::cast_slice(&list), usage));
+    let count = caller.count;
     let asked = RayBuffers {
         rays: &rays,
         count,
@@ -152,12 +154,12 @@ pub(crate) fn unsuitable_ray_buffer_is_an_error() {
             count,
             results,
         };
-        let mut step = own.tracer.step(0.0);
+        let mut step = caller.tracer.step(0.0);
         is_misuse(step.trace_buffers(asked, Query::Closest).err());
     }
     // Only `trace_buffers` can specify where rays are stored.
     let nowhere = abvh::Rays::OnDevice(3);
-    is_unsupported(own.tracer.step(0.0).trace(nowhere, Query::Closest).err());
+    is_unsupported(caller.tracer.step(0.0).trace(nowhere, Query::Closest).err());
     let host = Tracer::builder().device(Device::Cpu).build(flying());
     let said = (host.unwrap().step(0.0)).trace_buffers(asked, Query::Closest);
     is_unsupported(said.err());
@@ -165,9 +167,9 @@ pub(crate) fn unsuitable_ray_buffer_is_an_error() {
         rays: &other.rays,
         ..asked
     };
-    let mut step = own.tracer.step(0.0);
+    let mut step = caller.tracer.step(0.0);
     step.trace_buffers(foreign, Query::Closest).unwrap();
     is_device(step.submit().err());
     // Later steps are not affected.
-    assert!(own.trace(Query::Closest, false) == other.trace(Query::Closest, false));
+    assert!(caller.trace(Query::Closest, false) == other.trace(Query::Closest, false));
 }

@@ -2,7 +2,7 @@
 
 use crate::pictures::{LAMP, Shown, shown};
 use crate::pool::{self, Pooled};
-use crate::{Demo, demo, of_keys, scene_of, seen, still};
+use crate::{Demo, demo, hits_after, hits_at, of_keys, scene_of};
 use abvh::frames::{Frame, LitView, OutputSelection};
 use abvh::{Device, Error, Mesh, Point, Query, Source, Tracer, Update};
 use integration::stage::{camera, colours};
@@ -107,9 +107,9 @@ pub(crate) fn read(device: &Device) {
     let (scene, [_, other]) = scene_of([sequence(&demo), far(-900.0)]);
     let mut beside = pool::tracer(scene, device);
     for (i, time) in TIMES.into_iter().enumerate() {
-        let expected = still(&mut held, time, &demo.rays);
-        assert!(still(&mut alone, time, &demo.rays) == expected, "{time}");
-        assert!(still(&mut beside, time, &demo.rays) == expected, "{time}");
+        let expected = hits_at(&mut held, time, &demo.rays);
+        assert!(hits_at(&mut alone, time, &demo.rays) == expected, "{time}");
+        assert!(hits_at(&mut beside, time, &demo.rays) == expected, "{time}");
         if i == 3 {
             let replacement = beside.replace(other, far(-800.0)).unwrap();
             beside.commit(replacement).unwrap();
@@ -119,7 +119,7 @@ pub(crate) fn read(device: &Device) {
 
 /// Checks that a tracer recovers when an unreadable key frame becomes readable again.
 fn fail_and_go_on(demo: &Demo, mut tracer: Pooled, fails: &AtomicBool, device: &Device) {
-    let first = still(&mut tracer, 0.0, &demo.rays);
+    let first = hits_at(&mut tracer, 0.0, &demo.rays);
     fails.store(true, Ordering::Relaxed);
     for _ in 0..2 {
         let said = tracer.step(12.0).trace(&demo.rays, Query::Closest);
@@ -127,12 +127,12 @@ fn fail_and_go_on(demo: &Demo, mut tracer: Pooled, fails: &AtomicBool, device: &
         let is_named = matches!(&why, Error::KeyFrame(why) if why.contains("is gone"));
         assert!(is_named, "{why:?}");
     }
-    assert!(still(&mut tracer, 0.0, &demo.rays) == first);
+    assert!(hits_at(&mut tracer, 0.0, &demo.rays) == first);
     let again = tracer.step(12.0).trace(&demo.rays, Query::Closest);
     assert!(again.is_err());
     fails.store(false, Ordering::Relaxed);
-    let expected = still(&mut of_keys(demo, device), 12.0, &demo.rays);
-    assert!(still(&mut tracer, 12.0, &demo.rays) == expected);
+    let expected = hits_at(&mut of_keys(demo, device), 12.0, &demo.rays);
+    assert!(hits_at(&mut tracer, 12.0, &demo.rays) == expected);
 }
 
 /// Tests a reader that fails, or that returns fewer vertices than before.
@@ -177,7 +177,7 @@ pub(crate) fn policies(device: &Device) {
     };
     let mut usual = of_keys(&demo, device);
     let within = TIMES.map(|time| time.clamp(0.0, demo.animation.end()));
-    let expected = within.map(|time| still(&mut usual, time, &demo.rays));
+    let expected = within.map(|time| hits_at(&mut usual, time, &demo.rays));
     let pictures = within.map(|time| shown(&mut usual, time, view));
     for update in [
         Update::Lockstep(0),
@@ -201,7 +201,7 @@ pub(crate) fn policies(device: &Device) {
             let mut tracer = pool::build(builder, scene, device);
             for (time, expected) in TIMES.into_iter().zip(&expected) {
                 let moved = triangle_at(-901.0);
-                let found = seen(&mut tracer, time, &demo.rays, |step| {
+                let found = hits_after(&mut tracer, time, &demo.rays, |step| {
                     streamed_id.map_or(Ok(()), |id| step.vertices(id, Source::Host(&moved)))
                 });
                 assert!(found == *expected, "{update:?} at {time}");
@@ -229,5 +229,5 @@ pub(crate) fn on_backend(device: &Device) {
     let (scene, _) = scene_of([Mesh::open("demo:twist:2000").unwrap()]);
     let backend = Box::new(cpu_ref::CpuBackend::new(Some(2)).unwrap());
     let mut tracer = Tracer::builder().build_on(backend, scene).unwrap();
-    assert!(still(&mut tracer, 1.5, &demo.rays) == still(&mut usual, 1.5, &demo.rays));
+    assert!(hits_at(&mut tracer, 1.5, &demo.rays) == hits_at(&mut usual, 1.5, &demo.rays));
 }

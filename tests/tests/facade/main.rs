@@ -65,7 +65,7 @@ const PROPERTIES: [(&str, Property); 29] = [
     ("results_can_be_polled", results::polled),
 ];
 
-/// Tests on a backend or a wgpu device that the program opened, and tests of one device only.
+/// Tests on a backend or a wgpu device that the caller opened, and tests of one device only.
 const OWN: &[(&str, (&str, Property))] = &[
     ("cpu", ("traces_on_a_caller_backend", frames::on_backend)),
     ("wgpu", ("replaces_meshes_on_caller_device", replace::own)),
@@ -139,7 +139,7 @@ fn scene_of<const N: usize>(meshes: [Mesh; N]) -> (Scene, [MeshId; N]) {
 }
 
 /// Traces rays in a step, after the updates that `update` makes.
-fn seen(
+fn hits_after(
     tracer: &mut Tracer,
     time: f64,
     rays: &[Ray],
@@ -153,8 +153,8 @@ fn seen(
 }
 
 /// Traces rays in a step without updates.
-fn still(tracer: &mut Tracer, time: f64, rays: &[Ray]) -> Found {
-    seen(tracer, time, rays, |_| Ok(()))
+fn hits_at(tracer: &mut Tracer, time: f64, rays: &[Ray]) -> Found {
+    hits_after(tracer, time, rays, |_| Ok(()))
 }
 
 fn of_keys(demo: &Demo, device: &Device) -> Pooled {
@@ -208,7 +208,7 @@ fn streamed(device: &Device) {
             let near = step.trace(&demo.rays, Query::Closest).unwrap();
             let any = step.trace(&demo.rays, Query::Any).unwrap();
             let done = step.submit().unwrap();
-            let expected = still(&mut keyed, key as f64, &demo.rays);
+            let expected = hits_at(&mut keyed, key as f64, &demo.rays);
             let found = bits(live.hits(done, near).unwrap());
             assert!(found == expected, "{name} at {key}");
             let is_absent = !vertices[7].iter().all(|x| x.is_finite());
@@ -249,12 +249,12 @@ fn unmoved_meshes(device: &Device) {
         if moved < 2 {
             places[moved] = lifted(step % demo.keys.len(), 0.05 * step as f32);
         }
-        let found = seen(&mut live, 0.0, &demo.rays, |step| match moved {
+        let found = hits_after(&mut live, 0.0, &demo.rays, |step| match moved {
             2 => Ok(()),
             _ => step.vertices(ids[moved], Source::Host(&places[moved])),
         });
         let (scene, _) = scene_of([&ground, &places[0], &places[1]].map(|all| fixed(all)));
-        let expected = still(&mut tracer(scene, device), 0.0, &demo.rays);
+        let expected = hits_at(&mut tracer(scene, device), 0.0, &demo.rays);
         assert!(found == expected, "step {step}");
     }
 }
@@ -268,8 +268,8 @@ fn long_list(device: &Device) {
     for start in starts {
         rays[start..][..demo.rays.len()].copy_from_slice(&demo.rays);
     }
-    let alone = still(&mut live, 0.5, &demo.rays);
-    let together = still(&mut live, 0.5, &rays);
+    let alone = hits_at(&mut live, 0.5, &demo.rays);
+    let together = hits_at(&mut live, 0.5, &rays);
     for start in starts {
         assert!(together[start..][..alone.len()] == alone, "from {start} on");
     }

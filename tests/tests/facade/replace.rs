@@ -1,7 +1,7 @@
 //! Tests that replace meshes, with new topology, while the scene is traced.
 
 use crate::pool::{self, tracer};
-use crate::{Demo, Found, bits, demo, scene_of, seen, still};
+use crate::{Demo, Found, bits, demo, hits_after, hits_at, scene_of};
 use abvh::own_device::{required_features, required_limits};
 use abvh::{
     Device, Error, Mesh, MeshId, Point, Query, QueryId, Ray, Scene, Source, Step, StepId, Tracer,
@@ -9,10 +9,10 @@ use abvh::{
 };
 use integration::stage::own_device_with;
 
-/// The demo of the original meshes, and the demo of their replacements.
-struct Stage {
-    staying: Demo,
-    other: Demo,
+/// The demo of a scene's original meshes, and the demo of their replacements.
+struct MeshSources {
+    original: Demo,
+    replacement: Demo,
 }
 
 /// Ids of a scene's meshes.
@@ -36,16 +36,23 @@ fn raised(points: &[Point], by: f32) -> Vec<Point> {
     points.iter().map(|p| [p[0], p[1] + by, p[2]]).collect()
 }
 
-impl Stage {
+impl MeshSources {
     fn new() -> Self {
-        let [staying, mut other] = ["demo:twist:1000", "demo:twist:300"].map(demo);
-        other.keys = other.keys.iter().map(|key| raised(key, 0.3)).collect();
-        Self { staying, other }
+        let [original, mut replacement] = ["demo:twist:1000", "demo:twist:300"].map(demo);
+        let keys = replacement.keys.iter().map(|key| raised(key, 0.3));
+        replacement.keys = keys.collect();
+        Self {
+            original,
+            replacement,
+        }
     }
 
     /// Creates the mesh to replace, or its replacement.
     fn target(&self, is_new: bool, kind: Kind) -> Mesh {
-        let of = if is_new { &self.other } else { &self.staying };
+        let of = match is_new {
+            true => &self.replacement,
+            false => &self.original,
+        };
         let (keys, triangles) = (&of.keys, &of.triangles);
         let parts = vec![0; keys[0].len()];
         let made = match kind {
@@ -60,18 +67,18 @@ impl Stage {
     /// Creates a scene of a rigid mesh, the target, a key-framed mesh and a streamed mesh.
     fn scene(&self, target: Mesh) -> (Scene, Ids) {
         let (low, high) = (
-            raised(&self.staying.keys[0], -0.5),
-            raised(&self.staying.keys[0], 0.8),
+            raised(&self.original.keys[0], -0.5),
+            raised(&self.original.keys[0], 0.8),
         );
         let keys = self
-            .staying
+            .original
             .keys
             .iter()
             .map(|key| raised(key, -0.2))
             .collect();
-        let robot = Mesh::rigid(&low, &self.staying.triangles, &vec![0; low.len()]).unwrap();
-        let keyed = Mesh::keyframes(keys, &self.staying.triangles).unwrap();
-        let cloth = Mesh::streamed(&high, &self.staying.triangles).unwrap();
+        let robot = Mesh::rigid(&low, &self.original.triangles, &vec![0; low.len()]).unwrap();
+        let keyed = Mesh::keyframes(keys, &self.original.triangles).unwrap();
+        let cloth = Mesh::streamed(&high, &self.original.triangles).unwrap();
         let (scene, [robot, target, _, cloth]) = scene_of([robot, target, keyed, cloth]);
         let ids = Ids {
             robot,
@@ -87,13 +94,13 @@ impl Stage {
         let cloth = self.cloth(i);
         step.vertices(ids.cloth, Source::Host(&cloth)).unwrap();
         step.poses(ids.robot, &[lift(i)]).unwrap();
-        let query = step.trace(&self.staying.rays, Query::Closest).unwrap();
+        let query = step.trace(&self.original.rays, Query::Closest).unwrap();
         (step.submit().unwrap(), query)
     }
 
     fn cloth(&self, i: usize) -> Vec<Point> {
         raised(
-            &self.staying.keys[i % self.staying.keys.len()],
+            &self.original.keys[i % self.original.keys.len()],
             0.05 * near(i),
         )
     }
@@ -101,7 +108,7 @@ impl Stage {
     /// Moves the target as well, and returns the hits.
     fn follow(&self, tracer: &mut Tracer, ids: Ids, (i, kind): (usize, Kind)) -> Found {
         let mut step = tracer.step(time(i));
-        let target = &self.other.keys[i % self.other.keys.len()];
+        let target = &self.replacement.keys[i % self.replacement.keys.len()];
         match kind {
             Kind::Streamed => step.vertices(ids.target, Source::Host(target)).unwrap(),
             Kind::Rigid => step.poses(ids.target, &[lift(i)]).unwrap(),
@@ -144,41 +151,41 @@ fn exchange(tracer: &mut Tracer, mesh: MeshId, with: Mesh) {
 
 /// Tests replacement in a scene of meshes of all kinds, which move until the commit.
 pub(crate) fn anew(device: &Device) {
-    let stage = Stage::new();
+    let sources = MeshSources::new();
     for (before, after, update) in [
         (Kind::Streamed, Kind::Streamed, Update::Async),
         (Kind::Fixed, Kind::Keys, Update::Refit),
         (Kind::Keys, Kind::Rigid, Update::Rebuild),
     ] {
         let build = |scene| pool::build(Tracer::builder().update(update), scene, device);
-        let (scene, ids) = stage.scene(stage.target(false, before));
+        let (scene, ids) = sources.scene(sources.target(false, before));
         let (mut live, mut twin) = (build(scene.clone()), build(scene));
-        stage.advance(&mut live, ids, 0);
-        let (mesh, mut i) = (stage.target(true, after), 1);
+        sources.advance(&mut live, ids, 0);
+        let (mesh, mut i) = (sources.target(true, after), 1);
         let replacement = live.replace(ids.target, mesh.clone()).unwrap();
         while i < 4 || !replacement.is_ready() {
-            let asked = stage.advance(&mut live, ids, i);
-            let expected = stage.advance(&mut twin, ids, i);
+            let asked = sources.advance(&mut live, ids, i);
+            let expected = sources.advance(&mut twin, ids, i);
             let expected = found(&mut twin, expected);
             assert!(found(&mut live, asked) == expected, "{before:?} at {i}");
             i += 1;
         }
         // Updates of a step that is dropped without a trace still apply.
-        let cloth = stage.cloth(i + 1);
+        let cloth = sources.cloth(i + 1);
         let mut step = live.step(time(i));
         step.vertices(ids.cloth, Source::Host(&cloth)).unwrap();
         drop(step);
         let trees = live.statistics().unwrap().generation;
         live.commit(replacement).unwrap();
 
-        let (scene, new) = stage.scene(mesh);
+        let (scene, new) = sources.scene(mesh);
         let mut fresh = build(scene);
         let mut step = fresh.step(time(i));
         step.vertices(new.cloth, Source::Host(&cloth)).unwrap();
         step.poses(new.robot, &[lift(i - 1)]).unwrap();
         drop(step);
-        let expected = still(&mut fresh, time(i), &stage.staying.rays);
-        let all = still(&mut live, time(i), &stage.staying.rays);
+        let expected = hits_at(&mut fresh, time(i), &sources.original.rays);
+        let all = hits_at(&mut live, time(i), &sources.original.rays);
         assert!(all == expected, "{after:?} at once");
         assert!(live.statistics().unwrap().generation > trees);
         for mesh in 0..4 {
@@ -186,8 +193,8 @@ pub(crate) fn anew(device: &Device) {
             assert!(hits.count() > 10, "mesh {mesh} is seen");
         }
         for i in i + 1..i + 5 {
-            let expected = stage.follow(&mut fresh, new, (i, after));
-            let all = stage.follow(&mut live, ids, (i, after));
+            let expected = sources.follow(&mut fresh, new, (i, after));
+            let all = sources.follow(&mut live, ids, (i, after));
             assert!(all == expected, "{after:?} at {i}");
         }
     }
@@ -195,24 +202,24 @@ pub(crate) fn anew(device: &Device) {
 
 /// Tests one tracer after replacements that change which kinds of motion the scene has.
 pub(crate) fn motions(device: &Device) {
-    let stage = Stage::new();
+    let sources = MeshSources::new();
     let fixed = |by| {
         Mesh::fixed(
-            &raised(&stage.staying.keys[0], by),
-            &stage.staying.triangles,
+            &raised(&sources.original.keys[0], by),
+            &sources.original.triangles,
         )
         .unwrap()
     };
-    let (scene, [target, _]) = scene_of([stage.target(false, Kind::Fixed), fixed(-0.5)]);
+    let (scene, [target, _]) = scene_of([sources.target(false, Kind::Fixed), fixed(-0.5)]);
     let mut live = tracer(scene, device);
-    still(&mut live, 0.0, &stage.staying.rays);
+    hits_at(&mut live, 0.0, &sources.original.rays);
     for (is_new, kind) in [
         (true, Kind::Streamed),
         (false, Kind::Keys),
         (true, Kind::Fixed),
         (false, Kind::Rigid),
     ] {
-        let mesh = stage.target(is_new, kind);
+        let mesh = sources.target(is_new, kind);
         exchange(&mut live, target, mesh.clone());
         let (scene, [same, _]) = scene_of([mesh, fixed(-0.5)]);
         let mut fresh = tracer(scene, device);
@@ -229,86 +236,87 @@ pub(crate) fn motions(device: &Device) {
                 };
                 there.unwrap();
             }
-            let expected = still(&mut fresh, at, &stage.staying.rays);
-            let all = still(&mut live, at, &stage.staying.rays);
+            let expected = hits_at(&mut fresh, at, &sources.original.rays);
+            let all = hits_at(&mut live, at, &sources.original.rays);
             assert!(all == expected, "{kind:?} at {at}");
         }
     }
 }
 
 pub(crate) fn results(device: &Device) {
-    let stage = Stage::new();
-    let (scene, ids) = stage.scene(stage.target(false, Kind::Fixed));
+    let sources = MeshSources::new();
+    let (scene, ids) = sources.scene(sources.target(false, Kind::Fixed));
     let mut twin = tracer(scene.clone(), device);
     let expected = [0, 1].map(|i| {
-        let asked = stage.advance(&mut twin, ids, i);
+        let asked = sources.advance(&mut twin, ids, i);
         found(&mut twin, asked)
     });
     let mut live = tracer(scene, device);
-    let of_old = [0, 1].map(|i| stage.advance(&mut live, ids, i));
+    let of_old = [0, 1].map(|i| sources.advance(&mut live, ids, i));
     // Replaces twice, without a step in between.
     for is_new in [true, false] {
-        exchange(&mut live, ids.target, stage.target(is_new, Kind::Streamed));
+        let mesh = sources.target(is_new, Kind::Streamed);
+        exchange(&mut live, ids.target, mesh);
     }
     for (asked, expected) in of_old.into_iter().zip(&expected) {
         assert!(found(&mut live, asked) == *expected);
     }
     let none = |live: &mut Tracer, (step, query)| live.hits(step, query).err();
-    let later = stage.advance(&mut live, ids, 2);
+    let later = sources.advance(&mut live, ids, 2);
     // Results are not available under the id of another step's query either.
     for asked in [of_old[0], (of_old[1].0, later.1)] {
         assert_eq!(none(&mut live, asked), Some(Error::NoResult));
     }
     assert!(found(&mut live, of_old[1]) == expected[1]);
-    assert_eq!(found(&mut live, later).len(), stage.staying.rays.len());
-    stage.advance(&mut live, ids, 3);
+    assert_eq!(found(&mut live, later).len(), sources.original.rays.len());
+    sources.advance(&mut live, ids, 3);
     assert_eq!(none(&mut live, of_old[1]), Some(Error::NoResult));
 }
 
 /// Tests on a device of the caller. All scenes share it, and its hit buffers stay valid as long as results do.
 pub(crate) fn own(_: &Device) {
-    let stage = Stage::new();
-    let (scene, ids) = stage.scene(stage.target(false, Kind::Fixed));
-    let limits = required_limits(&scene, stage.staying.rays.len()).unwrap();
+    let sources = MeshSources::new();
+    let (scene, ids) = sources.scene(sources.target(false, Kind::Fixed));
+    let limits = required_limits(&scene, sources.original.rays.len()).unwrap();
     let device = own_device_with(required_features(), limits);
     anew(&Device::from(device.clone()));
     let mut live = tracer(scene, &Device::from(device));
-    let before = stage.advance(&mut live, ids, 0);
-    let mesh = stage.target(true, Kind::Streamed);
+    let before = sources.advance(&mut live, ids, 0);
+    let mesh = sources.target(true, Kind::Streamed);
     let grown = mesh.triangle_count() as u32;
     exchange(&mut live, ids.target, mesh);
-    let after = stage.advance(&mut live, ids, 1);
+    let after = sources.advance(&mut live, ids, 1);
     let buffers = [before, after].map(|(step, query)| live.hits_buffer(step, query));
     let [old, new] = buffers.map(Result::unwrap);
     assert!(old != new);
-    let mesh = stage.staying.triangles.len() as u32;
+    let mesh = sources.original.triangles.len() as u32;
     let firsts = [ids.robot, ids.target, ids.cloth].map(|id| live.first_triangle(id).unwrap());
     assert_eq!(firsts, [0, mesh, mesh + grown + mesh]);
 }
 
 pub(crate) fn dropped(device: &Device) {
-    let stage = Stage::new();
-    let (scene, ids) = stage.scene(stage.target(false, Kind::Keys));
+    let sources = MeshSources::new();
+    let (scene, ids) = sources.scene(sources.target(false, Kind::Keys));
     let (mut live, mut twin) = (tracer(scene.clone(), device), tracer(scene, device));
-    let early = live.replace(ids.target, stage.target(true, Kind::Fixed));
+    let early = live.replace(ids.target, sources.target(true, Kind::Fixed));
     drop(early.unwrap());
-    let late = (live.replace(ids.target, stage.target(true, Kind::Fixed))).unwrap();
+    let late = (live.replace(ids.target, sources.target(true, Kind::Fixed))).unwrap();
     while !late.is_ready() {
         std::thread::yield_now();
     }
     drop(late);
     for i in 0..3 {
-        let asked = [&mut live, &mut twin].map(|tracer| stage.advance(tracer, ids, i));
+        let asked = [&mut live, &mut twin].map(|tracer| sources.advance(tracer, ids, i));
         assert!(found(&mut live, asked[0]) == found(&mut twin, asked[1]));
     }
     // A dropped replacement does not block later ones.
-    let mesh = stage.target(true, Kind::Fixed);
+    let mesh = sources.target(true, Kind::Fixed);
     exchange(&mut live, ids.target, mesh.clone());
-    let (scene, new) = stage.scene(mesh);
-    let expected = stage.follow(&mut tracer(scene, device), new, (3, Kind::Fixed));
-    assert!(stage.follow(&mut live, ids, (3, Kind::Fixed)) == expected);
+    let (scene, new) = sources.scene(mesh);
+    let expected = sources.follow(&mut tracer(scene, device), new, (3, Kind::Fixed));
+    assert!(sources.follow(&mut live, ids, (3, Kind::Fixed)) == expected);
     // A replacement may outlive its tracer.
-    let orphan = live.replace(ids.target, stage.target(true, Kind::Fixed));
+    let orphan = live.replace(ids.target, sources.target(true, Kind::Fixed));
     drop(live);
     assert_eq!(orphan.unwrap().mesh(), ids.target);
 }
@@ -328,13 +336,13 @@ pub(crate) fn two_at_a_time(device: &Device) {
         live.commit(one).unwrap();
         let moved = at(&low, 0.3);
         let moves = |step: &mut Step<'_>, cloth| step.vertices(cloth, Source::Host(&moved));
-        seen(&mut live, 0.0, &low.rays, |step| moves(step, ids[2]));
+        hits_after(&mut live, 0.0, &low.rays, |step| moves(step, ids[2]));
         live.commit(two).unwrap();
-        let found = still(&mut live, 0.0, &low.rays);
+        let found = hits_at(&mut live, 0.0, &low.rays);
         let [a, b] = with;
         let (scene, [.., cloth]) = scene_of([a, b, cloth()]);
         let mut anew = tracer(scene, device);
-        let expected = seen(&mut anew, 0.0, &low.rays, |step| moves(step, cloth));
+        let expected = hits_after(&mut anew, 0.0, &low.rays, |step| moves(step, cloth));
         assert!(found == expected, "mesh {first} first");
     }
 }
@@ -360,7 +368,7 @@ pub(crate) fn misuse(device: &Device) {
             exchange(&mut live, id, mesh.clone());
         }
         let ray = [Ray::new([0.2, 0.2, 1.0], [0.0, 0.0, -1.0])];
-        assert_eq!(still(&mut live, 0.0, &ray), [[u32::MAX; 5]]);
+        assert_eq!(hits_at(&mut live, 0.0, &ray), [[u32::MAX; 5]]);
         let mut step = other.step(0.0);
         let query = step.trace(&ray, Query::Any).unwrap();
         let done = step.submit().unwrap();

@@ -1,7 +1,7 @@
 //! Tests rigid meshes, whose vertices the library transforms.
 
 use crate::pool::tracer;
-use crate::{demo, scene_of, seen};
+use crate::{demo, hits_after, scene_of};
 use abvh::{Device, Matrix, Mesh, Point, Source};
 
 /// Compares a mesh of two rigid parts with a streamed mesh whose vertices the test transforms by the same operations.
@@ -22,10 +22,10 @@ pub(crate) fn as_transformed(device: &Device) {
         let vertices = rest.iter().zip(&parts);
         let vertices = vertices.map(|(&v, &part)| transformed(&matrices[part as usize], v));
         let vertices: Vec<Point> = vertices.collect();
-        let found = seen(&mut rigid, 0.0, &demo.rays, |step| {
+        let found = hits_after(&mut rigid, 0.0, &demo.rays, |step| {
             step.poses(robot, &matrices)
         });
-        let expected = seen(&mut streamed, 0.0, &demo.rays, |step| {
+        let expected = hits_after(&mut streamed, 0.0, &demo.rays, |step| {
             step.vertices(cloth, Source::Host(&vertices))
         });
         assert!(found == expected, "step {step}");

@@ -1,6 +1,6 @@
 //! Tests the library inside the program's own threads: rayon's, and readers of key frames.
 
-use crate::{demo, scene_of, still};
+use crate::{demo, hits_at, scene_of};
 use abvh::{Camera, CameraPose, Device, Mesh, Point, Query, Ray, Source, Tracer};
 use rayon::ThreadPool;
 use rayon::prelude::*;
@@ -162,7 +162,8 @@ fn occupy_the_global_pool() -> Receiver<()> {
     held
 }
 
-/// Tests with a busy global pool. Its tasks may be waiting for a tracer that is in use.
+/// Tests with a busy global pool. In a caller's program, its tasks may wait for a tracer that is in use, so the library must
+/// not wait for the pool.
 pub(crate) fn no_global_pool(device: &Device) {
     let device = device.clone();
     let held = occupy_the_global_pool();
@@ -193,7 +194,7 @@ pub(crate) fn readers_trace(device: &Device) {
         let (mut read, mut held) = (build(mesh), build(held));
         for key in (0..demo.keys.len()).step_by(3) {
             let time = key as f64 + 0.5;
-            let [found, expected] = [&mut read, &mut held].map(|t| still(t, time, &demo.rays));
+            let [found, expected] = [&mut read, &mut held].map(|t| hits_at(t, time, &demo.rays));
             assert!(found == expected, "at {time}");
         }
     });

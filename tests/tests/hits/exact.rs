@@ -141,7 +141,7 @@ fn sign(x: f32) -> f32 {
     f32::from(i8::from(x > 0.0) - i8::from(x < 0.0))
 }
 
-/// Tests [`cut`] with every intersector that rounds.
+/// Runs the checks of [`cut`] with every intersector that rounds.
 pub(crate) fn check_ray_limits(source: Source) {
     use Intersector::{MollerTrumbore, Watertight, Woop};
     let animation = source.animation();

@@ -24,8 +24,8 @@ fn against_the_oracle(
     stage.into_backend()
 }
 
-/// The box of this triangle is very near to the ray's start. Without a lower bound, its padding would be less than
-/// coordinates that are flushed to zero.
+/// The box of this triangle is very near to the ray's start. Its padding is proportional to this distance, which is limited
+/// to at least `2^-38`. Without the limit, the padding would be less than coordinates that are replaced by zero.
 pub(crate) fn near_the_origin(backend: Box<dyn Backend>) -> Box<dyn Backend> {
     let (step, width) = ((-47_f32).exp2(), (-64_f32).exp2());
     let x = (-24_f32).exp2() + step;

@@ -69,7 +69,8 @@ trace a.obj --time 0 --out hits.npz --rays half.npy | half.npy | f2 | 32
 trace a.obj --time 0 --out hits.npz --rays text.npy | text.npy
 ";
 
-/// Further cases, to which no backend may be added. Control characters must be escaped, because terminals obey them.
+/// Further cases, which run only as they are. [`CASES`] also run with `--backend NAME` appended. Control characters must be
+/// escaped, because terminals obey them.
 const OTHERS: &str = "
 paint demo:twist | paint
 bench demo:twist:500 --backend cpu --update device-rebuild --rival embree | nothing is left to measure | embree with device-rebuild

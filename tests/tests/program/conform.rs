@@ -1,4 +1,5 @@
-//! `conform`: properties by name. `stability`: error rates by family and intersector, within bounds.
+//! `conform`: properties by name. `stability`: error rates by intersector and by family (one way in which scenes and rays
+//! are hard), within bounds.
 
 use crate::sandbox::{Sandbox, assert_contains, list, trial};
 use libtest_mimic::Trial;
@@ -97,7 +98,7 @@ fn recorded(sandbox: &Sandbox) {
     let (run, json) = sandbox.run_json("stability --backend cpu --seeds 1 --quiet", "--record");
     assert_eq!(json["arithmetic"]["rounds_division"], true);
     let ground = json["ground"].as_str().unwrap();
-    let told = ground.contains("8192 rays a family") && run.stdout.contains(ground);
+    let told = ground.contains("8192 rays per family") && run.stdout.contains(ground);
     assert!(told, "{ground}: {}", run.stdout);
     let entries = list(&json["entries"]);
     let is_sound =

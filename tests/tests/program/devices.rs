@@ -121,7 +121,8 @@ fn says_why(sandbox: &Sandbox) {
 const NOWHERE: &str = "/nonexistent";
 const NO_DRIVER: [(&str, &str); 2] = [("VK_DRIVER_FILES", NOWHERE), ("VK_ICD_FILENAMES", NOWHERE)];
 
-/// Puts an invalid library first in the search path of the Vulkan loader.
+/// Puts an empty `libvulkan.so.1` first in the search path of the dynamic linker, so that the Vulkan loader cannot be
+/// loaded.
 fn without_a_loader(sandbox: &Sandbox) {
     sandbox.write("lib/libvulkan.so.1", "");
     let folder = sandbox.path().join("lib");

@@ -163,7 +163,7 @@ pub(super) fn functions() -> Result<&'static Functions, String> {
     static LOADED: OnceLock<Result<Functions, String>> = OnceLock::new();
     let loaded = LOADED.get_or_init(|| {
         let mut found = NAMES.iter().filter_map(|name| {
-            // SAFETY: Embree's initialisers only register tasks of its own.
+            // SAFETY: Embree's static initialisers only set up the library's own state.
             unsafe { Library::new(name) }.ok()
         });
         let library = found.next().ok_or("the library libembree4 was not found")?;

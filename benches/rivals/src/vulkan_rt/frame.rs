@@ -25,7 +25,7 @@ impl Rival for VulkanRt {
         (self.scene, self.pose, self.traced) = (None, None, None);
         self.engine.load(animation)?;
         let flags = build_flags(self.name, tree_update);
-        let scene = DriverScene::new(&mut self.engine, &self.rays.rays, flags)?;
+        let scene = DriverScene::new(&mut self.engine, &self.pipeline.ray_tracing, flags)?;
         self.scene = Some(scene);
         Ok(())
     }
@@ -64,6 +64,14 @@ impl Rival for VulkanRt {
     }
 }
 
+/// Vulkan's limits on the columns and the rows of a launch.
+const AXIS_LIMITS: [&str; 2] = [
+    "maxComputeWorkGroupCount[0] * maxComputeWorkGroupSize[0]",
+    "maxComputeWorkGroupCount[1] * maxComputeWorkGroupSize[1]",
+];
+/// Vulkan's limit on the rays of a launch.
+const RAY_LIMIT: &str = "maxRayDispatchInvocationCount";
+
 /// Returns the ray generation shader of a query.
 fn generation_shader(query: &Query<'_>) -> &'static str {
     match (query.kind.light(), reads_ray_buffer(query)) {
@@ -96,7 +104,8 @@ impl VulkanRt {
         self.count()
     }
 
-    /// Records a copy of the triangles in which all vertices are finite, if the scene may have other vertices.
+    /// Records a copy of all triangles, if the scene may have vertices that are not finite. A triangle with such a vertex
+    /// collapses to a point.
     fn copy_finite_triangles(&mut self) -> Result<()> {
         let params = self.params();
         let triangles = self.engine.scene().animation.triangle_count() as u32;
@@ -137,20 +146,24 @@ impl VulkanRt {
 
     /// Returns the columns and rows of a launch.
     fn launch_size(&self, query: &Query<'_>) -> Result<[u32; 2]> {
-        let bounds = self.rays.rays.bounds;
+        let bounds = self.pipeline.ray_tracing.bounds;
         let size = match query.rays {
             Rays::Camera(c) if !reads_ray_buffer(query) => {
                 [u64::from(c.width), u64::from(c.height)]
             }
             _ => {
                 let count = query.rays.count() as u64;
-                let rows = count.div_ceil(bounds.along[0]).max(1);
+                let rows = count.div_ceil(bounds.rays_per_axis[0]).max(1);
                 [count.div_ceil(rows), rows]
             }
         };
-        let what = || "rays (of one launch, maxRayDispatchInvocationCount)".to_owned();
-        let [x, y] = bounds.along;
-        for (need, most) in [(size[0], x), (size[1], y), (size[0] * size[1], bounds.rays)] {
+        let [x, y] = bounds.rays_per_axis;
+        for (what, source, need, most) in [
+            ("columns of rays", AXIS_LIMITS[0], size[0], x),
+            ("rows of rays", AXIS_LIMITS[1], size[1], y),
+            ("rays", RAY_LIMIT, size[0] * size[1], bounds.rays),
+        ] {
+            let what = || format!("{what} (of one launch, {source})");
             check_limit(what, need, most)?;
         }
         Ok(size.map(|n| n as u32))
@@ -175,13 +188,14 @@ impl VulkanRt {
                 BufferName::Nodes => None,
                 name => trace.get(name).or_else(|| buffers.get(name, key, position)),
             };
-            // A binding that the query does not use still needs a buffer.
+            // `scene.root` is the buffer `nodes` of the shaders, which read only the box of the root. It also fills
+            // bindings that the query does not use.
             found.unwrap_or(&scene.root).range()
         });
         let bound: Vec<_> = bound.collect();
-        let (pipeline, layouts) = (self.rays.vk, Arc::clone(&self.rays.layouts));
+        let (pipeline, layouts) = (self.pipeline.vk, Arc::clone(&self.pipeline.layouts));
         let tree = scene.tree.top();
-        let launch = self.rays.launch(generation_shader(query), size);
+        let launch = self.pipeline.launch(generation_shader(query), size);
         let command: NativeCommand = Box::new(move |encoder| {
             encoder.commands.barrier(KERNELS, RAYS);
             encoder.bind_rays(&RayBindings {

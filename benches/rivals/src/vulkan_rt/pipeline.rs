@@ -17,7 +17,7 @@ pub(crate) struct RayPipeline {
     pub(crate) vk: vk::Pipeline,
     pub(crate) layouts: Arc<Layouts>,
     table: Option<Table>,
-    pub(crate) rays: Arc<RayTracing>,
+    pub(crate) ray_tracing: Arc<RayTracing>,
 }
 
 /// Shader binding table: an aligned handle for each group.
@@ -44,7 +44,7 @@ impl RayPipeline {
             vk: vk::Pipeline::null(),
             layouts: Arc::new(Layouts::new(&rays.gpu, what, STAGES, others.chain([tree]))?),
             table: None,
-            rays: Arc::clone(rays),
+            ray_tracing: Arc::clone(rays),
         };
         made.vk = with_module(&rays.gpu, "the ray-tracing shaders", RAYS.spirv, |module| {
             compile(rays, made.layouts.pipeline, module)
@@ -71,9 +71,9 @@ impl RayPipeline {
         };
         let none = vk::StridedDeviceAddressRegionKHR::default();
         let (generate, miss, hit) = (region(place), region(generators), region(generators + 1));
-        let rays = Arc::clone(&self.rays);
+        let ray_tracing = Arc::clone(&self.ray_tracing);
         move |commands| {
-            let pipelines = &rays.pipelines;
+            let pipelines = &ray_tracing.pipelines;
             // SAFETY: the command buffer is being recorded with the pipeline bound; the table holds a
             // handle for each group of the pipeline.
             unsafe {
@@ -176,6 +176,6 @@ impl Table {
 impl Drop for RayPipeline {
     fn drop(&mut self) {
         // SAFETY: the rival waits for the device before it drops its pipeline; a null handle is ignored.
-        unsafe { self.rays.gpu.vk.destroy_pipeline(self.vk, None) };
+        unsafe { self.ray_tracing.gpu.vk.destroy_pipeline(self.vk, None) };
     }
 }

@@ -15,7 +15,8 @@ const HUGE: f32 = f32::MAX / 4.0;
 /// State of a loaded scene, in addition to its buffers.
 pub(crate) struct DriverScene {
     pub(crate) tree: DriverTree,
-    /// Box of all key frames, in scaled units, as the two rows of a root node.
+    /// Box of all key frames, in scaled units: minimum and maximum, 16 bytes each. The ray shaders read it as the first
+    /// two rows of the buffer `nodes`.
     pub(crate) root: Buffer,
     /// Three finite vertices per triangle; `None` if positions are always finite.
     pub(crate) finite_triangles: Option<Buffer>,

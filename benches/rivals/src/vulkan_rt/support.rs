@@ -30,7 +30,7 @@ pub(crate) struct Bounds {
     /// Maximum number of rays of a launch.
     pub(crate) rays: u64,
     /// Maximum number of rays of a launch along an axis.
-    pub(crate) along: [u64; 2],
+    pub(crate) rays_per_axis: [u64; 2],
 }
 
 impl RayTracing {
@@ -55,7 +55,7 @@ impl Bounds {
             .push_next(&mut rays);
         host.read_properties(physical, &mut all);
         let limits = all.properties.limits;
-        let along = |axis: usize| {
+        let rays_along = |axis: usize| {
             let groups = u64::from(limits.max_compute_work_group_count[axis]);
             groups.saturating_mul(limits.max_compute_work_group_size[axis].into())
         };
@@ -71,7 +71,7 @@ impl Bounds {
             handle_bytes: rays.shader_group_handle_size.into(),
             table_alignment: alignment.max(1).into(),
             rays: rays.max_ray_dispatch_invocation_count.into(),
-            along: [along(0), along(1)],
+            rays_per_axis: [rays_along(0), rays_along(1)],
         }
     }
 }

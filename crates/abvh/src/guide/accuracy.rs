@@ -13,10 +13,10 @@
 //! With `Exact`, triangles include their edges, and a ray in a triangle's plane misses it. `t`, `u` and `v` are the
 //! exact values, each rounded once to the nearest float.
 //!
-//! A hit depends only on the ray, the triangle and the intersector. A single distant vertex, up to `2^40` from the
-//! origin, changes no hits of triangles that do not use it. In a list of rays, it slows down only those that hit its
-//! triangles. Camera queries may take longer, because their rays are then traced one by one. The next section describes
-//! larger distances.
+//! A hit depends only on the ray, the triangle and the intersector, except for extreme rays and the scale factor of the
+//! scene (see the next section). A single distant vertex, up to `2^40` from the origin, changes no hits of triangles
+//! that do not use it. In a list of rays, it slows down only those that hit its triangles. Camera queries may take
+//! longer, because their rays are then traced one by one. The next section describes larger distances.
 //!
 //! # Far away
 //!
@@ -36,8 +36,9 @@
 //!
 //! If the largest coordinate of all key frames or initial positions is outside `2^-10..=2^30`, all coordinates are
 //! scaled by a power of two. A scene is not scaled if a coordinate exceeds `2^16` times the typical size of the
-//! vertices. `Watertight` treats scaled coordinates below `2^-64` as 0. So coordinates of one scene should not differ
-//! by 18 orders of magnitude. The last bits of its `t`, `u` and `v` may depend on the scale factor of the scene.
+//! vertices. `Watertight` treats scaled coordinates below `2^-64` as 0. If the largest scaled coordinate is at least
+//! `2^-10`, this limit is 16 or more orders of magnitude below it. The last bits of `t`, `u` and `v` of `Watertight`
+//! may depend on the scale factor of the scene.
 //!
 //! No hit depends on the tree: neither on its age nor on [`Update`](crate::Update). So a run can be repeated with the
 //! same hits, also with another number of threads.

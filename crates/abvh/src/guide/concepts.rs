@@ -4,11 +4,11 @@
 //! [`Tracer`](crate::Tracer), which uploads it to a [`Device`](crate::Device). After that no mesh can be added, but
 //! each can be [replaced](crate::Tracer::replace).
 //!
-//! | mesh | is moved by | in steps that do not move it |
+//! | mesh | is moved by | in a step without this call |
 //! |---|---|---|
 //! | [`Mesh::fixed`](crate::Mesh::fixed) | nothing | |
-//! | [`Mesh::keyframes`](crate::Mesh::keyframes) | the step's time, in key frames: at 2.5, halfway from key 2 to key 3 | follows the time |
-//! | [`Mesh::sequence`](crate::Mesh::sequence) | the step's time, with key frames that are read while they are played | follows the time |
+//! | [`Mesh::keyframes`](crate::Mesh::keyframes) | the step's time, in key frames: at 2.5, halfway from key 2 to key 3 | |
+//! | [`Mesh::sequence`](crate::Mesh::sequence) | the step's time, with key frames that are read while they are played | |
 //! | [`Mesh::streamed`](crate::Mesh::streamed) | [`Step::vertices`](crate::Step::vertices) | keeps its positions |
 //! | [`Mesh::rigid`](crate::Mesh::rigid) | [`Step::poses`](crate::Step::poses), a matrix for each part | keeps its positions |
 //!
@@ -53,9 +53,10 @@
 //! # Units
 //!
 //! Positions may have any unit. `t` is in units of the length of the ray's direction, which is 2 in the example above.
-//! For a direction of length 1, it is a distance. For rays of a [`Camera`](crate::Camera), it is the depth along the
-//! line of sight. In a triangle with vertices `a`, `b`, `c`, the hit point is `(1 - u - v) a + u b + v c`. Of hits with
-//! equal `t`, the mesh that was added first wins, then the triangle of lowest index.
+//! For a direction of length 1, it is a distance. For rays of [`Camera::look_at`](crate::Camera::look_at), it is the
+//! depth along the direction from the eye to the middle of the image. In a triangle with vertices `a`, `b`, `c`, the
+//! hit point is `(1 - u - v) a + u b + v c`. Of hits with equal `t`, the mesh that was added first wins, then the
+//! triangle of lowest index.
 //!
 //! # Trees
 //!

@@ -18,8 +18,8 @@
 //! On a GPU, [`Step::submit`](crate::Step::submit) returns while its queries run. [`Tracer::hits`](crate::Tracer::hits)
 //! waits for a query, and [`Tracer::is_done`](crate::Tracer::is_done) polls. To keep the GPU busy, simulate and submit
 //! the next step before reading the hits of the last one. [`Hits`](crate::Hits) remain valid while further steps are
-//! prepared. Two queries can be in flight: [`Step::trace`](crate::Step::trace) waits for the first before it submits a
-//! third. On the host, [`Step::trace`](crate::Step::trace) traces the rays before it returns.
+//! prepared. At most two submissions are in flight. A call that would submit a third first waits for the oldest. On the
+//! host, the call that submits rays traces them before it returns.
 //!
 //! ```
 //! use abvh::{Device, Mesh, Query, Ray, Scene, Source, Tracer};
@@ -51,9 +51,10 @@
 //! commits it between two steps with [`Tracer::commit`](crate::Tracer::commit). From then on,
 //! [`Step::vertices`](crate::Step::vertices) takes the new number of vertices.
 //!
-//! [`Replacement::is_ready`](crate::Replacement::is_ready) returns whether a commit would return without a wait. Other
-//! meshes keep their positions, and all meshes keep their [`MeshId`](crate::MeshId). Hits of earlier steps can still be
-//! read. Until they are dropped, both scenes take memory.
+//! [`Replacement::is_ready`](crate::Replacement::is_ready) returns whether the preparation is finished. A commit then
+//! does not wait for it, unless another mesh was replaced in the meantime. Other meshes keep their positions, and all
+//! meshes keep their [`MeshId`](crate::MeshId). Hits of earlier steps can still be read. Until they are dropped, both
+//! scenes take memory.
 //!
 //! Several meshes can be replaced at the same time. Each replacement is prepared for the current scene, so after the
 //! first commit, `commit` prepares each of the others again and waits for that.

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 /// Maximum number of triangles of a group.
 pub(super) const MOST: u32 = 8;
 /// Maximum number of levels below a group's root.
-pub(super) const LEVELS: u32 = MOST - 1;
+pub(super) const MAX_GROUP_HEIGHT: u32 = MOST - 1;
 /// Maximum ratio of a box's area to the summed areas of its two child boxes, for each inner node of a group.
 const TOGETHER: f64 = 1.2;
 /// Maximum number of leaves of the subtree that one task visits.

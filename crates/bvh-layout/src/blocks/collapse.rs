@@ -1,7 +1,7 @@
-//! Collapses a binary tree to a wide tree, in parallel, level by level.
+//! Collapses a binary tree to a [`BlockTree`], in parallel, level by level.
 
 use super::costs::CostedTree;
-use super::{Block, BlockTree, CollapseOptions, LANES, Link, RUN, Ranges, WideNode};
+use super::{Block, BlockTree, BlockTreeNode, CollapseOptions, LANES, Link, Ranges, TASK_SIZE};
 use bvh_build::{BinaryTree, Subtree};
 use rayon::prelude::*;
 
@@ -14,11 +14,11 @@ impl BlockTree {
     #[must_use]
     pub fn of(tree: &BinaryTree, triangles: &[[u32; 3]], options: CollapseOptions<'_>) -> Self {
         let boxes = Some(options.boxes).filter(|boxes| boxes.len() == triangles.len());
-        let costed = &CostedTree::of(tree, boxes, options.first);
+        let costed = &CostedTree::of(tree, boxes, options.first_visited);
         let (mut all, roots) = Self::nodes_of(costed, tree.root());
         roots
             .into_par_iter()
-            .with_min_len(RUN / 8)
+            .with_min_len(TASK_SIZE / 8)
             .map(|root| of_leaves(&costed.open_block(root), tree.order(), triangles))
             .collect_into_vec(&mut all.blocks);
         all
@@ -33,7 +33,7 @@ impl BlockTree {
             level = all.add_level(tree, &level, &mut roots);
         }
         if all.nodes.is_empty() {
-            all.nodes.push(WideNode::EMPTY);
+            all.nodes.push(BlockTreeNode::EMPTY);
             all.first_blocks.push(0);
             all.first_children.push(1);
             all.levels.push(0..1);
@@ -50,7 +50,7 @@ impl BlockTree {
         level: &[Subtree],
         roots: &mut Vec<Subtree>,
     ) -> Vec<Subtree> {
-        let opened = level.par_iter().with_min_len(RUN / 32);
+        let opened = level.par_iter().with_min_len(TASK_SIZE / 32);
         let opened: Vec<Opened> = opened.map(|&root| tree.open_node(root)).collect();
         let (start, end) = (self.nodes.len(), self.nodes.len() + opened.len());
         let mut next = Vec::new();
@@ -68,7 +68,7 @@ impl BlockTree {
                 }
             }
             let ranges = opened.ranges();
-            self.nodes.push(WideNode { links, ranges });
+            self.nodes.push(BlockTreeNode { links, ranges });
         }
         self.levels.push(start..end);
         next
@@ -149,15 +149,15 @@ impl CostedTree<'_> {
 
     /// Replaces the subtree in `lane` by the cheapest set of at most `lanes` subtrees.
     fn open(&self, opened: &mut Opened, lane: usize, lanes: usize) {
-        let children = self.first_last(opened.lanes[lane]);
+        let children = self.children_in_lane_order(opened.lanes[lane]);
         let [a, b] = children.map(|child| self.costs(child));
         let cost = |share: usize| a[share - 1] + b[lanes - share - 1];
         let cheaper = |x, y| if cost(y) < cost(x) { y } else { x };
         let share = (2..lanes).fold(1, cheaper);
         opened.open(lane, children);
-        // The right child first: opening it does not move the left child.
+        // The child in the later lane first: opening it does not move the other child.
         for (lane, costs, share) in [(lane + 1, b, lanes - share), (lane, a, share)] {
-            // Opens only into as many lanes as lower the cost. With one lane, the subtree stays a node.
+            // Uses the fewest lanes that reach the least cost. If one lane suffices, the subtree is not opened.
             let enough = costs[..share]
                 .iter()
                 .position(|&cost| cost <= costs[share - 1]);

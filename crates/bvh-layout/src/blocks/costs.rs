@@ -1,6 +1,6 @@
 //! Costs of binary subtrees after collapsing, computed from the bottom up.
 
-use super::{First, LANES, RUN};
+use super::{FirstVisited, LANES, TASK_SIZE};
 use bvh_build::{BinaryTree, Subtree};
 use geom::Aabb;
 use rayon::prelude::*;
@@ -18,12 +18,16 @@ pub(super) struct CostedTree<'a> {
     over_root: Option<f64>,
     /// Costs of each inner node that is too large for a block. The other entries are unused.
     large: Vec<Costs>,
-    first: First,
+    first_visited: FirstVisited,
 }
 
 impl<'a> CostedTree<'a> {
     /// Computes all costs. `boxes` has a box for each triangle, if areas are known.
-    pub(super) fn of(tree: &'a BinaryTree, boxes: Option<&[Aabb]>, first: First) -> Self {
+    pub(super) fn of(
+        tree: &'a BinaryTree,
+        boxes: Option<&[Aabb]>,
+        first_visited: FirstVisited,
+    ) -> Self {
         let bounds = boxes.map_or_else(Vec::new, |boxes| bounds(tree, boxes));
         let root = bounds.first();
         let mut costed = Self {
@@ -31,7 +35,7 @@ impl<'a> CostedTree<'a> {
             over_root: root.map(|root| 1.0 / root.half_area().max(f64::MIN_POSITIVE)),
             bounds,
             large: Vec::new(),
-            first,
+            first_visited,
         };
         costed.large = costed.costs_of_large();
         costed
@@ -64,7 +68,7 @@ impl<'a> CostedTree<'a> {
     }
 
     /// Returns the costs of a node that fits a block, otherwise `None`. A leaf here is always the child of a large
-    /// node. Every wide tree has a block for this leaf alone, so its area does not affect the choice and its cost is 0.
+    /// node. Every `BlockTree` has a block for this leaf alone, so its area does not affect the choice and its cost is 0.
     fn costs_of_small(&self, node: Subtree) -> Option<Costs> {
         match node.leaves as usize {
             1 => Some([0.0; LANES - 1]),
@@ -78,11 +82,11 @@ impl<'a> CostedTree<'a> {
     }
 
     /// Returns both children. The one to visit first comes last, since traversal visits later lanes first.
-    pub(super) fn first_last(&self, inner: Subtree) -> [Subtree; 2] {
+    pub(super) fn children_in_lane_order(&self, inner: Subtree) -> [Subtree; 2] {
         let [left, right] = self.children(inner);
         // A leaf's area is not stored: its `None` is less than any area.
         let known = |child: Subtree| (child.leaves > 1).then(|| self.area(child));
-        let has_order = self.first == First::Larger && self.over_root.is_some();
+        let has_order = self.first_visited == FirstVisited::Larger && self.over_root.is_some();
         if has_order && known(left) < known(right) {
             [left, right]
         } else {
@@ -96,7 +100,7 @@ fn bounds(tree: &BinaryTree, boxes: &[Aabb]) -> Vec<Aabb> {
     let inner = tree.left_leaves().len();
     let mut all = Vec::new();
     // Allocates pages in parallel. Every element is overwritten.
-    let unset = rayon::iter::repeat_n(Aabb::EMPTY, inner).with_min_len(32 * RUN);
+    let unset = rayon::iter::repeat_n(Aabb::EMPTY, inner).with_min_len(32 * TASK_SIZE);
     unset.collect_into_vec(&mut all);
     let leaf = |node: Subtree| {
         let triangle = || tree.order()[node.first_leaf as usize];
@@ -127,7 +131,7 @@ fn bottom_up<T: Copy + Send>(
     let (below_left, below_right) = below.split_at_mut(left.leaves as usize - 1);
     let mut left = || bottom_up(tree, left, below_left, known, join);
     let mut right = || bottom_up(tree, right, below_right, known, join);
-    let (a, b) = if node.leaves as usize > RUN {
+    let (a, b) = if node.leaves as usize > TASK_SIZE {
         rayon::join(left, right)
     } else {
         (left(), right())

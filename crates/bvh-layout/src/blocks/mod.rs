@@ -6,8 +6,9 @@ mod costs;
 use geom::Aabb;
 use std::ops::Range;
 
-/// Each parallel pass has tasks of at least a fraction of this number of nodes or blocks. Costly passes use less.
-const RUN: usize = 2048;
+/// Number of leaves above which a binary subtree is processed in parallel. Other passes use a multiple or a fraction as
+/// the minimum size of a task: a fraction if elements are costly.
+const TASK_SIZE: usize = 2048;
 
 /// Maximum number of children of a node, and of triangles of a block.
 pub const LANES: usize = 8;
@@ -19,14 +20,14 @@ pub struct CollapseOptions<'a> {
     /// boxes, the number of triangles below a node or block takes the place of its area.
     pub boxes: &'a [Aabb],
     /// The child that an any-hit traversal visits first.
-    pub first: First,
+    pub first_visited: FirstVisited,
 }
 
 /// The child that an any-hit traversal visits first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum First {
-    /// The child of larger area, which is more likely to end the ray. Leaves come second. Without boxes, same as
-    /// `Left`.
+pub enum FirstVisited {
+    /// The child of larger area, which is more likely to end the ray. A child that is a single triangle comes second.
+    /// Without boxes, same as `Left`.
     Larger,
     /// The left child, for trees that are built with the likely occluder on the left.
     #[default]
@@ -44,7 +45,7 @@ pub enum First {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct BlockTree {
     /// Nodes level by level, root first.
-    pub nodes: Vec<WideNode>,
+    pub nodes: Vec<BlockTreeNode>,
     /// Blocks in the order of their nodes and lanes.
     pub blocks: Vec<Block>,
     /// Range of nodes of each level, root first.
@@ -55,16 +56,16 @@ pub struct BlockTree {
     pub first_children: Vec<u32>,
 }
 
-/// A wide node: the child of each lane.
+/// A node of a [`BlockTree`]: the child of each lane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct WideNode {
+pub struct BlockTreeNode {
     /// Children. Lanes without a child come last and hold [`Link::NONE`]. Traversal visits later children first.
     pub links: [Link; LANES],
     /// The binary nodes that this node replaces.
     pub ranges: Ranges,
 }
 
-impl WideNode {
+impl BlockTreeNode {
     /// Node without children.
     pub const EMPTY: Self = Self {
         links: [Link::NONE; LANES],

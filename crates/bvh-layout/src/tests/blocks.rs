@@ -1,7 +1,7 @@
 //! Tests of the eight-wide form, read back lane by lane.
 
-use super::{random_tree, scene, shapes};
-use crate::{Block, BlockTree, CollapseOptions, First, LANES, Link};
+use super::{random_tree, scene_triangle_count, shapes};
+use crate::{Block, BlockTree, CollapseOptions, FirstVisited, LANES, Link};
 use bvh_build::{BinaryTree, Subtree};
 use geom::Aabb;
 
@@ -53,7 +53,7 @@ fn triangles_of(block: &Block, out: &mut Vec<u32>) {
 }
 
 pub(super) fn check(binary: &BinaryTree) {
-    let triangles = triangles(scene(binary));
+    let triangles = triangles(scene_triangle_count(binary));
     let tree = BlockTree::of(binary, &triangles, CollapseOptions::default());
     let mut found = Vec::new();
     let mut seen = vec![0; tree.nodes.len()];
@@ -62,7 +62,8 @@ pub(super) fn check(binary: &BinaryTree) {
         assert!(seen.iter().all(|&n| n == 1), "every node has one parent");
     }
     assert_eq!(found, binary.order());
-    // Every block belongs to a node. With one range less than children per node, every binary node has a range.
+    // Every block belongs to a node. `below` and `triangles_of` check that nodes and blocks have one range less than used
+    // lanes. So there are as many ranges as inner nodes of the binary tree.
     let ends = (tree.first_blocks[0], *tree.first_blocks.last().unwrap());
     assert_eq!(ends, (0, tree.blocks.len() as u32));
 }
@@ -77,7 +78,7 @@ fn triangles_and_nodes_appear_once() {
 #[test]
 fn full_subtrees_make_full_nodes() {
     let tree = random_tree(20_000, 5);
-    let corners = triangles(scene(&tree));
+    let corners = triangles(scene_triangle_count(&tree));
     let wide = BlockTree::of(&tree, &corners, CollapseOptions::default());
     let upper = &wide.nodes[wide.levels[1].clone()];
     assert!(upper.iter().all(|node| !node.links.contains(&Link::NONE)));
@@ -97,9 +98,9 @@ fn boxes(n: usize, large: u32) -> Vec<Aabb> {
 fn known_areas_move_large_triangles_up() {
     // Only the nodes above one large triangle differ in area.
     let tree = random_tree(20_000, 5);
-    let corners = triangles(scene(&tree));
+    let corners = triangles(scene_triangle_count(&tree));
     let large = tree.order()[7];
-    let boxes = boxes(scene(&tree), large);
+    let boxes = boxes(scene_triangle_count(&tree), large);
     let depth = |wide: &BlockTree| {
         let is_there = |block: &Block| block.triangles.contains(&large);
         let block = wide.blocks.iter().position(is_there).unwrap() as u32;
@@ -108,8 +109,11 @@ fn known_areas_move_large_triangles_up() {
         levels.position(|level| level.contains(&node)).unwrap()
     };
     let [by_size, by_area] = [&[][..], &boxes].map(|boxes| {
-        let first = First::Larger;
-        BlockTree::of(&tree, &corners, CollapseOptions { boxes, first })
+        let options = CollapseOptions {
+            boxes,
+            first_visited: FirstVisited::Larger,
+        };
+        BlockTree::of(&tree, &corners, options)
     });
     assert!(depth(&by_area) < depth(&by_size));
 }
@@ -129,13 +133,19 @@ fn visits_larger_or_left_subtree_first() {
     let tree = random_tree(20_000, 5);
     let order = tree.order();
     for large in [order[0], order[9_000], order[19_999]] {
-        let boxes = boxes(scene(&tree), large);
-        let corners = triangles(scene(&tree));
-        for (first, found) in [(First::Larger, large), (First::Left, order[0])] {
-            let boxes = &boxes;
-            let wide = BlockTree::of(&tree, &corners, CollapseOptions { boxes, first });
+        let boxes = boxes(scene_triangle_count(&tree), large);
+        let corners = triangles(scene_triangle_count(&tree));
+        for (first_visited, found) in [
+            (FirstVisited::Larger, large),
+            (FirstVisited::Left, order[0]),
+        ] {
+            let options = CollapseOptions {
+                boxes: &boxes,
+                first_visited,
+            };
+            let wide = BlockTree::of(&tree, &corners, options);
             let visited = asked_first(&wide).triangles;
-            assert!(visited.contains(&found), "{large} {first:?}");
+            assert!(visited.contains(&found), "{large} {first_visited:?}");
         }
     }
 }
@@ -203,10 +213,10 @@ fn wide_nodes_have_minimal_area() {
             let max = [0, 1, 2].map(|axis| min[axis] + (t * (axis + 3) % 11).pow(2) as f32);
             Aabb { min, max }
         };
-        let boxes: Vec<_> = (0..scene(&tree)).map(bounds).collect();
+        let boxes: Vec<_> = (0..scene_triangle_count(&tree)).map(bounds).collect();
         let options = CollapseOptions {
             boxes: &boxes,
-            first: First::Left,
+            first_visited: FirstVisited::Left,
         };
         let wide = BlockTree::of(&tree, &triangles(boxes.len()), options);
         let (_, found) = areas_below(&wide, Link::ROOT, &boxes);

@@ -25,7 +25,7 @@ fn grow(leaves: usize, mut split: impl FnMut(u32, u32) -> u32) -> BinaryTree {
 }
 
 /// Returns a number of scene triangles that fits the tree.
-pub(crate) fn scene(tree: &BinaryTree) -> usize {
+pub(crate) fn scene_triangle_count(tree: &BinaryTree) -> usize {
     tree.order().iter().max().map_or(0, |&t| t as usize + 2)
 }
 
@@ -67,7 +67,8 @@ pub(crate) fn chain(leaves: usize) -> BinaryTree {
     deep(leaves, |_| 1)
 }
 
-/// Returns small trees of every shape: empty, single, full, chains, ragged, and with sizes around word boundaries.
+/// Returns small trees of every shape: empty, single, full, chains, ragged, and with numbers of leaves around 8, 32, 64
+/// and 256, the limits of blocks, of depth and of treelets.
 pub(crate) fn shapes() -> Vec<BinaryTree> {
     let random = (0..70).chain([255, 256, 257, 1_000]);
     let mut all: Vec<BinaryTree> = random.map(|n| random_tree(n, n as u64)).collect();

@@ -37,7 +37,7 @@ pub(crate) fn rows_of(treelets: &Treelets) -> BTreeMap<u32, Found> {
     reader.rows
 }
 
-/// A decoded subtree: its triangles, depth first, and the number of leaves to the left of each inner node.
+/// A decoded subtree: its triangles, depth first, and the number of leaves of each inner node's left child, in preorder.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Found {
     pub(crate) order: Vec<u32>,

@@ -68,7 +68,7 @@ impl Cut {
     }
 
     /// Cuts a tree into the largest subtrees of at most `most` leaves. `below` has the index in the whole tree of each
-    /// inner node; `None` if the indices are equal. Leaves `treelets` empty.
+    /// inner node; `None` if the indices are equal. Does not fill `treelets`.
     fn new(left_leaves: &[u32], most: usize, below: Option<&[u32]>) -> Self {
         let (mut roots, mut above, mut whole_tree_indices) = (Vec::new(), Vec::new(), Vec::new());
         let root = Subtree {

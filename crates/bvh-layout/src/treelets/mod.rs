@@ -104,7 +104,7 @@ impl WideTree {
     const FIRST_AT: u32 = 6;
 }
 
-/// Scratch memory of conversions: one word per triangle, and a second one for trees with a wide form.
+/// Scratch memory of conversions: one word per triangle, and a second one for trees that may have a [`WideTree`].
 #[derive(Debug, Default)]
 pub(crate) struct Scratch {
     pub(crate) inner: Vec<u32>,

@@ -16,7 +16,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 /// Name for a rival's intersector in tables and files. Rivals use their own intersectors.
-pub(crate) const OWN: &str = "own";
+pub(crate) const RIVAL_INTERSECTOR: &str = "own";
 
 /// A rival, its device, and the policy by which it updates its tree.
 #[derive(Clone, Debug)]
@@ -143,7 +143,7 @@ impl RunningRival {
             update,
             lockstep: None,
             predict: None,
-            intersector: OWN,
+            intersector: RIVAL_INTERSECTOR,
             auto: Vec::new(),
             memory: None,
         }

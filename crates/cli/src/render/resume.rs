@@ -43,7 +43,7 @@ impl EarlierRun {
                 Manifest::in_folder(&folder).map_err(CliError::invalid)?
             };
             if let Some(found) = found {
-                if let Some(difference) = found.difference(&manifest(settings, found.key_times)?) {
+                if let Some(difference) = found.difference(&manifest(settings, found.key_frames)?) {
                     let other = format!("{} holds another run: {difference}", folder.display());
                     return Err(CliError::invalid(format!(
                         "{other}; --overwrite replaces it"
@@ -100,7 +100,7 @@ impl EarlierRun {
         if files.has_video || rays.is_some_and(|file| !file.exists()) {
             return Ok(None);
         }
-        let all = all_frames(settings, found.key_times)?;
+        let all = all_frames(settings, found.key_frames)?;
         let frames = self.divide(frame_list::of_shard(&all, settings.shard), files);
         Ok(frames.todo.is_empty().then_some(frames.done))
     }
@@ -133,22 +133,22 @@ impl EarlierRun {
     }
 }
 
-/// Returns all frames of a run over a motion with `key_times` key frames.
+/// Returns all frames of a run over a motion with `key_frames` key frames.
 pub(super) fn all_frames(
     settings: &RenderSettings,
-    key_times: usize,
+    key_frames: usize,
 ) -> Result<Vec<Frame>, CliError> {
     let frames = settings.frames.as_ref();
     frame_list::list(
         frames,
         settings.time_range,
-        key_times,
+        key_frames,
         is_demo(&settings.scene),
     )
 }
 
-/// Returns the manifest of a run over a motion with `key_times` key frames.
-pub(super) fn manifest(settings: &RenderSettings, key_times: usize) -> Result<Manifest, CliError> {
+/// Returns the manifest of a run over a motion with `key_frames` key frames.
+pub(super) fn manifest(settings: &RenderSettings, key_frames: usize) -> Result<Manifest, CliError> {
     let files = scene::files(&settings.scene)?;
     // The name is recorded for demos, which have no files, and for joined or placed inputs, because it contains their
     // placements. Other scenes are identified by the digests of their files, so their folder may change.
@@ -157,25 +157,26 @@ pub(super) fn manifest(settings: &RenderSettings, key_times: usize) -> Result<Ma
     let files = output::digests(&files).map_err(CliError::invalid)?;
     let camera = serde_json::from_value(json!(settings.camera));
     let mut options: BTreeMap<_, _> = camera.map_err(CliError::failed)?;
-    options.extend(other_options(settings, key_times));
+    options.extend(other_options(settings, key_frames));
     Ok(Manifest {
         schema: SCHEMA,
         version: VERSION.to_owned(),
         scene: SceneId { name, files },
-        key_times,
+        key_frames,
         options,
     })
 }
 
 /// Returns the options that affect the contents of the files, apart from those of the camera.
-fn other_options(settings: &RenderSettings, key_times: usize) -> BTreeMap<String, Value> {
+fn other_options(settings: &RenderSettings, key_frames: usize) -> BTreeMap<String, Value> {
     let RenderSettings { source, tracer, .. } = settings;
     let mut all = vec![
         ("fps", json!(source.fps)),
         ("clip", json!(source.clip)),
-        // The default view is fitted to the bounding boxes of paged key frames, but to the vertices of others.
+        // Decides whether key frames are paged. The default view is then fitted to their bounding boxes, otherwise to
+        // their vertices.
         ("key-memory", json!(source.key_memory)),
-        ("frames", frames_value(settings, key_times)),
+        ("frames", frames_value(settings, key_frames)),
         ("intersector", json!(tracer.intersector.name())),
     ];
     if source.recentre {
@@ -193,13 +194,13 @@ fn other_options(settings: &RenderSettings, key_times: usize) -> BTreeMap<String
 /// Returns the value of `frames` in the manifest. Runs with different lists of key times are compatible, because the
 /// time of a listed frame does not depend on the list. The times of evenly spread frames depend on their number and
 /// range.
-fn frames_value(settings: &RenderSettings, key_times: usize) -> Value {
+fn frames_value(settings: &RenderSettings, key_frames: usize) -> Value {
     let frames = settings.frames.as_ref();
     if let Some(FrameChoice::Keys(_)) = frames {
         return json!("key times");
     }
     let is_demo = is_demo(&settings.scene);
     let EvenFrames { count, range } =
-        EvenFrames::of(frames, settings.time_range, key_times, is_demo);
+        EvenFrames::of(frames, settings.time_range, key_frames, is_demo);
     json!({ "count": count, "from": range.from, "to": range.to })
 }

@@ -9,9 +9,9 @@ use proptest::prelude::*;
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-/// Target of a ray.
+/// Target of a ray at a body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Aim {
+pub(crate) enum BodyTarget {
     /// A point on an edge, rounded to single precision.
     Edge,
     /// A vertex.
@@ -20,27 +20,27 @@ pub(crate) enum Aim {
     Random,
 }
 
-/// A sort of rays at a body.
+/// A kind of rays at a body.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct RaySort {
-    pub(crate) aim: Aim,
+pub(crate) struct BodyRayKind {
+    pub(crate) target: BodyTarget,
     /// Whether rays start inside the body.
     pub(crate) is_inside: bool,
 }
 
-impl RaySort {
-    /// All sorts, which are used in rotation.
+impl BodyRayKind {
+    /// All kinds, which are used in rotation.
     pub(crate) const ALL: [Self; 6] = {
-        const fn of(aim: Aim, is_inside: bool) -> RaySort {
-            RaySort { aim, is_inside }
+        const fn of(target: BodyTarget, is_inside: bool) -> BodyRayKind {
+            BodyRayKind { target, is_inside }
         }
         [
-            of(Aim::Edge, true),
-            of(Aim::Vertex, true),
-            of(Aim::Random, true),
-            of(Aim::Edge, false),
-            of(Aim::Vertex, false),
-            of(Aim::Random, false),
+            of(BodyTarget::Edge, true),
+            of(BodyTarget::Vertex, true),
+            of(BodyTarget::Random, true),
+            of(BodyTarget::Edge, false),
+            of(BodyTarget::Vertex, false),
+            of(BodyTarget::Random, false),
         ]
     };
 }
@@ -102,8 +102,8 @@ pub(crate) struct PlacedBody {
     to_scene: DAffine3,
 }
 
-/// A body that is moved by `offset` plus a random distance below 1 along each axis. Flat faces stay flat unless
-/// `is_turned`.
+/// A body that is moved by `offset` plus a random distance below 1 along each axis. If `is_turned`, it is also rotated,
+/// so that rounding makes flat faces uneven.
 pub(crate) fn placed_body(
     body: &'static ClosedBody,
     offset: f32,
@@ -142,7 +142,7 @@ pub(crate) fn placed_body(
 /// Random numbers that describe a ray at a body.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BodyRay {
-    pub(crate) sort: RaySort,
+    pub(crate) kind: BodyRayKind,
     /// Number that selects the triangle of the target, modulo the number of triangles.
     triangle: u32,
     /// Edge or vertex of the triangle.
@@ -157,8 +157,8 @@ pub(crate) struct BodyRay {
     distances: [f64; 2],
 }
 
-/// Rays of a sort.
-pub(crate) fn body_rays(sort: RaySort) -> impl Strategy<Value = BodyRay> {
+/// Rays of a kind.
+pub(crate) fn body_rays(kind: BodyRayKind) -> impl Strategy<Value = BodyRay> {
     let target = (any::<u32>(), 0..3_usize, 0.0_f32..1.0);
     let places = (
         0.0..TAU,
@@ -170,7 +170,7 @@ pub(crate) fn body_rays(sort: RaySort) -> impl Strategy<Value = BodyRay> {
         let (triangle, part, weight) = target;
         let (angle, inner, directions, distances) = places;
         BodyRay {
-            sort,
+            kind,
             triangle,
             part,
             weight,
@@ -192,7 +192,7 @@ impl PlacedBody {
 
     /// Returns the described ray at the body.
     pub(crate) fn ray(&self, ray: &BodyRay) -> Ray {
-        let RaySort { aim, is_inside } = ray.sort;
+        let BodyRayKind { target, is_inside } = ray.kind;
         let radius = self.body.radius;
         let place = |p| placed(&self.to_scene, p);
         let [from, to] = ray.directions;
@@ -204,16 +204,16 @@ impl PlacedBody {
         };
         let corners = self.triangles[ray.triangle as usize % self.triangles.len()];
         let vertex = |k: usize| self.points[corners[k % 3] as usize];
-        let at: Point = match aim {
-            Aim::Vertex => vertex(ray.part),
-            Aim::Edge => {
+        let at: Point = match target {
+            BodyTarget::Vertex => vertex(ray.part),
+            BodyTarget::Edge => {
                 let (a, b) = (vertex(ray.part), vertex(ray.part + 1));
                 std::array::from_fn(|i| a[i] + ray.weight * (b[i] - a[i]))
             }
-            Aim::Random if is_inside => {
+            BodyTarget::Random if is_inside => {
                 std::array::from_fn(|i| origin[i] + (to[i] * radius) as f32)
             }
-            Aim::Random => place(to.map(|x| x * radius * ray.distances[1])),
+            BodyTarget::Random => place(to.map(|x| x * radius * ray.distances[1])),
         };
         Ray::new(origin, std::array::from_fn(|i| at[i] - origin[i]))
     }

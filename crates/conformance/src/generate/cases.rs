@@ -1,10 +1,10 @@
 //! Cases to test properties on, with the scale and position of each scene.
 
-use super::bodies::{BODIES, BodyRay, PlacedBody, RaySort, body_rays, placed_body};
+use super::bodies::{BODIES, BodyRay, BodyRayKind, PlacedBody, body_rays, placed_body};
 use super::commands::{BackendCommand, commands};
-use super::rays::{Aims, RayDescription, RayKind, nth_ray};
+use super::rays::{RayDescription, RayKind, TargetTriangles, nth_ray};
 use super::scenes::{KEYS, MovingMesh, SceneKind, grid_point, scenes};
-use super::strategies::{Precision, each, precision, runner, steps, tree};
+use super::strategies::{Precision, each, precision, runner, steps, value_tree};
 use super::topologies::TreeDescription;
 use crate::compare::ray_text;
 use geom::{Animation, Camera, CameraPose, Point, Ray};
@@ -38,7 +38,7 @@ pub struct Case {
     /// Commands between frames.
     pub(crate) commands: Vec<BackendCommand>,
     /// Random bits, for properties that make random choices.
-    pub chance: u64,
+    pub random_bits: u64,
     /// A closed body, for the property that rays do not leak.
     pub(crate) body: PlacedBody,
     /// Rays at the body.
@@ -103,11 +103,11 @@ struct CaseDescription {
     place: ScenePlacement,
     times: VisitTimes,
     rays: Vec<RayDescription>,
-    /// Random point from which the eye is computed, and the light if it is not hard.
+    /// Random point from which the eye is computed, and the light if it is not placed at a triangle.
     anywhere: Point,
     light: LightDescription,
     trees: Vec<TreeDescription>,
-    chance: u64,
+    random_bits: u64,
     commands: Vec<BackendCommand>,
     body: PlacedBody,
     body_rays: Vec<BodyRay>,
@@ -133,11 +133,11 @@ pub(crate) fn cases(number: u32) -> impl Strategy<Value = Case> {
         any::<u64>().no_shrink(),
         commands(),
         bodies(),
-        each((0..BODY_RAYS).map(|i| body_rays(RaySort::ALL[i % RaySort::ALL.len()]))),
+        each((0..BODY_RAYS).map(|i| body_rays(BodyRayKind::ALL[i % BodyRayKind::ALL.len()]))),
     );
     (scene, rays, rest).prop_map(move |(scene, rays, rest)| {
         let ((kept, keys), place, precision, scene) = scene;
-        let (times, light, trees, anywhere, chance, commands, body, body_rays) = rest;
+        let (times, light, trees, anywhere, random_bits, commands, body, body_rays) = rest;
         let description = CaseDescription {
             scene,
             kept,
@@ -149,7 +149,7 @@ pub(crate) fn cases(number: u32) -> impl Strategy<Value = Case> {
             anywhere,
             light,
             trees,
-            chance,
+            random_bits,
             commands,
             body,
             body_rays,
@@ -168,7 +168,7 @@ fn bodies() -> impl Strategy<Value = PlacedBody> {
 
 /// Returns case `number` of a seed.
 pub fn nth_case(seed: u64, number: u32) -> Case {
-    tree(&cases(number), &mut runner(seed, number, 0)).current()
+    value_tree(&cases(number), &mut runner(seed, number, 0)).current()
 }
 
 impl CaseDescription {
@@ -183,24 +183,28 @@ impl CaseDescription {
         keys.truncate(self.keys);
         let times = self.times.up_to(keys.len() - 1);
         let whole = place.animation((keys.clone(), triangles.clone()));
-        let aims = Aims::of(&whole, times[1]);
-        let light = self.light.hard(&whole, times[1]);
+        let targets = TargetTriangles::of(&whole, times[1]);
+        let light = self.light.at_triangle(&whole, times[1]);
         Case {
             number,
             about: format!("{kind}, {place:?}"),
-            rays: self.rays.iter().map(|ray| Aims::pick(&aims, ray)).collect(),
+            rays: self
+                .rays
+                .iter()
+                .map(|ray| TargetTriangles::pick(&targets, ray))
+                .collect(),
             kinds: self.rays.iter().map(|ray| ray.kind).collect(),
             camera: place.camera(self.anywhere),
             light: light.unwrap_or_else(|| place.put(self.anywhere.map(|x| 3.0 * x))),
             animation: if self.kept.len() < TRIANGLES as usize {
-                place.animation(some((keys, triangles), &self.kept))
+                place.animation(keep_triangles((keys, triangles), &self.kept))
             } else {
                 whole
             },
             times: times.to_vec(),
             trees: self.trees,
             commands: self.commands,
-            chance: self.chance,
+            random_bits: self.random_bits,
             body: self.body,
             body_rays: self.body_rays,
         }
@@ -208,7 +212,7 @@ impl CaseDescription {
 }
 
 /// Returns the `kept` triangles of a scene, with only the vertices that they use.
-fn some((keys, triangles): MovingMesh, kept: &[u32]) -> MovingMesh {
+fn keep_triangles((keys, triangles): MovingMesh, kept: &[u32]) -> MovingMesh {
     let numbers = kept.iter().map(|&t| t as usize);
     let some: Vec<[u32; 3]> = numbers.filter_map(|t| triangles.get(t).copied()).collect();
     let mut used = some.as_flattened().to_vec();
@@ -249,7 +253,7 @@ fn times() -> impl Strategy<Value = VisitTimes> {
 impl VisitTimes {
     /// Returns the times, but not beyond key frame `end`.
     fn up_to(self, end: usize) -> [f64; 3] {
-        // Low precision rounds times to key frames or to eighths.
+        // Times are rounded differently from coordinates: `Eighths` rounds to key frames, `ThreeBits` to eighths.
         let mut times = self.all.map(|time| match self.precision {
             Precision::Eighths => time.round(),
             Precision::ThreeBits => (8.0 * time).round() / 8.0,
@@ -262,20 +266,20 @@ impl VisitTimes {
     }
 }
 
-/// Description of a light. A hard light is in a triangle's plane outside the triangle, or at one of its vertices.
+/// Description of a light, which may be at a triangle: in its plane but outside it, or at its first vertex.
 #[derive(Clone, Copy, Debug)]
 struct LightDescription {
-    is_hard: bool,
+    is_at_triangle: bool,
     is_vertex: bool,
     triangle: u32,
 }
 
-/// Lights, half of which are hard. They shrink to simple ones.
+/// Lights, half of which are at a triangle. They shrink to the others.
 fn lights() -> impl Strategy<Value = LightDescription> {
     let numbers = (any::<bool>(), any::<u32>());
-    (any::<bool>(), numbers.no_shrink()).prop_map(|(is_hard, (is_vertex, triangle))| {
+    (any::<bool>(), numbers.no_shrink()).prop_map(|(is_at_triangle, (is_vertex, triangle))| {
         LightDescription {
-            is_hard,
+            is_at_triangle,
             is_vertex,
             triangle,
         }
@@ -283,10 +287,10 @@ fn lights() -> impl Strategy<Value = LightDescription> {
 }
 
 impl LightDescription {
-    /// Returns the position, if the light is hard and the scene has a suitable triangle.
-    fn hard(self, animation: &Animation, time: f64) -> Option<Point> {
+    /// Returns the position, if the light is at a triangle and its coordinates are finite.
+    fn at_triangle(self, animation: &Animation, time: f64) -> Option<Point> {
         let count = animation.triangle_count() as u32;
-        if count == 0 || !self.is_hard {
+        if count == 0 || !self.is_at_triangle {
             return None;
         }
         let reach = if self.is_vertex { 0.0 } else { 3.0 };
@@ -371,7 +375,7 @@ mod tests {
 
     /// Returns the smallest case to which case `number` shrinks.
     fn smallest(number: u32) -> Case {
-        let mut tree = tree(&cases(number), &mut runner(1, number, 0));
+        let mut tree = value_tree(&cases(number), &mut runner(1, number, 0));
         while tree.simplify() {}
         tree.current()
     }

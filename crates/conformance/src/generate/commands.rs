@@ -29,9 +29,9 @@ pub(crate) enum BackendCommand {
 pub(crate) enum AdoptedTree {
     /// Built at one of the case's first three times, with lists of moving treelets.
     Built(usize),
-    /// Built at one of the case's first three times, without these lists.
+    /// Built at one of the case's first three times, without treelets.
     Plain(usize),
-    /// Split at random, with lists. The number decides its shape.
+    /// Split at random, with lists. The number is the seed of its shape.
     Random(u64),
 }
 
@@ -63,10 +63,10 @@ impl AdoptedTree {
     pub(crate) fn tree(self, animation: &Animation, built: impl Fn(usize) -> Topology) -> Topology {
         match self {
             Self::Built(time) => built(time),
-            Self::Plain(time) => without_lists(&built(time)),
-            Self::Random(order) => {
+            Self::Plain(time) => without_treelets(&built(time)),
+            Self::Random(seed) => {
                 let split = LeafSplit::Random;
-                let tree = TreeDescription { split, order }.tree(animation);
+                let tree = TreeDescription { split, seed }.tree(animation);
                 tree.with_moving(animation.static_parts())
             }
         }
@@ -74,6 +74,6 @@ impl AdoptedTree {
 }
 
 /// Returns the same tree without treelets and lists of moving treelets.
-pub(crate) fn without_lists(tree: &Topology) -> Topology {
+pub(crate) fn without_treelets(tree: &Topology) -> Topology {
     Topology::new(Arc::clone(tree.binary()), tree.triangle_count())
 }

@@ -38,7 +38,10 @@ pub(crate) fn plus(a: Point, s: f32, b: Point) -> Point {
 /// Triangles whose first edge is up to `size` long along each axis.
 ///
 /// The second edge is scaled by a power of ten, with an exponent in `thin`.
-pub(crate) fn free(size: f64, thin: [f64; 2]) -> impl Strategy<Value = Triangle> + Clone {
+pub(crate) fn random_triangle(
+    size: f64,
+    thin: [f64; 2],
+) -> impl Strategy<Value = Triangle> + Clone {
     let edges = (uniform3(point()), power(thin));
     edges.prop_map(move |([corner, e, f], thin)| {
         [
@@ -49,13 +52,13 @@ pub(crate) fn free(size: f64, thin: [f64; 2]) -> impl Strategy<Value = Triangle>
     })
 }
 
-/// Lists of separate triangles: see [`free`].
+/// Lists of separate triangles: see [`random_triangle`].
 pub(crate) fn soup(
     count: impl Into<SizeRange>,
     size: f64,
     thin: [f64; 2],
 ) -> impl Strategy<Value = Vec<Triangle>> + Clone {
-    vec(free(size, thin), count)
+    vec(random_triangle(size, thin), count)
 }
 
 /// Exponents for second edges about as long as the first.
@@ -72,7 +75,8 @@ pub(crate) fn apart(count: usize) -> Vec<[u32; 3]> {
     all.map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect()
 }
 
-/// Positions of a point moved by `1e3` to `3e38`, along one axis or along all.
+/// Positions of a point that is moved by `1e3` to `3e38` along one axis or all. A moved coordinate is that distance plus
+/// a tenth of the old one.
 pub(crate) fn outlying(p: Point) -> impl Strategy<Value = Point> {
     let moves = (power([3.0, 38.5]), 0..4_usize, uniform3(any::<bool>()));
     moves.prop_map(move |(by, axis, signs)| {
@@ -86,9 +90,9 @@ pub(crate) fn outlying(p: Point) -> impl Strategy<Value = Point> {
     })
 }
 
-/// Small triangles far away, and much smaller ones at the origin.
+/// Triangles at a great distance, about a thousandth of it in size, and tiny triangles near the origin.
 pub(crate) fn outlier() -> impl Strategy<Value = Triangle> {
-    let sized = |size, powers| (free(size, PLUMP), power(powers));
+    let sized = |size, powers| (random_triangle(size, PLUMP), power(powers));
     let all = prop_oneof![
         2 => sized(1e-3, [3.0, 38.5]),
         1 => sized(1.0, [-38.0, -3.0]),
@@ -116,10 +120,10 @@ pub(crate) fn flat(axis: usize) -> impl Strategy<Value = Triangle> + Clone {
     })
 }
 
-/// Flat and free triangles, each with one copy, one rotation of its vertices and one reversal.
+/// Flat and random triangles, each with one copy, one rotation of its vertices and one reversal.
 pub(crate) fn stacks() -> impl Strategy<Value = IndexedMesh> {
     let flats: Vec<_> = (0..9).map(|i| flat(i % 3)).collect();
-    let bases = (flats, soup(7, 0.8, PLUMP)).prop_map(|(flats, free)| [flats, free].concat());
+    let bases = (flats, soup(7, 0.8, PLUMP)).prop_map(|(flats, others)| [flats, others].concat());
     let all = bases.prop_map(|bases| {
         let (points, triangles) = separate(&bases);
         let again = |&[a, b, c]: &[u32; 3]| [[a, b, c], [a, b, c], [b, c, a], [a, c, b]];

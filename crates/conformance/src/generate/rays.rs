@@ -1,7 +1,7 @@
 //! Rays of several kinds, each for one purpose. Sums are computed in double precision and rounded once.
 
 use super::meshes::point;
-use super::strategies::{Precision, Steps, precision, runner, steps, tree};
+use super::strategies::{Precision, Steps, precision, runner, steps, value_tree};
 use crate::stage;
 use geom::{Animation, Point, Ray, Triangle, is_active};
 use proptest::array::uniform3;
@@ -43,7 +43,7 @@ backend::named! {
         InPlaneExactly = "in-plane-exactly",
         /// Along an axis; the other components are zeros of either sign.
         AlongAxis = "along-axis",
-        /// From a vertex along an edge.
+        /// Along an edge: from a point before it, from its first vertex or from its midpoint.
         AlongEdge = "along-edge",
         /// From a point on a triangle in any direction.
         OnSurface = "on-surface",
@@ -61,14 +61,15 @@ backend::named! {
         Long = "long",
         /// The direction is subnormal.
         Subnormal = "subnormal",
-        /// The interval starts or ends at the target, or directly before or after it.
+        /// The interval starts or ends at the target, or directly before or after it. Or it extends backwards and ends
+        /// near the ray's origin.
         Limited = "limited",
         /// Cannot hit anything: [`Ray::is_valid`] returns `false`.
         Void = "void",
     }
 }
 
-/// Description of a ray, from which [`Aims`] computes it for a scene.
+/// Description of a ray, from which [`TargetTriangles`] computes it for a scene.
 #[derive(Clone, Debug)]
 pub(crate) struct RayDescription {
     pub(crate) kind: RayKind,
@@ -81,8 +82,8 @@ pub(crate) struct RayDescription {
     weights: [f64; 2],
     /// Vertex or edge of the triangle.
     part: usize,
-    /// A random choice that depends on the kind of ray, such as a vertex instead of an edge.
-    is_vertex: bool,
+    /// A random choice whose meaning depends on the kind of ray, such as a vertex instead of an edge.
+    choice: bool,
     /// Points around the scene.
     points: [[f64; 3]; 2],
     /// Start of an in-plane ray, as multiples of the edge vectors at the triangle's first vertex.
@@ -117,7 +118,7 @@ pub(crate) fn rays_of(kind: RayKind, target: Target) -> impl Strategy<Value = Ra
     let numbers = (geometry.no_shrink(), special.no_shrink());
     (kinds(kind), precision(), numbers).prop_map(move |(kind, precision, (geometry, special))| {
         let (near, triangles, weights, points) = geometry;
-        let (axis, signs, variant, part, is_vertex, walk, exponent) = special;
+        let (axis, signs, variant, part, choice, walk, exponent) = special;
         RayDescription {
             kind,
             target,
@@ -125,7 +126,7 @@ pub(crate) fn rays_of(kind: RayKind, target: Target) -> impl Strategy<Value = Ra
             triangles,
             weights,
             part,
-            is_vertex,
+            choice,
             points,
             walk,
             exponent,
@@ -163,22 +164,22 @@ pub fn aimed(
     distance: f64,
     count: usize,
 ) -> Vec<Ray> {
-    let [_, aims] = Aims::of(animation, time);
+    let [_, targets] = TargetTriangles::of(animation, time);
     let (rays, mut runner) = (rays_of(RayKind::Beyond, target), runner(2014, 0, 0));
-    let ray = || aims.beyond(&tree(&rays, &mut runner).current(), 2.0 * distance);
+    let ray = || targets.beyond(&value_tree(&rays, &mut runner).current(), 2.0 * distance);
     let all = std::iter::repeat_with(ray);
     all.filter(Ray::is_valid).take(count).collect()
 }
 
 /// The active triangles of a scene at one time, as targets.
-pub(crate) struct Aims {
+pub(crate) struct TargetTriangles {
     corners: Vec<Triangle>,
     centre: [f64; 3],
     /// Largest distance from the centre along one axis.
     radius: f64,
 }
 
-impl Aims {
+impl TargetTriangles {
     fn new(corners: Vec<Triangle>) -> Self {
         let corners: Vec<_> = corners.into_iter().filter(is_active).collect();
         let ends = |i: usize| {
@@ -207,8 +208,8 @@ impl Aims {
 
     /// Returns the described ray at the targets of a scene: see [`Self::of`].
     pub(crate) fn pick([near, all]: &[Self; 2], ray: &RayDescription) -> Ray {
-        let aims = if ray.is_near { near } else { all };
-        aims.ray(ray)
+        let targets = if ray.is_near { near } else { all };
+        targets.ray(ray)
     }
 
     /// Returns the described ray, which is aimed at its target if its kind allows. If there is no triangle, returns a
@@ -247,7 +248,7 @@ impl Aims {
         let around = |reach: f64, p: [f64; 3]| -> [f64; 3] {
             std::array::from_fn(|i| self.centre[i] + reach * p[i])
         };
-        let rim = [Target::Edge, Target::Vertex][usize::from(ray.is_vertex)];
+        let rim = [Target::Edge, Target::Vertex][usize::from(ray.choice)];
         let triangle = self.triangle(ray.triangles[0]);
         match ray.kind {
             RayKind::Random => ray.points.map(|p| around(1.5 * self.radius, p)),
@@ -277,7 +278,7 @@ impl Aims {
             }
             // From around the scene, or from within it.
             _ => {
-                let reach = self.radius * [0.9, 2.5][usize::from(ray.is_vertex)];
+                let reach = self.radius * [0.9, 2.5][usize::from(ray.choice)];
                 [around(reach, ray.points[0]), self.target(ray.target, ray)]
             }
         }
@@ -311,7 +312,7 @@ impl Aims {
 
     /// Returns a ray along an axis, which shares its other coordinates with the target.
     fn along_axis(&self, ray: &RayDescription) -> Ray {
-        let sign = if ray.is_vertex { -1.0 } else { 1.0 };
+        let sign = if ray.choice { -1.0 } else { 1.0 };
         let mut from = self.target(ray.target, ray);
         from[ray.axis] -= 4.0 * sign * self.radius;
         let mut direction = ray.signs.map(zero);

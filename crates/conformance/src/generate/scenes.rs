@@ -39,7 +39,7 @@ backend::named! {
         Zeros = "zeros",
         /// Separate triangles, most or all of which are static. Some are joined to moving ones, degenerate or inactive.
         Resting = "resting",
-        /// A body that moves over a large static sheet, so that few of many treelets move.
+        /// A body that moves near a large static sheet, so that few of many treelets move.
         Hall = "hall",
         /// One vertex or one triangle moves far away or close to the origin, in some or all key frames.
         Outlying = "outlying",
@@ -59,8 +59,8 @@ pub(crate) fn grid_point() -> impl Strategy<Value = Point> + Clone {
 
 /// Three key frames of a mesh of about unit size.
 ///
-/// Shrinking a scene only removes special vertices and triangles. Shrinking a [case](super::cases) also removes other
-/// triangles, key frames and digits.
+/// Shrinking a scene removes special vertices and triangles, and reduces a few numbers, such as the exponents of
+/// [`SceneKind::Grown`]. Shrinking a [case](super::cases) also removes other triangles, key frames and digits.
 pub(crate) fn scenes(kind: SceneKind) -> BoxedStrategy<MovingMesh> {
     match kind {
         SceneKind::Soup => moving_soup(1..150, PLUMP).boxed(),
@@ -168,7 +168,7 @@ fn oddities(count: usize) -> impl Strategy<Value = Vec<Oddity>> {
     each((0..count).map(one))
 }
 
-/// Makes some vertices not finite in some key frames, and adds triangles of no area.
+/// Makes some vertices not finite in one or all key frames, and adds triangles of no area.
 fn broken() -> impl Strategy<Value = MovingMesh> {
     (moving_soup(2..40, PLUMP), oddities(12)).prop_map(|((mut keys, mut triangles), oddities)| {
         let vertices = keys[0].len();
@@ -258,7 +258,7 @@ fn within(range: &Range<usize>, number: u32) -> usize {
     range.start + number as usize % range.len()
 }
 
-/// A static sheet, a small body that moves above it, and triangles of no area on both.
+/// A static sheet, a small body that moves near it, and triangles of no area.
 fn hall() -> impl Strategy<Value = MovingMesh> {
     let floor = (18..34_u32).prop_flat_map(|n| sheet(n, 8)).no_shrink();
     let small = (0..2_u32).prop_map(|n| {

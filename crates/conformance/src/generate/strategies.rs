@@ -38,17 +38,17 @@ pub(crate) fn runner(seed: u64, number: u32, max_shrink_iters: u32) -> TestRunne
 
 /// Returns one value of a strategy, which depends on `seed` alone.
 pub(crate) fn sample<S: Strategy>(strategy: &S, seed: u64) -> S::Value {
-    tree(strategy, &mut runner(seed, 0, 0)).current()
+    value_tree(strategy, &mut runner(seed, 0, 0)).current()
 }
 
 /// Returns a `proptest` value tree: a value that can shrink.
-pub(crate) fn tree<S: Strategy>(strategy: &S, runner: &mut TestRunner) -> S::Tree {
+pub(crate) fn value_tree<S: Strategy>(strategy: &S, runner: &mut TestRunner) -> S::Tree {
     strategy
         .new_tree(runner)
         .expect("no strategy here rejects values")
 }
 
-/// Returns a strategy for lists with one element of each of `elements`, which shrink to shorter lists.
+/// Returns a strategy for lists with one value of each strategy in `elements`.
 ///
 /// Shrinking removes runs of elements, from halves of the list down to single elements. Then it shrinks those that are
 /// left. At least one element remains.
@@ -244,7 +244,7 @@ mod tests {
 
     /// Returns the smallest value of a strategy that `fails`, and the number of attempts.
     fn shrunk<S: Strategy>(strategy: &S, fails: impl Fn(&S::Value) -> bool) -> (S::Value, u32) {
-        let mut tree = tree(strategy, &mut runner(1, 1, 0));
+        let mut tree = value_tree(strategy, &mut runner(1, 1, 0));
         let (mut attempts, mut goes_on) = (0, tree.simplify());
         while goes_on {
             attempts += 1;

@@ -38,28 +38,28 @@ impl LeafSplit {
 pub(crate) struct TreeDescription {
     pub(crate) split: LeafSplit,
     /// Seed of the order of leaves, and of the shape if `split` is random.
-    pub(crate) order: u64,
+    pub(crate) seed: u64,
 }
 
 impl TreeDescription {
     /// Lists with a tree of each [`LeafSplit`]. Shrinking removes trees.
     pub(crate) fn all() -> impl Strategy<Value = Vec<Self>> {
         let numbers = || any::<u64>().no_shrink();
-        each(LeafSplit::ALL.map(|split| numbers().prop_map(move |order| Self { split, order })))
+        each(LeafSplit::ALL.map(|split| numbers().prop_map(move |seed| Self { split, seed })))
     }
 
     /// Returns the tree over the triangles of a scene.
     pub(crate) fn tree(self, animation: &Animation) -> Topology {
-        let leaves = live(animation, self.order);
-        split_tree(animation.triangle_count(), &leaves, self.split, self.order)
+        let leaves = live(animation, self.seed);
+        split_tree(animation.triangle_count(), &leaves, self.split, self.seed)
     }
 }
 
 /// Returns the triangles that a tree of the scene must contain, shuffled.
-pub(crate) fn live(animation: &Animation, chance: u64) -> Vec<u32> {
+pub(crate) fn live(animation: &Animation, seed: u64) -> Vec<u32> {
     let all = 0..animation.triangle_count() as u32;
     let mut live: Vec<u32> = all.filter(|&t| animation.is_live(t)).collect();
-    fastrand::Rng::with_seed(chance).shuffle(&mut live);
+    fastrand::Rng::with_seed(seed).shuffle(&mut live);
     live
 }
 
@@ -68,9 +68,9 @@ pub(crate) fn split_tree(
     triangles: usize,
     leaves: &[u32],
     split: LeafSplit,
-    chance: u64,
+    seed: u64,
 ) -> Topology {
-    let mut rng = fastrand::Rng::with_seed(chance);
+    let mut rng = fastrand::Rng::with_seed(seed);
     topology_from_splits(triangles, leaves, |depth, leaves| {
         split.left(leaves, depth, &mut rng)
     })
@@ -106,10 +106,10 @@ pub fn uneven_tree(triangles: usize, leaves: &[u32], chain: u32) -> Topology {
 }
 
 /// Returns trees that do not belong to this scene, each with the reason.
-pub(crate) fn foreign(animation: &Animation, chance: u64) -> Vec<(&'static str, Topology)> {
+pub(crate) fn foreign(animation: &Animation, seed: u64) -> Vec<(&'static str, Topology)> {
     let count = animation.triangle_count();
-    let live = live(animation, chance);
-    let of = |count, leaves: &[u32]| split_tree(count, leaves, LeafSplit::Random, chance);
+    let live = live(animation, seed);
+    let of = |count, leaves: &[u32]| split_tree(count, leaves, LeafSplit::Random, seed);
     let fewer = live.split_last().map_or(&[][..], |(_, rest)| rest);
     let with = |more: u32| [fewer, &[more]].concat();
     let never = (0..count as u32).find(|&t| !animation.is_live(t));

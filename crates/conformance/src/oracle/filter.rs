@@ -9,7 +9,7 @@
 use geom::{Ray, Triangle};
 use glam::{DVec3, Vec3Swizzles};
 
-const DETERMINANT: f64 = 16.0 * UNIT;
+const DETERMINANT_ERROR: f64 = 16.0 * UNIT;
 const UNIT: f64 = f64::EPSILON / 2.0;
 
 /// Bounds of a possible hit.
@@ -52,15 +52,15 @@ fn determinant(a: DVec3, b: DVec3, c: DVec3) -> Bounded {
     let (p, q) = (b.yzx() * c.zxy(), b.zxy() * c.yzx());
     Bounded {
         value: a.dot(p - q),
-        error: DETERMINANT * a.abs().dot(p.abs() + q.abs()),
+        error: DETERMINANT_ERROR * a.abs().dot(p.abs() + q.abs()),
     }
 }
 
 /// Adds three numbers.
 ///
 /// The rounding error of the two additions is below `2.01 * 2^-53` times the sum of the terms' magnitudes. Each
-/// magnitude is at most its permanent, `error / DETERMINANT`. So the rounding error is about an eighth of the sum of
-/// the errors. The factor 1.5 covers it, and the rounding of the bound itself.
+/// magnitude is at most its permanent, `error / DETERMINANT_ERROR`. So the rounding error is about an eighth of the sum
+/// of the errors. The factor 1.5 covers it, and the rounding of the bound itself.
 fn sum(terms: [Bounded; 3]) -> Bounded {
     let [a, b, c] = terms;
     Bounded {

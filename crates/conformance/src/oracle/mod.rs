@@ -1,7 +1,7 @@
 //! Exact hits, computed slowly in integer arithmetic.
 //!
 //! This is the reference for every backend, so it shares no code with any backend. From `geom`, it uses only types and
-//! their simplest methods. Its definition is the contract of `exact`:
+//! their simplest methods. Its definition of a hit is that of [`backend::Intersector::Exact`]:
 //!
 //! - Triangles include their edges. A ray through an edge or a vertex hits every triangle that shares it.
 //! - A ray in a triangle's plane misses it.
@@ -9,8 +9,9 @@
 //! - The float nearest to `t` is in the open interval `(t_min, t_max)`.
 //! - The hit with the least exact `t` wins, then the least index.
 //!
-//! Each ray passes three stages. The first two, boxes (`cull`) and double precision with proven error bounds
-//! (`filter`), discard only triangles that are certainly missed. The third decides the rest in integers (`exact`).
+//! Each ray passes up to three stages. The first two are boxes (`cull`) and double precision with proven error bounds
+//! (`filter`). They discard only triangles that the ray certainly misses, or, for the closest hit, triangles behind a
+//! certain hit. The third decides the rest in integers (`exact`).
 
 mod cull;
 mod exact;

@@ -2,9 +2,9 @@
 
 use super::Check;
 use crate::Case;
-use crate::compare::{answers, named_ray, same_counts};
+use crate::compare::{named_ray, same_counts, same_results};
 use crate::crossings::crossings;
-use crate::stage::{Traced, is_extreme, open, record_refit, trace_and_wait};
+use crate::stage::{Traced, interpolate_and_refit, is_extreme, open, trace_and_wait};
 use anyhow::{Context, Result, bail, ensure};
 use backend::{Hits, Intersector, Query, QueryKind, Rays};
 use geom::{Camera, Ray};
@@ -13,7 +13,7 @@ use geom::{Camera, Ray};
 fn trace_and_verify(c: &mut Check<'_>, rays: Rays<'_>, kind: QueryKind) -> Result<()> {
     c.open(c.case.times[0])?;
     for &time in &c.case.times {
-        c.record_refit(time)?;
+        c.interpolate_and_refit(time)?;
         let found = trace_and_wait(c.subject, rays, kind)?;
         verify(c, time, Query { rays, kind }, &found)?;
     }
@@ -24,7 +24,7 @@ fn trace_and_verify(c: &mut Check<'_>, rays: Rays<'_>, kind: QueryKind) -> Resul
 /// alike.
 pub(super) fn verify(c: &mut Check<'_>, time: f64, query: Query<'_>, found: &Traced) -> Result<()> {
     let expected = c.reference.trace(c.case, c.intersector, time, query)?;
-    answers(c.case, time, query.rays, &found.hits, &expected.hits)?;
+    same_results(c.case, time, query.rays, &found.hits, &expected.hits)?;
     same_counts(&found.report, &expected.report).with_context(|| format!("at time {time:?}"))?;
     // With `exact`, a backend may test any ray in exact arithmetic. With `watertight`, only extreme rays.
     let may_settle = c.intersector == Intersector::Exact || has_extremes(c.case, time, query.rays);
@@ -66,7 +66,7 @@ pub(super) fn camera_is_rays(c: &mut Check<'_>) -> Result<()> {
     let list: Vec<Ray> = case.camera.rays().collect();
     let camera = Rays::Camera(&case.camera);
     c.open(case.times[0])?;
-    c.record_refit(now)?;
+    c.interpolate_and_refit(now)?;
     for kind in [
         QueryKind::Closest,
         QueryKind::Any,
@@ -74,7 +74,7 @@ pub(super) fn camera_is_rays(c: &mut Check<'_>) -> Result<()> {
     ] {
         let given = c.trace_and_wait(Rays::List(&list), kind)?;
         let made = c.trace_and_wait(camera, kind)?;
-        answers(case, now, camera, &made, &given)?;
+        same_results(case, now, camera, &made, &given)?;
     }
     Ok(())
 }
@@ -82,7 +82,7 @@ pub(super) fn camera_is_rays(c: &mut Check<'_>) -> Result<()> {
 /// Tests that any-hit reports a hit exactly if closest-hit does, for every intersector.
 pub(super) fn any_is_closest(c: &mut Check<'_>) -> Result<()> {
     c.open(c.case.times[0])?;
-    c.record_refit(c.case.times[1])?;
+    c.interpolate_and_refit(c.case.times[1])?;
     let closest = c.closest()?.closest;
     let any = c.trace_and_wait(c.rays(), QueryKind::Any)?.blocked;
     let [a, b] = [closest.len(), any.len()];
@@ -117,7 +117,7 @@ pub(super) fn together(c: &mut Check<'_>) -> Result<()> {
         return Ok(());
     }
     for &time in &case.times {
-        c.record_refit(time)?;
+        c.interpolate_and_refit(time)?;
         c.subject.trace(&queries)?;
         let ticket = c.subject.submit()?;
         let (met, mut sum) = (c.subject.wait(ticket)?.hits, 0);
@@ -127,7 +127,7 @@ pub(super) fn together(c: &mut Check<'_>) -> Result<()> {
         }
         for (place, (query, found)) in queries.into_iter().zip(&found).enumerate() {
             let alone = trace_and_wait(c.subject, query.rays, query.kind)?;
-            let answered = answers(case, time, query.rays, found, &alone.hits);
+            let answered = same_results(case, time, query.rays, found, &alone.hits);
             answered.with_context(|| format!("query {place}"))?;
             sum += alone.report.hits;
         }
@@ -143,19 +143,19 @@ pub(super) fn leaks(c: &mut Check<'_>) -> Result<()> {
     let animation = placed.animation();
     let rays: Vec<Ray> = described.iter().map(|ray| placed.ray(ray)).collect();
     open(c.subject, &animation, 0.0, c.intersector)?;
-    record_refit(c.subject, &animation, 0.0)?;
+    interpolate_and_refit(c.subject, &animation, 0.0)?;
     let hits = c
         .trace_and_wait(Rays::List(&rays), QueryKind::Closest)?
         .closest;
     let crossings = crossings(c.subject, c.intersector, &animation, &rays)?;
     for (i, ray) in described.iter().enumerate() {
         let (is_hit, count) = (hits[i].is_hit(), crossings[i]);
-        let is_right = (count > 0) == is_hit && (count % 2 == 1) == ray.sort.is_inside;
+        let is_right = (count > 0) == is_hit && (count % 2 == 1) == ray.kind.is_inside;
         ensure!(
             is_right,
             "{}: {:?}, hit: {is_hit}, crossings: {count}; {}",
             placed.body.name,
-            ray.sort,
+            ray.kind,
             named_ray(Rays::List(&rays), i),
         );
     }

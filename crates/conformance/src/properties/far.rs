@@ -1,8 +1,8 @@
 //! Far geometry: a hit depends only on the ray, the triangle and the intersector, not on the rest of the scene.
 
 use super::Check;
-use crate::compare::answers;
-use crate::stage::{open, record_refit, trace_and_wait, vertices, with_triangle};
+use crate::compare::same_results;
+use crate::stage::{interpolate_and_refit, open, trace_and_wait, vertices, with_triangle};
 use anyhow::{Context, Result, ensure};
 use backend::{Hits, Query, QueryKind, Rays};
 use geom::{Animation, Hit, Point, Ray, Triangle};
@@ -18,7 +18,7 @@ pub(super) fn apart(c: &mut Check<'_>) -> Result<()> {
     let case = c.case;
     let points = vertices(&case.animation, case.times[1]);
     let near = StaticScene::new(points, case.animation.triangles().to_vec())?;
-    let stray = Stray::of(case.chance);
+    let stray = Stray::of(case.random_bits);
     let far = StaticScene::new(stray.corners.to_vec(), vec![[0, 1, 2]])?;
     let both = StaticScene(Arc::new(with_triangle(&near.0, stray.corners)));
     let range = near.0.range(near.0.pose(0.0));
@@ -55,7 +55,7 @@ pub(super) fn apart(c: &mut Check<'_>) -> Result<()> {
             closest: expected,
             ..found[i].clone()
         };
-        let same = answers(case, case.times[1], query.rays, &found[i], &expected);
+        let same = same_results(case, case.times[1], query.rays, &found[i], &expected);
         same.with_context(|| format!("with {stray:?}"))?;
     }
     let met = near_found[1].blocked.iter().zip(&far_found[1].blocked);
@@ -81,7 +81,7 @@ impl StaticScene {
 
     fn trace_all(&self, c: &mut Check<'_>, queries: &[Query<'_>]) -> Result<Vec<Hits>> {
         open(c.subject, &self.0, 0.0, c.intersector)?;
-        record_refit(c.subject, &self.0, 0.0)?;
+        interpolate_and_refit(c.subject, &self.0, 0.0)?;
         let answer =
             |query: &Query<'_>| Ok(trace_and_wait(c.subject, query.rays, query.kind)?.hits);
         queries.iter().map(answer).collect()
@@ -96,8 +96,8 @@ struct Stray {
 }
 
 impl Stray {
-    fn of(chance: u64) -> Self {
-        let distance = DISTANCES[chance as usize % DISTANCES.len()];
+    fn of(random_bits: u64) -> Self {
+        let distance = DISTANCES[random_bits as usize % DISTANCES.len()];
         let corner = |p: Point| p.map(|x| x * distance);
         let all = [[1.0, 0.1, -0.2], [0.9, 0.3, 0.1], [0.95, -0.1, 0.2]];
         Self {

@@ -1,9 +1,9 @@
 //! Frames after any commands. Backends skip work whose inputs have not changed, and static geometry.
 
 use super::Check;
-use crate::compare::{answers, lists, same_cost, same_counts, same_point};
-use crate::generate::commands::{BackendCommand, without_lists};
-use crate::stage::{boxes_anew, fetch, next_positions, start, tree_at, vertices};
+use crate::compare::{same_cost, same_counts, same_lists, same_point, same_results};
+use crate::generate::commands::{BackendCommand, without_treelets};
+use crate::stage::{fetch, next_positions, preprocess_and_refit, start, tree_at, vertices};
 use anyhow::{Context, Result, bail, ensure};
 use backend::{Generation, QueryKind, Ticket};
 use bvh_layout::Topology;
@@ -88,7 +88,7 @@ impl RecordingState {
             }
             BackendCommand::Boxes => {
                 self.is_stale = false;
-                boxes_anew(c.subject)?;
+                preprocess_and_refit(c.subject)?;
             }
             // A submission copies at most once.
             BackendCommand::Request if self.requested.is_some() => {}
@@ -120,7 +120,7 @@ impl RecordingState {
     fn frame(&mut self, c: &mut Check<'_>) -> Result<()> {
         let case = c.case;
         if take(&mut self.is_stale) {
-            boxes_anew(c.subject)?;
+            preprocess_and_refit(c.subject)?;
         }
         let rays = c.rays();
         let ticket = start(c.subject, rays, QueryKind::Closest)?;
@@ -128,20 +128,20 @@ impl RecordingState {
         let found = fetch(c.subject, ticket)?;
         let positions = c.subject.positions()?;
         let formula = vertices(&case.animation, self.time);
-        lists("position of vertex", &positions, &formula, same_point)?;
-        let plain = without_lists(&self.tree);
+        same_lists("position of vertex", &positions, &formula, same_point)?;
+        let plain = without_treelets(&self.tree);
         let expected = c
             .reference
             .by_tree(case, c.intersector, &plain, self.time)?;
         let boxes = c.subject.boxes()?;
-        lists("box of node", &boxes, &expected.boxes, PartialEq::eq)?;
+        same_lists("box of node", &boxes, &expected.boxes, PartialEq::eq)?;
         same_counts(&found.report, &expected.traced.report)?;
         // Areas may overflow or underflow in single precision if the scene is scaled. A backend may report no cost.
         let cost = found.report.sah_cost;
         if case.animation.scale_exponent() == 0 && cost.is_some() {
             same_cost(cost, expected.traced.report.sah_cost)?;
         }
-        answers(
+        same_results(
             case,
             self.time,
             c.rays(),
@@ -157,7 +157,7 @@ impl RecordingState {
                 copy.ticket
             );
             let formula = vertices(&case.animation, copy.time);
-            lists("copied vertex", &points, &formula, same_point)?;
+            same_lists("copied vertex", &points, &formula, same_point)?;
         }
         Ok(())
     }

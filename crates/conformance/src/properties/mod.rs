@@ -57,8 +57,8 @@ impl<'a> Check<'a> {
     }
 
     /// Records `interpolate`, `preprocess` and `refit` at `time`.
-    fn record_refit(&mut self, time: f64) -> backend::Result<()> {
-        stage::record_refit(self.subject, &self.case.animation, time)
+    fn interpolate_and_refit(&mut self, time: f64) -> backend::Result<()> {
+        stage::interpolate_and_refit(self.subject, &self.case.animation, time)
     }
 
     fn interpolate(&mut self, time: f64) -> backend::Result<()> {

@@ -1,7 +1,7 @@
 //! Key frames that are read during playback.
 
 use super::Check;
-use crate::compare::{lists, same_point};
+use crate::compare::{same_lists, same_point};
 use crate::stage::{next_positions, vertices};
 use anyhow::{Context, Result, ensure};
 use geom::Animation;
@@ -33,7 +33,7 @@ pub(super) fn positions(c: &mut Check<'_>) -> Result<()> {
     let held = Animation::new(keys.collect::<Result<_, _>>()?, triangles())?;
     let paged = Animation::paged(Arc::new(source), KEYS, WINDOW, triangles())?;
     let paged = Arc::new(paged);
-    let times = times(c.case.chance);
+    let times = times(c.case.random_bits);
     c.subject.load(Arc::clone(&paged), c.intersector)?;
     let mut expected = Vec::new();
     for i in 0..FRAMES + AHEAD {
@@ -49,15 +49,16 @@ pub(super) fn positions(c: &mut Check<'_>) -> Result<()> {
                 of == *ticket,
                 "positions of {of:?} arrived, expected those of {ticket:?}"
             );
-            lists("vertex", &found, wanted, same_point).with_context(|| format!("{ticket:?}"))?;
+            same_lists("vertex", &found, wanted, same_point)
+                .with_context(|| format!("{ticket:?}"))?;
         }
     }
     Ok(())
 }
 
 /// Returns the times of playback: the first half forward, the others random.
-fn times(chance: u64) -> Vec<f64> {
-    let (mut rng, end) = (fastrand::Rng::with_seed(chance), (KEYS - 1) as f64);
+fn times(seed: u64) -> Vec<f64> {
+    let (mut rng, end) = (fastrand::Rng::with_seed(seed), (KEYS - 1) as f64);
     let forward = (0..FRAMES / 2).map(|i| end * i as f64 / (FRAMES / 2) as f64);
     let anywhere = (0..FRAMES / 2).map(|_| end * rng.f64());
     forward.chain(anywhere).collect()

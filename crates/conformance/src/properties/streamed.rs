@@ -3,11 +3,12 @@
 use super::Check;
 use super::answers::verify;
 use crate::Case;
-use crate::compare::{lists, same_counts, same_hit};
-use crate::generate::rays::{Aims, nth_ray};
+use crate::compare::{same_counts, same_hit, same_lists};
+use crate::generate::rays::{TargetTriangles, nth_ray};
 use crate::generate::strategies::sample;
 use crate::stage::{
-    Traced, boxes_anew, fetch, open, record_refit, start, trace_and_wait, tree_over,
+    Traced, fetch, interpolate_and_refit, open, preprocess_and_refit, start, trace_and_wait,
+    tree_over,
 };
 use anyhow::{Context, Result, ensure};
 use backend::{Generation, Query, QueryKind, Rays, Ticket};
@@ -31,10 +32,9 @@ const LEAPS: [Point; 6] = [
 
 /// Tests that streamed key frames give the same hits and counts as an animation that holds them all.
 pub(super) fn pushed(c: &mut Check<'_>) -> Result<()> {
-    let rng = &mut Rng::with_seed(c.case.chance);
+    let rng = &mut Rng::with_seed(c.case.random_bits);
     let (case, streamed) = leaping(c.case, rng)?;
-    // Resets the reference, which has another scene loaded.
-    c.reference.backend();
+    c.reference.unload();
     let mut c = Check {
         case: &case,
         subject: &mut *c.subject,
@@ -73,10 +73,11 @@ fn leaping(case: &Case, rng: &mut Rng) -> Result<(Case, Arc<Animation>)> {
     }
     let times = (0..keys.len()).map(|key| key as f64).collect::<Vec<_>>();
     let animation = Arc::new(Animation::new(keys, triangles())?);
-    let aims: Vec<_> = times.iter().map(|&t| Aims::of(&animation, t)).collect();
+    let targets = times.iter().map(|&t| TargetTriangles::of(&animation, t));
+    let targets: Vec<_> = targets.collect();
     let ray = |i| {
-        Aims::pick(
-            &aims[i as usize % aims.len()],
+        TargetTriangles::pick(
+            &targets[i as usize % targets.len()],
             &sample(&nth_ray(i), rng.u64(..)),
         )
     };
@@ -106,7 +107,7 @@ fn push_all(
     let frames = c.case.animation.all_keys()?;
     let (rays, light) = (c.rays(), c.case.light);
     open(c.subject, streamed, 0.0, c.intersector)?;
-    record_refit(c.subject, streamed, 0.0)?;
+    interpolate_and_refit(c.subject, streamed, 0.0)?;
     c.subject.submit()?;
     let mut started = Vec::new();
     for (frame, generation) in frames[1..].iter().zip(2..) {
@@ -118,7 +119,7 @@ fn push_all(
             c.subject.adopt(&tree, Generation(generation))?;
         }
         c.subject.interpolate(streamed.pose(time))?;
-        boxes_anew(c.subject)?;
+        preprocess_and_refit(c.subject)?;
         let kind = [QueryKind::Any, QueryKind::ClosestAndShadow { light }][rng.usize(..2)];
         started.push(StartedQuery {
             ticket: start(c.subject, rays, kind)?,
@@ -149,7 +150,7 @@ pub(super) fn measured(c: &mut Check<'_>) -> Result<()> {
     if first.len() < 8 {
         return Ok(());
     }
-    let frames = frames(&first, c.case.chance);
+    let frames = frames(&first, c.case.random_bits);
     let [unseen, seen] = [false, true].map(|is_known| {
         let marks = vec![false; first.len()];
         let triangles = c.case.animation.triangles().to_vec();
@@ -173,7 +174,7 @@ pub(super) fn measured(c: &mut Check<'_>) -> Result<()> {
 fn same(found: &[Traced; 2], expected: &[Traced; 2]) -> Result<()> {
     for (found, expected) in found.iter().zip(expected) {
         let (hits, right) = (&found.hits, &expected.hits);
-        lists("hit", &hits.closest, &right.closest, same_hit)?;
+        same_lists("hit", &hits.closest, &right.closest, same_hit)?;
         ensure!(hits.blocked == right.blocked, "any-hit results differ");
         same_counts(&found.report, &expected.report)?;
     }
@@ -192,7 +193,7 @@ fn play(
     let play = |frame: &BoundFrame| {
         let time = streamed.push(frame.points.clone())?;
         prepare(streamed.pose(time));
-        record_refit(subject, streamed, time)?;
+        interpolate_and_refit(subject, streamed, time)?;
         let some = c.case.rays.iter().copied().take(RAYS);
         let rays: Vec<Ray> = some.chain(from_the_middle(&frame.points)).collect();
         let rays = Rays::List(&rays);
@@ -214,11 +215,11 @@ fn from_the_middle(frame: &[Point]) -> impl Iterator<Item = Ray> {
 /// Largest coordinate of a moment that is not extreme, in a scene that is not scaled.
 const FAR: f32 = geom::CoordinateRange::FAR;
 /// Upper bound of the coordinates of a tiny triangle, in a scene that is not scaled.
-const NEAR: f32 = 1.0 / 4_294_967_296.0;
+const TINY: f32 = 1.0 / 4_294_967_296.0;
 
 /// Returns key frames on both sides of each bound, and key frames with special values.
-fn frames(first: &[Point], chance: u64) -> Vec<BoundFrame> {
-    let mut rng = Rng::with_seed(chance);
+fn frames(first: &[Point], seed: u64) -> Vec<BoundFrame> {
+    let mut rng = Rng::with_seed(seed);
     let size = |p: &Point| p.iter().fold(0.0, |m: f32, x| m.max(x.abs()));
     let unit = |p: &Point| match size(p) {
         s if s > 0.0 && s.is_finite() => p.map(|x| x / s),
@@ -230,7 +231,7 @@ fn frames(first: &[Point], chance: u64) -> Vec<BoundFrame> {
         points.iter().for_each(|&(at, p)| frame[at] = p);
         frame
     };
-    let near = |x: f32| with(&[0, 1, 2].map(|i| (i, [x, if i == 0 { 0.0 } else { x }, -x])));
+    let tiny = |x: f32| with(&[0, 1, 2].map(|i| (i, [x, if i == 0 { 0.0 } else { x }, -x])));
     let mut of_all_sizes = |most: i32| -> Vec<Point> {
         let scaled = |p: &Point| {
             let by = (rng.i32(-most..most) as f32).exp2();
@@ -243,10 +244,10 @@ fn frames(first: &[Point], chance: u64) -> Vec<BoundFrame> {
         ("not extreme", with(&[(5, [0.5, -FAR, 0.0])])),
         ("extreme", with(&[(5, [0.5, -FAR.next_up(), 0.0])])),
         ("as it was again", first.to_vec()),
-        ("near", near(NEAR.next_down())),
-        ("not near", near(NEAR)),
+        ("tiny", tiny(TINY.next_down())),
+        ("not tiny", tiny(TINY)),
         (
-            "too few near",
+            "too few tiny",
             with(&[(0, [0.0; 3]), (1, [0.0; 3]), (3, [1e-20; 3])]),
         ),
         ("all zero", vec![[0.0; 3]; first.len()]),

@@ -38,7 +38,7 @@ pub(super) fn visits_every_crossing_once(c: &mut Check<'_>) -> Result<()> {
     };
     let mut walks: Vec<CrossingWalk> = c.case.rays.iter().map(start).collect();
     c.open(c.case.times[0])?;
-    c.record_refit(time)?;
+    c.interpolate_and_refit(time)?;
     while !walks.is_empty() {
         let rays: Vec<Ray> = walks.iter().map(|walk| walk.ray).collect();
         let closest = c

@@ -2,8 +2,8 @@
 //!
 //! The rates of textbook intersectors depend on the device's [`Arithmetic`]. All other intersectors have the same
 //! answers everywhere, so the host's rates apply. A file in `baselines` contains the rates of one kind of arithmetic
-//! and where they were measured. `abvh stability --record FILE` writes one from a device's answers to many seeds. To
-//! use it, add it to that folder and to `FILES`. Files omit events that must never happen: see `is_never`.
+//! and where they were measured (`ground`). `abvh stability --record FILE` writes one from a device's answers to many
+//! seeds. To use it, add it to that folder and to `FILES`. Files omit events that must never happen: see `is_never`.
 
 use crate::stability::{Family, Measure, MeasuredRate, Plan, StabilityCell, StabilityTest};
 use backend::{Arithmetic, Backend, Intersector, Result};
@@ -121,7 +121,7 @@ pub fn record(
     Ok(Baseline {
         arithmetic,
         measured_on: format!(
-            "{}, {driver}, backend {backend}, {rays} rays a family of each of the seeds 1 to {seeds}",
+            "{}, {driver}, backend {backend}, {rays} rays per family and seed, seeds 1 to {seeds}",
             device.adapter
         ),
         entries,
@@ -133,21 +133,22 @@ pub fn record(
 fn of_cells(cells: &[StabilityCell]) -> Vec<RateEntry> {
     let measures = cells.first().map_or(0, |first| first.measured.len());
     let all = (0..measures).map(|i| cells.iter().map(|c| c.measured[i]).collect());
-    let free =
+    let recorded =
         all.filter(|all: &Vec<MeasuredRate>| !is_never(cells[0].intersector, all[0].measure));
-    free.map(|all| {
-        let count = all.iter().map(|m| m.count).sum();
-        let of = all.iter().map(|m| m.of).sum();
-        RateEntry {
-            family: cells[0].family.name().to_owned(),
-            intersector: cells[0].intersector.name().to_owned(),
-            measure: all[0].measure.name().to_owned(),
-            count,
-            of,
-            spread: spread(&all, count as f64 / of as f64),
-        }
-    })
-    .collect()
+    recorded
+        .map(|all| {
+            let count = all.iter().map(|m| m.count).sum();
+            let of = all.iter().map(|m| m.of).sum();
+            RateEntry {
+                family: cells[0].family.name().to_owned(),
+                intersector: cells[0].intersector.name().to_owned(),
+                measure: all[0].measure.name().to_owned(),
+                count,
+                of,
+                spread: spread(&all, count as f64 / of as f64),
+            }
+        })
+        .collect()
 }
 
 /// Returns the variance of the rate among seeds, divided by that of independent rays; at least 1.

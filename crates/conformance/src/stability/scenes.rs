@@ -1,8 +1,10 @@
 //! Scenes and rays of each family.
 
-use crate::generate::bodies::{Aim, BODIES, PlacedBody, RaySort, body_rays, placed_body};
+use crate::generate::bodies::{
+    BODIES, BodyRayKind, BodyTarget, PlacedBody, body_rays, placed_body,
+};
 use crate::generate::meshes::{self, IndexedMesh, PLUMP, apart, separate, soup};
-use crate::generate::rays::{Aims, RayKind, Target, of_zeros, rays_of};
+use crate::generate::rays::{RayKind, Target, TargetTriangles, of_zeros, rays_of};
 use crate::generate::strategies::sample;
 use crate::generate::{mixed, shares};
 use crate::stability::{Family, Plan};
@@ -12,7 +14,7 @@ use geom::{Animation, Point, Ray, Triangle};
 use proptest::strategy::Strategy;
 use std::sync::Arc;
 
-/// Minimum number of scenes per family, among which its rays are divided.
+/// Minimum number of scenes per family, among which its rays are divided. `folding-cloth` has one scene, with all rays.
 const SCENES: u32 = 32;
 /// Maximum number of rays per scene. More rays need more scenes, so that the spread of a rate does not depend on the
 /// number of rays.
@@ -63,12 +65,12 @@ pub(crate) fn scenes(family: Family, plan: &Plan) -> Vec<StabilityScene> {
 /// Returns one scene of a family, with `rays` rays. Scenes start with different kinds of rays, so that all kinds occur
 /// even if scenes have few rays.
 fn one(family: Family, number: usize, rays: usize, rng: &mut Rng) -> StabilityScene {
-    let body = |offset: f32, aim: Option<Aim>, rng: &mut Rng| {
+    let body = |offset: f32, target: Option<BodyTarget>, rng: &mut Rng| {
         let placed = placed_body(&BODIES[number % BODIES.len()], offset, false);
         let placed = drawn(placed, rng);
-        // After each round over all bodies, scenes start with the next sort of rays.
-        let sorts = number / BODIES.len()..;
-        closed(&placed, aim, sorts.take(rays), rng)
+        // After each round over all bodies, scenes start with the next kind of rays.
+        let kinds = number / BODIES.len()..;
+        closed(&placed, target, kinds.take(rays), rng)
     };
     match family {
         Family::Far10 => body(10.0, None, rng),
@@ -79,34 +81,36 @@ fn one(family: Family, number: usize, rays: usize, rng: &mut Rng) -> StabilitySc
             inside: None,
             ..body(1e7, None, rng)
         },
-        Family::Edges => body(0.0, Some(Aim::Edge), rng),
-        Family::Vertices => body(0.0, Some(Aim::Vertex), rng),
+        Family::Edges => body(0.0, Some(BodyTarget::Edge), rng),
+        Family::Vertices => body(0.0, Some(BodyTarget::Vertex), rng),
         Family::Outlier => beside_outlier(body(0.0, None, rng), rng),
         _ => {
             let scene = scene_without_rays(family, rng);
-            with_rays(scene, rays, |aims, i| ray(family, aims, i + number, rng))
+            with_rays(scene, rays, |targets, i| {
+                ray(family, targets, i + number, rng)
+            })
         }
     }
 }
 
-/// Returns a closed body with rays of all kinds or with one aim. `sorts` selects the sort of each ray, modulo the
-/// number of sorts.
+/// Returns a closed body with one ray per number in `kinds`. The number selects a [`BodyRayKind`] among those with this
+/// target, or among all if `target` is `None`, modulo their count.
 fn closed(
     placed: &PlacedBody,
-    aim: Option<Aim>,
-    sorts: impl Iterator<Item = usize>,
+    target: Option<BodyTarget>,
+    kinds: impl Iterator<Item = usize>,
     rng: &mut Rng,
 ) -> StabilityScene {
-    let mut wanted = RaySort::ALL.to_vec();
-    wanted.retain(|sort| aim.is_none_or(|aim| aim == sort.aim));
+    let mut wanted = BodyRayKind::ALL.to_vec();
+    wanted.retain(|kind| target.is_none_or(|target| target == kind.target));
     let ray = |i: usize| {
-        let sort = wanted[i % wanted.len()];
+        let kind = wanted[i % wanted.len()];
         (
-            sort.is_inside,
-            valid(|| placed.ray(&drawn(body_rays(sort), rng))),
+            kind.is_inside,
+            valid(|| placed.ray(&drawn(body_rays(kind), rng))),
         )
     };
-    let (inside, rays) = sorts.map(ray).unzip();
+    let (inside, rays) = kinds.map(ray).unzip();
     StabilityScene {
         rays,
         inside: Some(inside),
@@ -146,8 +150,8 @@ fn scene_without_rays(family: Family, rng: &mut Rng) -> StabilityScene {
     }
 }
 
-/// Returns ray `i` of a scene of a family.
-fn ray(family: Family, aims: &Aims, i: usize, rng: &mut Rng) -> Ray {
+/// Returns a random ray for a scene of a family. `i` selects its kind and target where these rotate.
+fn ray(family: Family, targets: &TargetTriangles, i: usize, rng: &mut Rng) -> Ray {
     let (kind, target) = match family {
         Family::InPlane => (RayKind::InPlane, Target::Inside),
         Family::OnSurface => (RayKind::OnSurface, Target::Inside),
@@ -156,17 +160,17 @@ fn ray(family: Family, aims: &Aims, i: usize, rng: &mut Rng) -> Ray {
         Family::SignedZeros if i.is_multiple_of(2) => return drawn(of_zeros(), rng),
         _ => (RayKind::Aimed, Target::Inside),
     };
-    aims.ray(&drawn(rays_of(kind, target), rng))
+    targets.ray(&drawn(rays_of(kind, target), rng))
 }
 
 /// Generates the rays of a scene.
 fn with_rays(
     mut scene: StabilityScene,
     rays: usize,
-    mut ray: impl FnMut(&Aims, usize) -> Ray,
+    mut ray: impl FnMut(&TargetTriangles, usize) -> Ray,
 ) -> StabilityScene {
-    let [_, aims] = Aims::of(&scene.animation, scene.time);
-    scene.rays = (0..rays).map(|i| valid(|| ray(&aims, i))).collect();
+    let [_, targets] = TargetTriangles::of(&scene.animation, scene.time);
+    scene.rays = (0..rays).map(|i| valid(|| ray(&targets, i))).collect();
     scene
 }
 
@@ -244,8 +248,8 @@ fn cloth(rays: usize, rng: &mut Rng) -> StabilityScene {
     let demo = ::scene::open("demo:twist:3000", &::scene::SceneOptions::default());
     let animation = demo.expect("demos need no file").animation;
     let times = [0.0, animation.end()];
-    with_rays(StabilityScene::new(animation, times), rays, |aims, i| {
-        aims.ray(&drawn(rays_of(RayKind::Aimed, Target::ALL[i % 3]), rng))
+    with_rays(StabilityScene::new(animation, times), rays, |targets, i| {
+        targets.ray(&drawn(rays_of(RayKind::Aimed, Target::ALL[i % 3]), rng))
     })
 }
 

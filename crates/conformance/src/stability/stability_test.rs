@@ -4,7 +4,7 @@ use crate::crossings::crossings;
 use crate::oracle::Oracle;
 use crate::stability::scenes::{StabilityScene, scenes};
 use crate::stability::{Family, Measure, MeasuredRate, Plan, StabilityCell};
-use crate::stage::{open, record_refit, trace_and_wait, triangles};
+use crate::stage::{interpolate_and_refit, open, trace_and_wait, triangles};
 use backend::{Backend, Intersector, QueryKind, Rays, Result};
 use geom::Hit;
 use rayon::prelude::*;
@@ -79,7 +79,7 @@ impl AnsweredScene {
     ) -> Result<Vec<MeasuredRate>> {
         let scene = &self.scene;
         open(subject, &scene.animation, scene.built, intersector)?;
-        record_refit(subject, &scene.animation, scene.time)?;
+        interpolate_and_refit(subject, &scene.animation, scene.time)?;
         let traced = trace_and_wait(subject, Rays::List(&scene.rays), QueryKind::Closest)?;
         let found = traced.hits.closest;
         let share = |measure, of: usize, is_so: &dyn Fn(usize) -> bool| {

@@ -119,10 +119,11 @@ impl Faulty {
                 let first = seen.first_leaf;
                 found.filter(|h| Some(h.triangle) == first).for_each(miss);
             }
-            "ties go to the first leaf" => {
+            "hits of neighbours go to the first leaf" => {
                 let first = seen.first_leaf.unwrap_or_default();
-                let tied = found.filter(|h| h.triangle / 4 == first / 4);
-                tied.for_each(|h| h.triangle = first);
+                // Triangles whose indices are in the same group of four.
+                let neighbours = found.filter(|h| h.triangle / 4 == first / 4);
+                neighbours.for_each(|h| h.triangle = first);
             }
             "every third scene is empty" if seen.loads.is_multiple_of(3) => found.for_each(miss),
             "second trace misses" if seen.traces_since_refit > 1 => found.for_each(miss),
@@ -256,7 +257,7 @@ impl Backend for Faulty {
             self.seen.together.1 += self.inner.wait(ticket)?.hits;
             let mut hits = Hits::default();
             self.inner.take_hits(ticket, 0, &mut hits)?;
-            if index > 0 && self.is("the second of several queries misses") {
+            if index > 0 && self.is("all queries except the first miss") {
                 hits.closest.fill(Hit::MISS);
                 hits.blocked.fill(0);
             }
@@ -281,7 +282,7 @@ impl Backend for Faulty {
                 self.spoil(&mut hits);
             }
             self.seen.kept.push((ticket, hits));
-        } else if self.is("answers lost without a trace") {
+        } else if self.is("submissions without rays discard results") {
             self.seen.kept.clear();
         }
         self.seen.kind = None;
@@ -306,7 +307,7 @@ impl Backend for Faulty {
                 report.inactive *= 2;
             }
             "hits miscounted" if report.hits > 3 => report.hits -= 1,
-            "times of stages left out" => report.times.refit_ms = Some(0.0),
+            "a refit time without a refit" => report.times.refit_ms = Some(0.0),
             _ => {}
         }
         Ok(report)

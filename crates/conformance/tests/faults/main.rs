@@ -10,27 +10,27 @@ use faulty::Faulty;
 /// Properties, each with faults that it must detect. It may detect others.
 const DETECTED: &str = "
 frames_equal_the_reference_after_any_commands: positions one ulp off, last box too large, boxes of the moment before, inactive miscounted, copies are of the newest frame, copies come twice
-reports_time_only_recorded_stages: times of stages left out
+reports_time_only_recorded_stages: a refit time without a refit
 paged_key_frames_have_the_positions_of_held_ones: paged key frames come late
 the_device_measures_streamed_vertices: streamed vertices are not measured
 streamed_key_frames_are_played_like_held_ones: streamed key frames come late, first leaf is never hit
-hits_equal_the_reference: distances one ulp off, weights swapped, interval is closed, ties go to the first leaf, hits miscounted, any hit forgets the last ray
+hits_equal_the_reference: distances one ulp off, weights swapped, interval is closed, hits of neighbours go to the first leaf, hits miscounted, any hit forgets the last ray
 pictures_and_shadows_equal_the_reference: distances one ulp off, weights swapped, shadows inverted, pixels sampled at corners
 any_hit_agrees_with_closest_hit: interval is closed, any hit forgets the last ray
 camera_matches_listed_rays: pixels sampled at corners, second trace misses
-batched_queries_match_separate_queries: the second of several queries misses
+batched_queries_match_separate_queries: all queries except the first miss
 continued_rays_visit_every_crossing_once: distances one ulp off, weights swapped, hit again where the ray begins, any hit forgets the last ray
 far_geometry_does_not_change_hits: far vertices change other hits, far triangles are lost
 closed_bodies_do_not_leak: edges leak, edges hit twice
 tree_age_does_not_change_hits: first leaf is never hit
-tree_shape_does_not_change_hits: first leaf is never hit, ties go to the first leaf
+tree_shape_does_not_change_hits: first leaf is never hit, hits of neighbours go to the first leaf
 tree_swap_does_not_change_hits: first leaf is never hit, new tree answers for old frames
 uploaded_tree_is_the_one_adopted: an abandoned upload is adopted, first leaf is never hit
 evaluation_does_not_change_results: cost is that of the current tree, evaluation counts inactive triangles twice, first leaf is never hit
 device_built_tree_is_valid: made tree is not the one in use
 device_build_does_not_change_hits: made tree misses sometimes
 trees_of_other_scenes_are_refused: any tree is taken
-tickets_are_ordered_and_results_kept: answers of the newest frame, tickets repeat, answers lost without a trace
+tickets_are_ordered_and_results_kept: answers of the newest frame, tickets repeat, submissions without rays discard results
 reloading_resets_all_state: every third scene is empty, positions outlive their scene
 ";
 
@@ -87,7 +87,7 @@ fn shrunk(property: &str, fault: &'static str) -> Disagreement {
 /// Properties, each with faults that must shrink to small cases.
 const SHRUNK: &str = "
 frames_equal_the_reference_after_any_commands: last box too large, boxes of the moment before
-hits_equal_the_reference: weights swapped, ties go to the first leaf
+hits_equal_the_reference: weights swapped, hits of neighbours go to the first leaf
 tree_age_does_not_change_hits: first leaf is never hit
 paged_key_frames_have_the_positions_of_held_ones: paged key frames come late
 streamed_key_frames_are_played_like_held_ones: streamed key frames come late

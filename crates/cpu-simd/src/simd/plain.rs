@@ -56,7 +56,7 @@ impl<const N: usize> Lanes for Plain<N> {
         div: |a, b| a / b;
     }
     #[inline(always)]
-    fn about(self, by: Self, plus: Self) -> Self {
+    fn mul_add_approximate(self, by: Self, plus: Self) -> Self {
         self.mul(by).add(plus)
     }
     #[inline(always)]

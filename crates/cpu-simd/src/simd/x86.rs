@@ -117,7 +117,7 @@ macro_rules! vector {
             operation! {
                 add(self, b: Self) -> Self = Self($add(self.0, b.0));
                 div(self, b: Self) -> Self = Self($div(self.0, b.0));
-                about(self, by: Self, plus: Self) -> Self = Self($fma(self.0, by.0, plus.0));
+                mul_add_approximate(self, by: Self, plus: Self) -> Self = Self($fma(self.0, by.0, plus.0));
                 abs(self) -> Self = Self($and(self.0, $splat(f32::from_bits(0x7fff_ffff))));
                 power(self) -> Self = Self($and(self.0, $splat(f32::INFINITY)));
                 neg(self) -> Self = Self($xor(self.0, $splat(-0.0)));

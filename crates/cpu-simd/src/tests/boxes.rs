@@ -52,7 +52,7 @@ fn ray_to(bounds: Aabb) -> impl Strategy<Value = Ray> {
 struct Meet<'a, R: Lanes> {
     ray: &'a OneRay<'a, R>,
     planes: BoxPlanes,
-    /// Set if boxes are padded by their own distance.
+    /// Set if the padding of a box is computed from that box instead of the root box.
     spread: bool,
 }
 

@@ -83,11 +83,12 @@ fn load<L: Lanes>(numbers: &[f32; 16], first: usize) -> L {
     L::load(&lanes)
 }
 
-/// Returns the results of every operation on two times sixteen numbers, one operation after the other.
+/// Returns the results of all operations that must not differ between sets, on two times sixteen numbers, one operation
+/// after the other.
 #[inline(always)]
 fn operations<L: Lanes>(a: &[f32; 16], b: &[f32; 16]) -> Vec<u32> {
     let lanes = L::ALL.count_ones() as usize;
-    let mut all = vec![Vec::new(); 15];
+    let mut all = vec![Vec::new(); 16];
     for first in (0..16).step_by(lanes) {
         let (a, b, one) = (load::<L>(a, first), load::<L>(b, first), L::splat(1.0));
         let (less, at_most) = (a.less(b), a.at_most(b));
@@ -99,6 +100,7 @@ fn operations<L: Lanes>(a: &[f32; 16], b: &[f32; 16]) -> Vec<u32> {
             a.min(b),
             a.max(b),
             a.abs(),
+            a.power(),
             a.neg(),
             a.replace(less, one),
             a.replace(L::mask(0x5a3c >> first), b),

@@ -77,8 +77,8 @@ fn sheared(p: [f64; 3], direction: [f64; 3], i: usize) -> WithError {
     }
 }
 
-/// Returns the edge function `px * qy - py * qx`. Its error includes eight more roundings, for the sums and products
-/// that follow.
+/// Returns the edge function `px * qy - py * qx`. Its error includes 16 units of `2^-53`, which suffice for the roundings
+/// of this function and of the sums and products that follow.
 fn edge(p: [WithError; 2], q: [WithError; 2]) -> WithError {
     let product = |a: WithError, b: WithError| WithError {
         value: a.value * b.value,

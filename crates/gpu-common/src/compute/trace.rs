@@ -24,7 +24,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
         assert!(pending == index, "only one call of trace per submission");
         let has_tree = self.tree().current.shape.leaf_count > 0;
         if query.kind.light().is_some() {
-            // The host measures the range, because the offset of shadow rays depends on the scene's typical size.
+            // The offset of shadow rays depends on `CoordinateRange::clearance`, which only the host computes.
             let range = self.engine.scene().animation.range(self.engine.pose);
             self.range = Some(range);
         }

@@ -1,7 +1,7 @@
 //! Colour, shape and fill of marks.
 //!
-//! The colours are those of Okabe and Ito (*Color Universal Design*, 2008), which are distinct for all types of colour
-//! vision. They also differ in lightness, for print in black and white.
+//! Apart from greys, the colours are those of Okabe and Ito (*Color Universal Design*, 2008), which are distinct for all
+//! types of colour vision. They also differ in lightness, for print in black and white.
 
 use super::ChartPoint;
 use backend::{BackendName, Intersector, Policy};
@@ -92,7 +92,8 @@ fn find<T: Copy>(names: &[&str], values: &[T], name: &str, other: T) -> T {
     index.map_or(other, |index| values[index])
 }
 
-/// Returns the appearance for three names. An unknown name uses the corresponding value of [`PLAIN`].
+/// Returns the appearance for three names. An unknown intersector or update uses the value of [`PLAIN`]. An unknown
+/// backend gets a colour that depends on its name.
 pub(crate) fn of_names([backend, intersector, update]: [&str; 3]) -> MarkStyle {
     MarkStyle {
         colour: find(

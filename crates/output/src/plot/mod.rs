@@ -6,8 +6,8 @@
 //! The caller measures all numbers. Values that may be unknown are `Option`s.
 //!
 //! This module draws with `plotters`. It measures nothing and accesses no files. Equal data give equal bytes, and no
-//! data causes a panic. Points without a positive median time are not drawn, and the picture states their number. Infinite
-//! values are drawn at the end of the axis.
+//! data causes a panic. Points without a positive median time or without tested rays are not drawn, and the picture
+//! states their number. Infinite values are drawn at the end of the axis.
 
 #![expect(missing_docs, reason = "names are those of points.json")]
 
@@ -230,8 +230,8 @@ impl Chart {
         self.dots().filter(|dot| dot.point.scene == scene).collect()
     }
 
-    /// Returns the Pareto front: the points of a scene that no other beats in both speed and accuracy, fastest first.
-    /// Of equal points it contains only the first.
+    /// Returns the Pareto front, fastest first: the points of a scene for which no other point is at least as fast and
+    /// as accurate, and better in one of the two. Of equal points it contains only the first.
     pub(crate) fn front<'a>(&'a self, scene: &str) -> Vec<Dot<'a>> {
         let mut dots = self.dots_of(scene);
         dots.sort_by(|a, b| {

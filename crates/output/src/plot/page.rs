@@ -26,8 +26,8 @@ const STYLE: &str = "body { font: 15px sans-serif; margin: 1em auto; max-width: 
 pub fn svg(chart: &Chart) -> Result<String> {
     let mut panels = scatter_plots(chart);
     panels.extend(hard_rays(chart));
-    let words = words(&chart.machine);
-    let head = 46 + 19 * words.len() as u32;
+    let machine = machine_lines(&chart.machine);
+    let head = 46 + 19 * machine.len() as u32;
     let height = head + panels.iter().map(|p| p.height).sum::<u32>();
     let (mut drawn, mut targets) = (String::new(), String::new());
     {
@@ -35,9 +35,9 @@ pub fn svg(chart: &Chart) -> Result<String> {
         sheet.fill(&WHITE)?;
         let bold = font(24, INK, FontStyle::Bold);
         sheet.draw(&Text::new(TITLE, (14, 12), bold))?;
-        for (words, y) in words.iter().zip((44..).step_by(19)) {
+        for (line, y) in machine.iter().zip((44..).step_by(19)) {
             let font = font(14, GREY, FontStyle::Normal);
-            sheet.draw(&Text::new(short(words, LINE), (14, y), font))?;
+            sheet.draw(&Text::new(short(line, LINE), (14, y), font))?;
         }
         let mut rest = sheet.split_vertically(head).1;
         for panel in &panels {
@@ -63,7 +63,7 @@ pub fn svg(chart: &Chart) -> Result<String> {
 }
 
 /// Returns the lines under the title, which describe the machine and the program.
-fn words(machine: &Machine) -> Vec<String> {
+fn machine_lines(machine: &Machine) -> Vec<String> {
     let cpu = machine.cpu.as_deref().unwrap_or("unknown cpu");
     let (version, date) = (&machine.version, &machine.date);
     let mut lines = vec![format!("{cpu} · abvh {version} · {date}")];
@@ -124,7 +124,7 @@ fn heading(chart: &Chart, scene: &ChartScene, drawn: usize) -> String {
     let all = chart.points.iter().filter(|p| p.scene == *name).count();
     match all - drawn {
         0 => about,
-        n => format!("{about} ({n} not drawn for lack of a time)"),
+        n => format!("{about} ({n} not drawn: no time or no tested rays)"),
     }
 }
 
@@ -204,7 +204,8 @@ pub fn html(chart: &Chart) -> Result<String> {
          <title>{TITLE}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n\
          <p>Point at a mark to see its numbers.</p>\n\
          <figure>\n{picture}</figure>\n\
-         <h2>All points</h2>\n<p>★: no other point of its scene is both faster and more often right.</p>\n\
+         <h2>All points</h2>\n<p>★: no other point of its scene is at least as fast and as often right, and better in one \
+         of the two. Of equal points, only the first is marked.</p>\n\
          <p>Intervals are 95 % score intervals (Wilson 1927), or 3 / rays where no answer was wrong.</p>\n\
          <div class=\"wide\"><table>\n<thead><tr><th></th>{head}</tr></thead>\n<tbody>\n"
     );

@@ -277,7 +277,7 @@ fn counts_points_that_are_not_drawn() {
     let chart = of_points([point(1.0, 3), point(0.0, 3)]);
     let picture = checked(&chart);
     assert_eq!(places(&picture).len(), 1);
-    let note = "(1 not drawn for lack of a time)";
+    let note = "(1 not drawn: no time or no tested rays)";
     let drawn = texts(&picture);
     assert!(drawn.iter().any(|t| t.ends_with(note)), "{drawn:?}");
     checked(&Chart::default());

@@ -36,12 +36,12 @@ impl AdoptionRule {
         if !self.by_cost {
             return Some(Event::Admitted);
         }
-        if self.builds_ahead && !predictor.is_nearer_than(current, target) {
+        if self.builds_ahead && !predictor.is_new_target_nearer(current, target) {
             return predictor
                 .newer_tree_arrives_first(current, target)
                 .then_some(Event::Superseded);
         }
-        let is_due = predictor.should_evaluate(target, tree.costlier_at);
+        let is_due = predictor.should_evaluate(target, tree.costlier_distance);
         is_due.then_some(Event::BecameDue)
     }
 

@@ -12,12 +12,13 @@ pub(super) struct Request {
     pub(super) frame: u64,
     /// Time of the requesting frame, in key frames.
     pub(super) time: f64,
-    /// Pose that the tree is built for.
+    /// Pose that the tree is requested for. If the build observes two frames, the tree is built for positions
+    /// extrapolated to `target_time` instead.
     pub(super) pose: Pose,
     /// Middle of the expected time of use, in key frames.
     pub(super) target_time: f64,
-    /// Times at one quarter and at three quarters of the expected time of use, in key frames. If trees are adopted by
-    /// cost, the tree is built over both.
+    /// Times at one quarter and at three quarters of the expected time of use, in key frames. With `async` and
+    /// prediction, and if trees degrade fast, the tree is built over boxes that contain each triangle at both times.
     pub(super) swept_times: [f64; 2],
 }
 
@@ -37,8 +38,9 @@ pub(super) struct CandidateTree {
     pub(super) built: Built,
     /// Whether the upload is finished, so that the latency is known.
     pub(super) has_arrived: bool,
-    /// Distance in key frames to the target time when the tree was last found to cost more than the current one.
-    pub(super) costlier_at: Option<f64>,
+    /// Distance in key frames to the target time at the last evaluation that found the tree no cheaper than the current
+    /// one.
+    pub(super) costlier_distance: Option<f64>,
     /// Its cost divided by the current tree's, from the evaluation that accepted it.
     pub(super) cost_ratio: Option<f64>,
 }
@@ -49,7 +51,7 @@ impl CandidateTree {
             request,
             built,
             has_arrived: false,
-            costlier_at: None,
+            costlier_distance: None,
             cost_ratio: None,
         }
     }
@@ -63,7 +65,8 @@ pub(super) struct Evaluation {
     /// Number of frames begun before the one that evaluates it.
     pub(super) frame: u64,
     pub(super) pose: Pose,
-    /// Distance in key frames to the tree's target time; `None` if time does not approach it.
+    /// Distance in key frames to the tree's target time. `None` if time does not approach it, or if trees are not
+    /// built for a future time.
     pub(super) approach: Option<f64>,
 }
 
@@ -103,8 +106,8 @@ pub(super) enum NextTreeState {
     Evaluating(CandidateTree, Evaluation),
     /// The tree is adopted at the next frame boundary.
     Accepted(CandidateTree),
-    /// The tree is dropped at the next frame boundary. Contains the pose at which it cost more than the current tree,
-    /// if that is the reason.
+    /// The tree is dropped at the next frame boundary. Contains the pose at which an evaluation found it no cheaper than
+    /// the current tree, if that is the reason.
     Rejected(CandidateTree, Option<Pose>),
 }
 
@@ -168,7 +171,7 @@ impl NextTreeState {
                     Self::Accepted(CandidateTree { cost_ratio, ..tree })
                 }
                 Verdict::Wait => Self::Waiting(CandidateTree {
-                    costlier_at: evaluation.approach,
+                    costlier_distance: evaluation.approach,
                     ..tree
                 }),
                 Verdict::Reject => Self::Rejected(tree, Some(evaluation.pose)),
@@ -358,7 +361,9 @@ mod tests {
         });
         assert!(matches!(accepted, NextTreeState::Accepted(tree) if tree.cost_ratio == Some(0.5)));
         let waiting = after(Verdict::Wait);
-        assert!(matches!(waiting, NextTreeState::Waiting(tree) if tree.costlier_at == Some(0.5)));
+        assert!(
+            matches!(waiting, NextTreeState::Waiting(tree) if tree.costlier_distance == Some(0.5))
+        );
         let pose = Some(evaluation(None).pose);
         assert!(matches!(after(Verdict::Reject), NextTreeState::Rejected(_, at) if at == pose));
     }

@@ -10,11 +10,12 @@ const COST_RISE: f64 = 1.1;
 /// Counts rejections and sets the pause.
 #[derive(Debug, Default)]
 pub(super) struct RequestPause {
-    /// Number of rejections, and of adoptions that save little, since the last adoption that saved more.
+    /// Number of rejections since the pauses last ended, at most `MAX_REJECTIONS - 1`. An adoption whose cost ratio
+    /// exceeds [`GOOD_RATIO`] counts as a rejection.
     rejections: u32,
     /// Frame from which on trees may be requested.
     until: u64,
-    /// Largest cost of the current tree since that adoption.
+    /// Largest cost of the current tree since the last adoption whose cost ratio was at most [`GOOD_RATIO`].
     highest_cost: f64,
 }
 

@@ -112,7 +112,7 @@ impl Driver {
                 frames: [earlier, positions],
                 times,
             }),
-            ..BuildInput::of(Vertices::KeyFrames(at(request.target_time)))
+            ..BuildInput::of(Vertices::AtPose(at(request.target_time)))
         };
         self.start_build(input)
     }

@@ -100,8 +100,8 @@ impl Driver {
         record.device_memory = self.backend.memory().held;
         record.device_bytes = record.device_memory.map(DeviceBytes::total);
         record.tree.sah_ratio = report.sah_cost.map(|now| {
-            let before = pending.cost_before.filter(|&c| c > 0.0);
-            before.map_or(1.0, |before| now / before)
+            let when_built = pending.cost_when_built.filter(|&c| c > 0.0);
+            when_built.map_or(1.0, |when_built| now / when_built)
         });
         record.complete(report);
         Ok(Some(record))

@@ -35,7 +35,7 @@ fn tree_at(animation: &Animation, time: f64, toward: Option<Point>) -> Arc<Binar
 }
 
 fn at(animation: &Animation, time: f64) -> Vertices {
-    Vertices::KeyFrames(animation.pose(time))
+    Vertices::AtPose(animation.pose(time))
 }
 
 fn binary(built: Result<Built, BuildError>) -> Arc<BinaryTree> {
@@ -95,7 +95,7 @@ impl Deref for PlayedFrame {
 struct Run {
     records: Vec<PlayedFrame>,
     log: Log,
-    built: bool,
+    builder_started: bool,
 }
 
 /// Renders frames of two triangles that drift apart over `keys` key frames.
@@ -130,12 +130,12 @@ fn render(
 
 /// Drops the driver with its fake.
 fn end(driver: Driver, log: Arc<Mutex<Log>>, records: Vec<PlayedFrame>) -> Run {
-    let built = driver.builder.thread.is_started();
+    let builder_started = driver.builder.thread.is_started();
     drop(driver);
     Run {
         records,
         log: read(log),
-        built,
+        builder_started,
     }
 }
 
@@ -189,7 +189,7 @@ fn play(
 fn static_scene_needs_no_builder() {
     for update in [Policy::Rebuild, Policy::Refit, Policy::Async] {
         let r = run(1, 5, update, Some(0));
-        assert!(!r.built);
+        assert!(!r.builder_started);
         assert_eq!((r.log.interpolated, r.log.refitted), (1, 1), "{update:?}");
         assert_eq!(r.records.len(), 5);
         assert_eq!(r.records[4].tree.age_frames, 4);
@@ -201,7 +201,7 @@ fn static_scene_needs_no_builder() {
 fn rebuild_uses_one_tree_per_frame() {
     for update in [Policy::Rebuild, Policy::Lockstep(0)] {
         let r = run(9, 8, update, Some(3));
-        assert!(!r.built);
+        assert!(!r.builder_started);
         let own = |f: &PlayedFrame| f.tree.age_frames == 0 && f.tree.adopted;
         assert!(r.records.iter().all(own));
         let generations: Vec<_> = r.records.iter().map(|f| f.tree.generation.0).collect();
@@ -213,7 +213,7 @@ fn rebuild_uses_one_tree_per_frame() {
 #[test]
 fn device_rebuild_needs_no_host_builder() {
     let r = run(9, 8, Policy::DeviceRebuild, Some(0));
-    assert!(!r.built && r.log.adopted.is_empty() && r.log.requested == 0);
+    assert!(!r.builder_started && r.log.adopted.is_empty() && r.log.position_requests == 0);
     assert_eq!(r.log.rebuilt, (1..9).map(Generation).collect::<Vec<_>>());
     assert_eq!(r.log.interpolated, 8);
     let own =
@@ -245,12 +245,12 @@ fn async_frames_never_wait_for_vertices() {
     // On busy cores the builder needs many frames.
     let r = run(60, 200, Policy::Async, Some(2));
     let generations = r.records.iter().map(|f| f.tree.generation);
-    assert!(r.built && generations.is_sorted());
+    assert!(r.builder_started && generations.is_sorted());
     assert!(r.records[199].tree.generation > Generation(3));
     assert!(r.records.iter().filter(|f| f.tree.adopted).count() > 3);
     let r = run(60, 50, Policy::Async, None);
     assert_eq!(r.records.len(), 50);
-    assert!(!r.built && r.log.adopted == [Generation(1)]);
+    assert!(!r.builder_started && r.log.adopted == [Generation(1)]);
 }
 
 /// Returns the trees adopted in frames at times 0 to 5, whose queries have the given kinds.
@@ -332,7 +332,7 @@ fn frames_continue_during_slow_builds() {
 #[test]
 fn only_rebuild_and_lockstep_wait() {
     let refit = run(30, 20, Policy::Refit, Some(0));
-    assert!(!refit.built && refit.log.adopted == [Generation(1)]);
+    assert!(!refit.builder_started && refit.log.adopted == [Generation(1)]);
     assert_eq!(
         (refit.records[19].tree.age_frames, refit.log.refitted),
         (19, 20)

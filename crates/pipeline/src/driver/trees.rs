@@ -44,7 +44,7 @@ pub(super) struct CurrentTree {
     pub(super) generation: Generation,
     /// Number of frames begun before the one that requested it.
     pub(super) frame: u64,
-    /// Pose that it was built for.
+    /// Pose of its request.
     pub(super) pose: Pose,
     /// Middle of its expected time of use, in key frames.
     pub(super) target_time: f64,
@@ -209,7 +209,7 @@ impl Driver {
         let is_swept = self.adoption_rule().by_cost;
         let input = BuildInput {
             swept_poses: is_swept.then(|| self.poses(swept_times)),
-            ..BuildInput::of(Vertices::KeyFrames(pose))
+            ..BuildInput::of(Vertices::AtPose(pose))
         };
         self.start_build(input)
     }
@@ -217,7 +217,7 @@ impl Driver {
     /// Builds the first tree while the first frame waits.
     fn build_first(&mut self, pose: Pose) -> Result<(), PipelineError> {
         let mut request = self.request(FIRST, pose);
-        // With a prediction, the first tree is built for a time interval instead of one frame.
+        // If `async` predicts from key frames, the first tree is built for a time interval instead of one frame.
         let ahead = self.predicts() && self.adoption_rule().by_cost;
         let swept_times = self.predictor.swept_times_of_first_tree().filter(|_| ahead);
         if let Some([a, b]) = swept_times {
@@ -272,17 +272,17 @@ impl Driver {
         match std::mem::take(&mut self.trees.next) {
             NextTreeState::Accepted(tree) => {
                 let frames = number - tree.request.frame;
-                // With prediction, the tree is built for the time in which it is used. So even a small gain ends the
-                // pauses.
+                // A predicted tree is usually evaluated before its target time, so the ratio does not show how much it
+                // saves there. Its adoption ends the pauses, whatever the ratio is.
                 let cost_ratio = tree.cost_ratio.filter(|_| !self.predicts());
                 self.adopt(tree)?;
                 let cost_ratio = cost_ratio.unwrap_or(0.0);
                 self.trees.pause.adopted(number, frames, cost_ratio);
             }
-            NextTreeState::Rejected(tree, costlier_at) => {
+            NextTreeState::Rejected(tree, costlier_pose) => {
                 self.recording.record.tree.rejected = true;
                 // The pose stays eligible if its tree was dropped early or evaluated at another pose.
-                self.trees.no_better_at = costlier_at.filter(|&pose| pose == tree.request.pose);
+                self.trees.no_better_at = costlier_pose.filter(|&pose| pose == tree.request.pose);
                 self.builder.discard(tree.built.topology);
             }
             // The build failed.

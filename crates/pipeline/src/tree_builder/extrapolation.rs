@@ -1,5 +1,5 @@
-//! Decides whether motion may be extrapolated beyond the last observed positions. This requires that the previous
-//! extrapolation was closer to the next positions than the positions observed before it.
+//! Decides whether motion may be extrapolated beyond the last two observed frames, `c` and `d`. The two frames observed
+//! before, `a` and `b`, are extrapolated to the time of `c`. The result must be closer to `c` than `b` is.
 
 use crate::motion::distance;
 use geom::Point;

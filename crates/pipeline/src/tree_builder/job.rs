@@ -9,7 +9,7 @@ pub(crate) struct BuildInput {
     /// Source of the vertices.
     pub(crate) vertices: Vertices,
     /// Poses at one quarter and at three quarters of the tree's expected use. If set, the tree is built over boxes that
-    /// contain each triangle at both.
+    /// contain each triangle at both. Ignored for a compared tree unless trees degrade fast.
     pub(crate) swept_poses: Option<[Pose; 2]>,
     /// Positions that all poses refer to, if they do not refer to key frames.
     pub(crate) observed: Option<Observed>,

@@ -52,7 +52,7 @@ impl<'a> PoseSource<'a> {
     ) -> Result<&'v [Point], KeyFrameError> {
         match vertices {
             Vertices::ReadBack(snapshot) => Ok(snapshot),
-            Vertices::KeyFrames(pose) => {
+            Vertices::AtPose(pose) => {
                 blend(&self.at(*pose)?, blended);
                 Ok(blended)
             }

@@ -24,7 +24,7 @@ pub(crate) fn positions(animation: &Animation, time: f64) -> Vec<Point> {
 
 /// Returns the tree of a key frame.
 pub(crate) fn at_key(animation: &Animation, key: usize) -> Built {
-    let input = BuildInput::of(Vertices::KeyFrames(animation.pose(key as f64)));
+    let input = BuildInput::of(Vertices::AtPose(animation.pose(key as f64)));
     let built = TreeBuilder::default().build(animation, input, &Cancel::new());
     built.unwrap()
 }
@@ -82,13 +82,13 @@ impl Course {
         let input = BuildInput {
             swept_poses: swept_times.map(|times| times.map(pose)),
             is_compared,
-            ..BuildInput::of(Vertices::KeyFrames(pose(time)))
+            ..BuildInput::of(Vertices::AtPose(pose(time)))
         };
         let (builder, cancel) = (&mut self.builder, Cancel::new());
         builder.build(&self.animation, input, &cancel).unwrap()
     }
 
-    /// Returns the last tree and a new one for `time`, whose use begins 0.375 key frames earlier.
+    /// Returns the last tree and a new one for `time`, with swept poses at `time - 0.375` and at `time`.
     fn next(&mut self, time: f64) -> [BinaryTree; 2] {
         let last = self.last();
         self.build(time, Some([time - 0.375, time]), true);
@@ -111,7 +111,7 @@ fn reuses_subtrees_until_trees_are_stable() {
     let [last, tree] = course.next(1.0);
     assert_eq!(tree, rebuilt_from_subtrees(&last, &course.boxes(1.0)));
     assert_ne!(tree, BinaryTree::over(&course.boxes(1.0)[..]));
-    // At the same time, the last tree costs as little as the new one, so `is_slow` becomes true.
+    // If the time does not change, the last tree costs as little as the new one, so `is_slow` becomes true.
     course.next(1.0);
     course.next(1.0);
     let [_, tree] = course.next(1.0);
@@ -183,7 +183,7 @@ fn cost_is_measured_at_the_pose() {
 fn key_frames_match_read_back_vertices() {
     let a = shuffled();
     let read_back = Vertices::ReadBack(Box::new(positions(&a, 0.3)));
-    let [x, y] = [Vertices::KeyFrames(a.pose(0.3)), read_back].map(|vertices| {
+    let [x, y] = [Vertices::AtPose(a.pose(0.3)), read_back].map(|vertices| {
         let input = BuildInput::of(vertices);
         let built = TreeBuilder::default().build(&a, input, &Cancel::new());
         built.map(|built| (built.topology, built.cost)).unwrap()
@@ -197,7 +197,7 @@ fn observed(course: &mut Course, places: [f64; 2], times: [f64; 2], middle: f64)
     let seen = places.map(|time| Box::new(positions(&course.animation, time)) as Snapshot);
     let pose = pose_between(times, middle);
     let input = BuildInput {
-        vertices: Vertices::KeyFrames(pose),
+        vertices: Vertices::AtPose(pose),
         swept_poses: Some([pose; 2]),
         observed: Some(Observed {
             frames: seen,
@@ -283,16 +283,27 @@ fn light_ordered_blocks_keep_tree_order() {
     };
     let vertices = (0..256).flat_map(corner).collect();
     let a = Animation::new(vec![vertices], apart(256)).unwrap();
-    for (toward, first) in [(None, First::Larger), (Some([-9.0, 5.0, 1.0]), First::Left)] {
+    for (toward, first_visited) in [
+        (None, FirstVisited::Larger),
+        (Some([-9.0, 5.0, 1.0]), FirstVisited::Left),
+    ] {
         let mut builder = TreeBuilder::with_format(TreeFormat::WideBlocks);
         builder.order_toward(toward);
-        let input = BuildInput::of(Vertices::KeyFrames(a.pose(0.0)));
+        let input = BuildInput::of(Vertices::AtPose(a.pose(0.0)));
         let tree = builder.build(&a, input, &Cancel::new()).unwrap().topology;
         let boxes = &builder.boxes;
-        let options = |first| CollapseOptions { boxes, first };
-        let of = |first| BlockTree::of(tree.binary(), a.triangles(), options(first));
-        assert!(of(First::Larger) != of(First::Left));
-        assert!(**tree.blocks().unwrap() == of(first), "{first:?}");
+        let of = |first_visited| {
+            let options = CollapseOptions {
+                boxes,
+                first_visited,
+            };
+            BlockTree::of(tree.binary(), a.triangles(), options)
+        };
+        assert!(of(FirstVisited::Larger) != of(FirstVisited::Left));
+        assert!(
+            **tree.blocks().unwrap() == of(first_visited),
+            "{first_visited:?}"
+        );
     }
 }
 
@@ -306,11 +317,11 @@ fn requested_blocks_are_fuller() {
     let a = Animation::new(vec![vertices], apart(3000)).unwrap();
     let blocks = |format| {
         let mut builder = TreeBuilder::with_format(format);
-        let input = BuildInput::of(Vertices::KeyFrames(a.pose(0.0)));
+        let input = BuildInput::of(Vertices::AtPose(a.pose(0.0)));
         let tree = builder.build(&a, input, &Cancel::new()).unwrap().topology;
         let options = CollapseOptions {
             boxes: &builder.boxes,
-            first: First::Larger,
+            first_visited: FirstVisited::Larger,
         };
         let blocks = BlockTree::of(tree.binary(), a.triangles(), options).blocks;
         blocks.len()

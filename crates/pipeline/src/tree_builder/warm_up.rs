@@ -9,8 +9,9 @@ use geom::{Animation, Pose};
 const ROUNDS: usize = 2;
 
 impl TreeBuilder {
-    /// If the next tree will be built from subtrees, builds and drops such trees, to allocate memory. In demo:shatter
-    /// (1.6M triangles) the first such tree took 120 ms, the second 43, later ones 20.
+    /// If the next tree will be built from subtrees, and the format is not [`TreeFormat::WideBlocks`], builds and drops
+    /// such trees, to allocate memory. In demo:shatter (1.6M triangles) the first such tree took 120 ms, the second 43,
+    /// later ones 20.
     pub(crate) fn warm_up(
         &mut self,
         animation: &Animation,
@@ -23,7 +24,7 @@ impl TreeBuilder {
             return Ok(());
         }
         for _ in 0..ROUNDS {
-            let vertices = Vertices::KeyFrames(pose);
+            let vertices = Vertices::AtPose(pose);
             self.rebuild_subtrees_at(&PoseSource::of(animation), &vertices, cancel)?;
             let topology = self.convert(animation);
             self.reuse(topology.into_spare());

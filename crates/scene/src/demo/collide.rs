@@ -146,7 +146,8 @@ fn wobble(time: f64) -> DMat3 {
     DMat3::from_diagonal(DVec3::new(stretch, thin, thin))
 }
 
-/// Creates a closed splinter. It is hidden in its body until contact, then flies outward from the contact's rim.
+/// Creates a closed splinter. It is hidden in its body until contact. Then it flies upward and away from the line
+/// through the centres of the bodies.
 fn splinter(index: u64) -> DemoPart {
     let which = (index % 2) as usize;
     let owner = BODIES[which];

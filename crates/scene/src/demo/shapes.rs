@@ -183,7 +183,8 @@ pub(super) fn revolve_size(budget: usize, aspect: f64) -> [u32; 2] {
     [sides as u32, rings as u32]
 }
 
-/// Creates a capsule from the origin down to `-length`, with separate radii for the upper and lower end.
+/// Creates a capsule along the y axis. Its ends are hemispheres with centres at heights 0 and `-length`, and with
+/// separate radii.
 pub(super) fn capsule(budget: usize, length: f64, [upper, lower]: [f64; 2]) -> DemoMesh {
     revolve(revolve_size(budget, 1.0), |v| {
         let angle = std::f64::consts::PI * v;

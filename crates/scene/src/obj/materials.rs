@@ -6,7 +6,7 @@
 
 use crate::Rgb;
 use crate::folder::Folder;
-use crate::mesh::{CLAY, Materials, from_display};
+use crate::mesh::{CLAY, Materials, srgb_bytes};
 use crate::text::{check_encoding, lines};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -71,7 +71,7 @@ fn read_library(
         });
         match found {
             Ok((materials, _)) => {
-                let coloured = |m: tobj::Material| Some((m.name, from_display(m.diffuse?)));
+                let coloured = |m: tobj::Material| Some((m.name, srgb_bytes(m.diffuse?)));
                 into.extend(materials.into_iter().filter_map(coloured));
             }
             Err(e) => notes.push(format!(

@@ -1,4 +1,5 @@
-//! Reader of Wavefront OBJ files: vertices, polygons and their colours. Other statements are skipped with a remark.
+//! Reader of Wavefront OBJ files: vertices, polygons and their colours. Statements that do not affect triangles are
+//! skipped silently, all others with a remark.
 //!
 //! `tobj` reads only the material libraries. It is not used for meshes because its errors name no line, it drops faces
 //! silently, and it reads lines (`l`) as faces.
@@ -25,7 +26,7 @@ pub(crate) fn read(path: &Path) -> Result<PolygonMesh> {
     let paint = if !found.materials.uses.is_empty() {
         Paint::Materials(found.materials)
     } else if found.colours.len() == found.points.len() {
-        Paint::Vertices(found.colours.into_display(path, &mut notes))
+        Paint::Vertices(found.colours.into_srgb_bytes(path, &mut notes))
     } else {
         Paint::None
     };
@@ -394,6 +395,6 @@ mod tests {
             let first = if is_noted { [0, 1, 1] } else { [0, 128, 255] };
             assert_eq!(colours[0], first);
         }
-        assert_note(&with("255 0 0"), "colours above 1 are read as 0 to 255");
+        assert_note(&with("255 0 0"), "of the file are read as 0 to 255");
     }
 }

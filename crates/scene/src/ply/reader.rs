@@ -77,7 +77,9 @@ impl<'a> PlyFile<'a> {
         };
         for axis in ["x", "y", "z"] {
             if !matches!(coordinate(axis), Some(PropertyType::Scalar(_))) {
-                return wrong(&format!("the header has no vertex with a number {axis}"));
+                return wrong(&format!(
+                    "the header has no element 'vertex' with a scalar property '{axis}'"
+                ));
             }
         }
         if self.surfaces().next().is_none() {
@@ -226,9 +228,9 @@ impl<'a> PlyFile<'a> {
         }
         let faces = self.polygons.faces().count();
         let paint = if self.colours.len() == vertices {
-            Paint::Vertices(self.colours.into_display(self.path, &mut notes))
+            Paint::Vertices(self.colours.into_srgb_bytes(self.path, &mut notes))
         } else if self.face_colours.len() == faces {
-            Paint::Faces(self.face_colours.into_display(self.path, &mut notes))
+            Paint::Faces(self.face_colours.into_srgb_bytes(self.path, &mut notes))
         } else {
             Paint::None
         };

@@ -12,7 +12,7 @@ fn parse(bytes: impl AsRef<[u8]>) -> Result<PolygonMesh> {
     Ok(parse_all(bytes)?.mesh)
 }
 
-fn parse_all(bytes: impl AsRef<[u8]>) -> Result<Ply> {
+fn parse_all(bytes: impl AsRef<[u8]>) -> Result<MeshFile> {
     let file = tempfile::Builder::new().suffix(".ply").tempfile().unwrap();
     fs::write(file.path(), bytes).unwrap();
     read(file.path())
@@ -113,7 +113,7 @@ fn errors_name_line_or_element() {
         vertex 3 | vertex 18446744073709551615 | cut short
         vertex 3 | vertex 18446744073709551616 | line 4: "element vertex 18446744073709551616" is not understood
         float y | flot y | "property flot y" is not understood in a PLY header
-        property float z; | | number z
+        property float z; | | scalar property 'z'
         element face | element faces | no element 'face' or 'tristrips', only 'vertex', 'faces'
         element face 1 | element face 0;property int a;element face 1 | twice
         vertex_index | corners | vertex_indices
@@ -156,12 +156,12 @@ fn truncated_binary_files_are_rejected() {
 }
 
 #[test]
-fn pattern_read_matches_full_parse() {
+fn template_read_matches_full_parse() {
     let folder = tempfile::tempdir().unwrap();
     for big in [false, true] {
         // No face uses vertex 2.
         let first = binary(big, &[(3, &[0, 1, 3])]);
-        let pattern = parse_all(&first).unwrap().pattern.unwrap();
+        let template = parse_all(&first).unwrap().template.unwrap();
         let kept = [0, 1, 3];
         let mut later = first.clone();
         let z = later.len() - (4 + 6) - 3 - 8;
@@ -169,9 +169,9 @@ fn pattern_read_matches_full_parse() {
         let all = parse(&later).unwrap().points;
         let whole = kept.map(|v| all[v as usize]);
         let path = put(&folder, "later.ply", &later);
-        let read = pattern.read(&path, &kept).unwrap().unwrap();
+        let read = template.read(&path, &kept).unwrap().unwrap();
         assert_eq!(read, whole);
-        assert_eq!(pattern.read_again(&path, &kept).unwrap(), whole);
+        assert_eq!(template.read_again(&path, &kept).unwrap(), whole);
         assert_ne!(read[2], parse(&first).unwrap().points[3]);
         for other in [
             binary(big, &[(3, &[0, 1, 2])]),
@@ -181,11 +181,11 @@ fn pattern_read_matches_full_parse() {
             ascii("0 0 0\n", "3 0 0 0\n").into_bytes(),
         ] {
             let path = put(&folder, "other.ply", other);
-            assert!(pattern.read(&path, &kept).unwrap().is_none());
+            assert!(template.read(&path, &kept).unwrap().is_none());
         }
     }
     let text = parse_all(ascii("0 0 0\n", "3 0 0 0\n")).unwrap();
-    assert!(text.pattern.is_none());
+    assert!(text.template.is_none());
 }
 
 #[test]
@@ -201,14 +201,14 @@ fn reads_floats_at_any_row_offset() {
     }
     bytes.push(3);
     bytes.extend([0_i32, 1, 2].map(i32::to_le_bytes).as_flattened());
-    let Ply { mesh, pattern } = parse_all(&bytes).unwrap();
+    let MeshFile { mesh, template } = parse_all(&bytes).unwrap();
     let file = tempfile::NamedTempFile::new().unwrap();
     fs::write(file.path(), &bytes).unwrap();
-    let pattern = pattern.unwrap();
+    let template = template.unwrap();
     let bits = |points: Vec<Position>| points.concat().into_iter().map(f64::to_bits);
     let kept = [0, 1, 2];
-    let read = pattern.read(file.path(), &kept).unwrap().unwrap();
-    let again = pattern.read_again(file.path(), &kept).unwrap();
+    let read = template.read(file.path(), &kept).unwrap().unwrap();
+    let again = template.read_again(file.path(), &kept).unwrap();
     for read in [read, again] {
         assert!(bits(read).eq(bits(mesh.points.clone())));
     }

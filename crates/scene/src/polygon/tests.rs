@@ -189,7 +189,7 @@ fn oversized_concave_polygons_are_counted() {
 }
 
 proptest! {
-    /// Stars of any size and position, rotated in space, with collinear and repeated vertices.
+    /// Stars of any size around the origin, rotated in space, with collinear and repeated vertices.
     #[test]
     fn simple_polygons_are_covered_once(
         radii in prop::collection::vec((0.1_f64..1.0, 0..4_u8), 3..40),

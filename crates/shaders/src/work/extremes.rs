@@ -31,7 +31,7 @@ impl Extremes {
             _ if params.extreme == 1 => Self::All,
             RaySource::Camera(camera) if params.is_extreme(camera.eye) => Self::All,
             RaySource::Buffer(..) => Self::Some,
-            _ if params.is_unknown() => Self::Some,
+            _ if params.has_unknown_range() => Self::Some,
             _ => Self::None,
         }
     }
@@ -88,7 +88,7 @@ pub fn range_kernels(intersector: Intersector) -> impl Iterator<Item = &'static 
 /// known or not needed. It writes [`crate::BufferName::Range`], which only the kernels for extreme rays
 /// and [`crate::MODULE`] read.
 pub fn measure_range(intersector: Intersector, params: Params, vertices: usize) -> Option<Work> {
-    let is_needed = params.is_unknown() && has_extremes(intersector);
+    let is_needed = params.has_unknown_range() && has_extremes(intersector);
     let sample_step = CoordinateRange::sample_step(vertices) as u32;
     let params = params.with(MeasureParams { sample_step });
     is_needed.then(|| Work::linear(common("measure_range"), params, vertices as u32))

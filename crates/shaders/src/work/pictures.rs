@@ -8,7 +8,7 @@ use backend::Intersector;
 use geom::{Camera, Point};
 use glam::DVec3;
 
-/// Number of rows of the buffer `covers` before the tiles: see visibility/cover.wgsl.
+/// Number of rows of the buffer `pixel_coverage` before the tiles: see visibility/cover.wgsl.
 const LARGE_CAPACITY: u32 = 4096;
 /// Number of workgroups that share the large triangles: eight per multiprocessor of an H200, so that some compute while
 /// others wait.
@@ -34,8 +34,8 @@ pub(super) fn by_packets(
     let project = Work::linear(kernel("project", intersector), params, projected_count);
     Some(Trace {
         primary: vec![project, trace],
-        // One row of 16 bytes per lane and two per triangle.
-        cover_bytes: 16 * u64::from(projected_count + triangles),
+        // One row of 16 bytes per child of a wide node, and two per triangle.
+        coverage_bytes: 16 * u64::from(projected_count + triangles),
         ..Trace::default()
     })
 }
@@ -59,12 +59,13 @@ pub(super) fn by_rasterization(
     let params = projected(seen, camera)?.with(RasterParams {
         tile_capacity: tiles,
     });
-    let keys = match intersector {
+    let keys_per_pixel = match intersector {
         Intersector::Watertight => 1,
         _ => 2,
     };
-    // One more element holds whether rasterization was complete. A row holds two elements.
-    let pairs = keys * pixels / 2 + 1;
+    // The visibility buffer has 64-bit elements: the keys of all pixels, then one that says whether rasterization was
+    // complete. A row of 16 bytes holds two.
+    let rows = keys_per_pixel * pixels / 2 + 1;
     let none = Params { count: 0, ..params };
     let each = |kernel, groups| Work::new(kernel, none, Groups::Each(groups));
     let (rasterize, most) = how.rasterizers();
@@ -72,7 +73,7 @@ pub(super) fn by_rasterization(
     let rasterizers = tiles.div_ceil(rasterize.workgroup[0]).min(most);
     Some(Trace {
         primary: vec![
-            Work::linear(common("clear_visibility"), params, pairs),
+            Work::linear(common("clear_visibility"), params, rows),
             Work {
                 alongside: true,
                 ..Work::linear(kernel("cover_small", intersector), params, triangles)
@@ -81,8 +82,8 @@ pub(super) fn by_rasterization(
             each(rasterize, rasterizers),
             over_blocks("resolve", intersector, seen, [16, 8]),
         ],
-        cover_bytes: 16 * u64::from(LARGE_CAPACITY + tiles),
-        visibility_bytes: 16 * u64::from(pairs),
+        coverage_bytes: 16 * u64::from(LARGE_CAPACITY + tiles),
+        visibility_bytes: 16 * u64::from(rows),
         ..Trace::default()
     })
 }

@@ -44,7 +44,7 @@ impl TreeProgress {
 
     /// Returns the dispatches that compute records, and the boxes of all nodes in treelets of triangles, from positions. The
     /// first work on a tree also gathers the leaves' vertices. Also returns the number of zero-area triangles that the
-    /// dispatches skip, for [`crate::TreeStages::uncounted`].
+    /// dispatches skip, for [`crate::TreeStages::skipped_degenerate`].
     ///
     /// Small trees are computed from key frames; the later one has the weight [`Params::alpha`]. Such work does not read
     /// positions, so it can run concurrently with `interpolate`.
@@ -55,10 +55,10 @@ impl TreeProgress {
         tree: &Shape,
     ) -> (Vec<Work>, u32) {
         let gather = (!self.has_records).then(|| gather_corners(params, tree));
-        let (records, uncounted) = self.records(intersector, params, tree);
+        let (records, skipped_degenerate) = self.records(intersector, params, tree);
         let mut work: Vec<_> = gather.into_iter().chain([records]).collect();
         work[0].alongside = reads_keys(tree);
-        (work, uncounted)
+        (work, skipped_degenerate)
     }
 
     /// Reports that the dispatches of [`Self::preprocess`] were recorded for `tree`.
@@ -97,9 +97,9 @@ impl TreeProgress {
             sum_counter: self.sum_counter(),
             ..TreeletsParams::default()
         };
-        let uncounted = moving.map_or(0, |moving| moving.degenerate_elsewhere);
+        let skipped_degenerate = moving.map_or(0, |moving| moving.degenerate_elsewhere);
         let work = over(kernel(entry, intersector), params, own, lowest);
-        (work, uncounted)
+        (work, skipped_degenerate)
     }
 
     /// Returns the dispatches that compute the boxes of all nodes above the roots of the lowest treelets. If boxes already
@@ -244,21 +244,21 @@ mod tests {
             ..Shape::default()
         };
         let (mut progress, params) = (TreeProgress::default(), Params::default());
-        let (work, uncounted) = progress.preprocess(intersector, params, &tree);
+        let (work, skipped_degenerate) = progress.preprocess(intersector, params, &tree);
         let whole = vec![
             ("gather_corners", 0, 60_000, 94, 0),
             ("preprocess_treelets_from_key_frames", 0, 90, 94, 0),
         ];
-        assert_eq!((summaries(&work), uncounted), (whole, 0));
+        assert_eq!((summaries(&work), skipped_degenerate), (whole, 0));
         assert_eq!(alongside_flags(&work), [true, false]);
         assert_eq!(sum_counter(&work[1]), offset_of!(Counts, areas));
         progress.preprocessed(&tree);
         let work = progress.refit(params, &tree);
         assert!(work.is_empty());
         progress.submitted();
-        let (work, uncounted) = progress.preprocess(intersector, params, &tree);
+        let (work, skipped_degenerate) = progress.preprocess(intersector, params, &tree);
         let listed = vec![("preprocess_treelets_from_key_frames", 500, 7, 94, 1)];
-        assert_eq!((summaries(&work), uncounted), (listed, 4));
+        assert_eq!((summaries(&work), skipped_degenerate), (listed, 4));
         assert_eq!(alongside_flags(&work), [true]);
         assert_eq!(sum_counter(&work[0]), offset_of!(Counts, areas));
         let work = progress.refit(params, &tree);

@@ -13,12 +13,13 @@ const INNER_COUNT_IN_ENTRY: u32 = 3u;
 const ROOT_ROW_IN_ENTRY: u32 = 7u;
 // Index of the treelet's parent.
 const PARENT_IN_ENTRY: u32 = 9u;
-// Number of the treelet's children. The next word is the number of its moving children. A child reads from these how
-// many siblings arrive at the treelet.
-const SIBLINGS_IN_ENTRY: u32 = 10u;
+// Number of the treelet's children. The next word is the number of its moving children. A child reads from its parent's
+// entry how many children arrive at the parent.
+const CHILDREN_IN_ENTRY: u32 = 10u;
 // References within a treelet are below 512. They are also the indices of nodes in workgroup memory.
 const NODE_CAPACITY: u32 = 512u;
-const LEAVES: u32 = 256u;
+// Index of a treelet's first leaf in workgroup memory. Inner nodes have the indices below.
+const LEAVES_OFFSET: u32 = 256u;
 
 struct Treelet {
     first_leaf: u32,
@@ -122,7 +123,7 @@ fn refit_treelet(t: Treelet, word: u32) -> f32 {
 fn row_of(t: Treelet, index: u32, high: bool) -> vec4<u32> {
     if high { return high_of(index); }
     var reference = (t.inner_row >> 2u) + index;
-    if index >= LEAVES { reference = leaf_reference(index - LEAVES); }
+    if index >= LEAVES_OFFSET { reference = leaf_reference(index - LEAVES_OFFSET); }
     return vec4<u32>(low_of(index).xyz, reference);
 }
 

@@ -3,7 +3,7 @@
 import package::build::costs::sum_of_group;
 import package::build::interpolate::{blend, blend_native, needs_exact_blend};
 import package::build::treelet::{
-    ENTRY_WORDS, LEAF_COUNT_IN_ENTRY, LEAVES, inner_word, load_treelet, merge_boxes, refit_treelet, store_box,
+    ENTRY_WORDS, LEAF_COUNT_IN_ENTRY, LEAVES_OFFSET, inner_word, load_treelet, merge_boxes, refit_treelet, store_box,
     store_leaf_reference, treelet_nodes, treelet_of_dispatch, write_treelet,
 };
 import package::build::treelet_refit::{finish_and_refit_parents, prefetch_parent};
@@ -147,7 +147,7 @@ fn has_zero_area(leaf: u32) -> bool {
 fn store_empty(local: u32, leaf: u32, counter: u32) {
     atomicAdd(&counts[counter], 1u);
     records[3u * leaf].w = 0xffffffffu;
-    store_box(LEAVES + local, vec3<u32>(EMPTY_LOW), vec3<u32>(EMPTY_HIGH));
+    store_box(LEAVES_OFFSET + local, vec3<u32>(EMPTY_LOW), vec3<u32>(EMPTY_HIGH));
 }
 
 // Writes a triangle's record and stores its box. Returns whether it may still have zero area.
@@ -165,13 +165,13 @@ fn write_leaf(local: u32, leaf: u32, triangle: u32) -> bool {
         store_empty(local, leaf, INACTIVE_COUNT);
         return false;
     }
-    store_box(LEAVES + local, bitcast<vec3<u32>>(min(min(a, b), c)), bitcast<vec3<u32>>(max(max(a, b), c)));
+    store_box(LEAVES_OFFSET + local, bitcast<vec3<u32>>(min(min(a, b), c)), bitcast<vec3<u32>>(max(max(a, b), c)));
     return !surely_has_area(corners.a, corners.b, corners.c, a, b, c);
 }
 
 // Merges a triangle's leaf with the next one's. Its traversal reference only includes triangles that a ray can hit.
 fn merge_leaf_pair(local: u32, leaf: u32) -> f32 {
-    let first = LEAVES + local;
+    let first = LEAVES_OFFSET + local;
     if treelet_nodes[first] == EMPTY_LOW {
         store_leaf_reference(local, select(LEAF | (leaf + 1u), LEAF | leaf, treelet_nodes[first + 1u] == EMPTY_LOW));
     } else if treelet_nodes[first + 1u] != EMPTY_LOW {

@@ -2,8 +2,8 @@
 
 import package::build::costs::{GROUP, half_area, partial_sums, sixteenth_sum, sum_of_group};
 import package::build::treelet::{
-    ENTRY_WORDS, LEAVES, PARENT_IN_ENTRY, ROOT_ROW_IN_ENTRY, SIBLINGS_IN_ENTRY, Treelet, high_of, inner_word, load_treelet,
-    low_of, refit_treelet, row_of, store_box, store_leaf_reference, treelet_of_dispatch, write_treelet,
+    CHILDREN_IN_ENTRY, ENTRY_WORDS, LEAVES_OFFSET, PARENT_IN_ENTRY, ROOT_ROW_IN_ENTRY, Treelet, high_of, inner_word,
+    load_treelet, low_of, refit_treelet, row_of, store_box, store_leaf_reference, treelet_of_dispatch, write_treelet,
 };
 import package::lib::buffers::{costs, counts, nodes, topology};
 import package::lib::counters::ROOT_AREA;
@@ -52,13 +52,13 @@ fn group_sums(local: u32, x: f32, part: f32) -> vec2<f32> {
 // else 0. All invocations of the workgroup must call it.
 fn refit_from_roots_below(t: Treelet, treelet_index: u32, local: u32, all: u32) -> vec2<f32> {
     let inner = inner_word(treelet_index, local);
-    // Issues all reads before it waits for the first one.
-    let leaf = t.first_leaf + 2u * min(local, t.leaf_count - 1u);
-    let low = root_low(leaf);
-    let high = root_high(leaf);
+    // On these levels, `first_leaf` is the row of the first root below. All reads are issued before the first is waited for.
+    let row = t.first_leaf + 2u * min(local, t.leaf_count - 1u);
+    let low = root_low(row);
+    let high = root_high(row);
     partial_sums[local] = sum_other_costs(local, treelet_index, all);
     if local < t.leaf_count {
-        store_box(LEAVES + local, low.xyz, high);
+        store_box(LEAVES_OFFSET + local, low.xyz, high);
         store_leaf_reference(local, low.w);
     }
     workgroupBarrier();
@@ -153,12 +153,14 @@ fn root_high(row: u32) -> vec3<u32> {
 
 // A treelet's parent, and the number of the parent's children that arrive in this dispatch. Read early to hide latency.
 var<private> parent: u32;
-var<private> siblings: u32;
+var<private> arriving_children: u32;
 
 fn prefetch_parent(treelet_index: u32) {
     parent = topology[ENTRY_WORDS * treelet_index + PARENT_IN_ENTRY];
-    siblings = 0u;
-    if parent != NO_PARENT { siblings = topology[ENTRY_WORDS * parent + SIBLINGS_IN_ENTRY + params.treelets.uses_list]; }
+    arriving_children = 0u;
+    if parent != NO_PARENT {
+        arriving_children = topology[ENTRY_WORDS * parent + CHILDREN_IN_ENTRY + params.treelets.uses_list];
+    }
 }
 
 // Passes a treelet's roots to its parent.
@@ -178,7 +180,7 @@ fn publish_roots(t: Treelet, local: u32) {
 // Returns the parent if all its other children have arrived, and resets its count for the next dispatch.
 fn arrive_at_parent() -> u32 {
     let arrived = 1u + atomicAdd(&costs[params.treelets.treelet_count + parent], 1u);
-    if arrived != siblings { return NO_PARENT; }
+    if arrived != arriving_children { return NO_PARENT; }
     atomicStore(&costs[params.treelets.treelet_count + parent], 0u);
     return parent;
 }

@@ -1,5 +1,5 @@
-// Encoding of node references. An inner node has four rows, which hold the boxes of both children. A leaf has one or two
-// triangles.
+// Encoding of node references. An inner node has four rows, which hold the boxes of both children. A leaf node references
+// one triangle, or two consecutive ones. In other files, `leaf` is the index of a single triangle in leaf order.
 
 // No leaf.
 const NO_LEAF: u32 = 0xffffffffu;

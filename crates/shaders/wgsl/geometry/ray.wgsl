@@ -58,7 +58,7 @@ struct PreparedRay {
     t_max: f32,
     // 1 / d per axis, with d pushed away from zero. It is the device's own reciprocal where it does not decide a hit.
     inverse: vec3<f32>,
-    // No box is padded by more than max_padding * |1 / d|. 17 * 2^-24 * D of the root.
+    // 17 * 2^-24 * D of the root, with D at most 2^80. A triangle's own box is padded by at most max_padding * |1 / d|.
     max_padding: f32,
     // Terms that loose_planes adds to `plane * inverse`, for near and for far planes.
     near_offset: vec3<f32>,

@@ -5,7 +5,8 @@ import package::geometry::units::scaled_point;
 import package::lib::buffers::records;
 import package::lib::params::params;
 
-// Triangle index of a miss, and of a record that no ray can hit. A record of `woop` has a NaN there.
+// Triangle index of a miss, and last word of the first row of a record that no ray can hit. In a record of `woop`, this word
+// is a coefficient of the weight u. NO_TRIANGLE as a float is a NaN, so u is a NaN and no ray hits.
 const NO_TRIANGLE: u32 = 0xffffffffu;
 
 // Returns whether no ray can hit a leaf's triangle.

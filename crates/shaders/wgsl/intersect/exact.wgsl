@@ -54,8 +54,8 @@ fn exact_intersect_leaf_closest(ray: PreparedRay, leaf: u32, best: ExactBest) ->
 
 // Rasterization: the hit of one triangle.
 
-// Returns the least distance at which ray `i` may hit a leaf's triangle, or infinity. Tests an uncertain triangle with about 48
-// bits. Otherwise, two triangles that share an edge near the ray would both have an entry for the pixel.
+// Returns the least distance at which ray `i` may hit a leaf's triangle, or infinity. Tests an uncertain triangle again with
+// about 48 bits. Without this test, both triangles at an edge near the ray would write a key for the pixel.
 fn exact_nearest_t(i: u32, ray: PreparedRay, leaf: u32) -> f32 {
     set_shear_view(ray);
     let classified = classify(ray, corners_of(leaf));

@@ -1,4 +1,5 @@
-// Kernels that trace extreme rays, which all other kernels treat as misses: see "Extreme rays" in docs/design/hits.md.
+// Kernels that trace extreme rays for `watertight` and `exact`. With these intersectors, other kernels treat rays that they
+// know to be extreme as misses: see "Extreme rays" in docs/design/hits.md.
 
 import package::geometry::queries::{is_invalid_ray, query_ray, set_line_of_query};
 import package::geometry::range::{is_measured_extreme, makes_rays_extreme};
@@ -136,7 +137,8 @@ fn is_extreme_ray(i: u32) -> bool { return is_extreme_by_params(i); }
 
 @group(0) @binding(next) var<storage, read_write> answers: array<u32>;
 
-// If the host did not know which rays are extreme, other kernels have already traced and counted all rays.
+// Removes the hit that the search counted for ray `i`, if any. If the host did not know the range, the search has traced all
+// rays except those with extreme origins.
 fn discount_hit(i: u32) {
     let last = answers[params.extremes.answer_words * (i + 1u) - 1u];
     let was_hit = select(last != NO_TRIANGLE, last == 1u, params.extremes.answer_words == 1u);

@@ -1,9 +1,9 @@
 // Resolves rays that their candidates do not decide. Each ray traverses the tree again.
 
-import package::geometry::node::{LEAF, NO_LEAF, NO_NODE, child_row, first_triangle_of, second_triangle_of};
+import package::geometry::node::{LEAF, NO_NODE, child_row, first_triangle_of, second_triangle_of};
 import package::geometry::queries::{prepared_query_ray, query_ray, set_line_of_query};
 import package::geometry::ray::{MISS, PreparedRay, intersects_box};
-import package::geometry::record::corners_of;
+import package::geometry::record::{NO_TRIANGLE, corners_of};
 import package::geometry::shadow_ray::{set_line_of_segment, shadow_ray, shadow_segment_of_hit};
 import package::geometry::triangle::points_of;
 import package::intersect::candidates::{FIRST_CANDIDATE, UNDECIDED_HIT, listed_at, write_any_hit};
@@ -141,7 +141,7 @@ fn fallback_closest(worker: u32, i: u32, ray: PreparedRay) {
     prepare_line();
     set_shear_view(ray);
     seeks_closest = true;
-    ignored_triangle = NO_LEAF;
+    ignored_triangle = NO_TRIANGLE;
     has_first = false;
     traverse_candidates(worker, ray, bitcast<f32>(hits[i].x));
     if !has_first {
@@ -174,7 +174,7 @@ fn fallback_ray(worker: u32, i: u32) {
 @elif(fallback_any_rays)
 fn fallback_ray(worker: u32, i: u32) {
     set_line_of_query(i);
-    fallback_any(worker, i, prepared_query_ray(i), NO_LEAF, HIT_COUNT);
+    fallback_any(worker, i, prepared_query_ray(i), NO_TRIANGLE, HIT_COUNT);
 }
 @else
 fn fallback_ray(worker: u32, i: u32) {

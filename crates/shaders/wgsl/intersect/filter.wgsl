@@ -21,7 +21,7 @@ var<private> shear_view: ShearView;
 fn set_shear_view(ray: PreparedRay) {
     shear_view.across = unpermute(vec3<f32>(1.0, 0.0, -ray.shear_x), ray.axis);
     shear_view.up = unpermute(vec3<f32>(0.0, 1.0, -ray.shear_y), ray.axis);
-    // 4.01 * 2^-24 of the sheared part, and 2^-37, below which a component of the direction became zero.
+    // 4.01 * 2^-24 * |shear|, plus 2^-37 for a component of the direction that was below 2^-37 and became zero.
     shear_view.errors_per_depth = 2.3901462554931640625e-7 * abs(vec2<f32>(ray.shear_x, ray.shear_y)) + 7.3e-12;
     // `max_padding` is 17 * 2^-24 * D of the root, and 986896 is at least 2^24 / 17.
     shear_view.max_errors = shear_view.errors_per_depth * (986896.0 * ray.max_padding) + SMALL;

@@ -7,8 +7,9 @@ import package::lib::integers::{
     to_sign_magnitude, unit_of, words,
 };
 
-// A ray as an exact line. Corners are multiplied by 2^-shift before they are intersected. The direction's components are
-// integers of `bits` bits, or `len` limbs, times 2^unit.
+// A ray as an exact line. One unit of origin and direction is 2^shift units of the corners. So the origin is multiplied by
+// 2^shift before it is subtracted from corners, and t by 2^-shift. The direction's components are integers of `bits` bits,
+// or `len` limbs, times 2^unit.
 struct Line { origin: vec3<u32>, direction: vec3<u32>, t_min: u32, t_max: u32, shift: i32, unit: i32, bits: i32, len: u32 }
 
 // t = numerator / denominator * 2^exponent. The denominator is positive.

@@ -61,6 +61,6 @@
 
 // Screen-space coverage of triangles and boxes: see visibility/outline.wgsl and visibility/cover.wgsl.
 @if(project || cover_small || cover_large)
-@group(0) @binding(next) var<storage, read_write> covers: array<vec4<u32>>;
+@group(0) @binding(next) var<storage, read_write> pixel_coverage: array<vec4<u32>>;
 @else
-@group(0) @binding(next) var<storage, read> covers: array<vec4<u32>>;
+@group(0) @binding(next) var<storage, read> pixel_coverage: array<vec4<u32>>;

@@ -19,6 +19,5 @@ const TEST_COUNT: u32 = 14u;
 const RASTER_INCOMPLETE: u32 = 15u;
 // 1 if a search met an extreme ray, which `extreme_*` traces.
 const FOUND_EXTREME: u32 = 16u;
-// 2 if coordinates have very different sizes, else 1. If it is 2, later submissions pad each box in proportion to its
-// own distance.
+// 2 if coordinates have very different sizes, else 1. If it is 2, the host sets `params.spread` in later submissions.
 const SIZE_SPREAD: u32 = 17u;

@@ -4,9 +4,10 @@
 // two's complement of the length in use and its sign word is unused. The length is derived from the actual exponents, so that
 // ordinary numbers take few limbs. The storage suffices for all numbers.
 //
-// Bound on the length: a coordinate relative to the ray's start is a difference of multiples of one unit. The difference of two
-// f32 is below 2^278 units. That of a shadow ray's start and an unscaled corner is below 2^281: the start is at most 2^4 in
-// scaled units, or 2^32 where the scale is 1, and a coordinate scaled by 2^-126 has a last place of 2^-275.
+// Bound on the length: a coordinate relative to the ray's start is a difference of multiples of one unit. The difference of
+// two f32 is below 2^278 units. That of a shadow ray's start and a corner, in scene units, is below 2^281 units. If the
+// scale exponent k is not negative, both are below 2^131 and multiples of 2^-149. Otherwise, both are below 2^(k + 42) and
+// multiples of 2^(k - 149).
 // If coordinates have B bits, a difference of two products has 2B + 1. A sum of three products of such a difference with a
 // coordinate, or with a direction of at most 277 bits, has 3B + 3. The sum of three such sums has 2 more, plus a sign bit: 849
 // bits, or 27 limbs. A product of two such numbers has 54 limbs.

@@ -1,8 +1,9 @@
 // Communication within a group of 32 invocations: a subgroup for the entry points `*_by_subgroups` (condition SUBGROUPS), else a
 // workgroup.
 
-// The versions for a workgroup. They contain no loops: some drivers end long loops early, one vector of invocations at a time.
-// The other invocations would then wait at the barrier forever.
+// The versions for a workgroup. They contain no loops: Mesa before 23.1 limits the total number of loop iterations of a
+// vector of invocations (docs/design/drivers.md). Beyond the limit, a vector could leave a loop early, and other vectors
+// would wait at the barrier forever. The self-test refuses such drivers too.
 
 @if(!SUBGROUPS)
 var<workgroup> shared_values: array<vec4<u32>, 8>;

@@ -17,7 +17,7 @@ struct RasterParams {
     tile_capacity: u32,
 }
 
-// Kernels that trace extreme rays.
+// Kernels that trace extreme rays, which need exact arithmetic: see geom::CoordinateRange::is_extreme.
 struct ExtremesParams {
     // The intersector whose hits are computed: 0 for `exact`, 1 for `watertight`.
     rule: u32,
@@ -119,11 +119,12 @@ struct Params {
     // Row of the first box of the level where a workgroup's search starts, and the number of boxes of the level.
     start_row: u32,
     start_count: u32,
-    // `extreme`: 1 if all rays are extreme, 2 if kernels read from the buffer `range` which rays are.
+    // `extreme`: 1 if all rays are extreme (see ExtremesParams), 2 if kernels read from the buffer `range` which rays are.
     // `tiny`: 1 if rays that start near the origin are extreme (geometry/units.wgsl).
     extreme: u32,
     tiny: u32,
-    // 1 if coordinates have very different sizes. Inner boxes are then padded in proportion to their own distance.
+    // 1 if coordinates have very different sizes. Each inner box is then padded in proportion to its own largest distance
+    // from the ray's origin, otherwise to that of the root box.
     spread: u32,
     // The eye in scaled units.
     scaled_eye: vec3<f32>,
@@ -134,14 +135,14 @@ struct Params {
     // Offset of the wide tree in `topology`, in words.
     wide_at: u32,
     row: vec3<f32>,
-    // Number of lanes of all wide nodes.
+    // Number of lanes of all wide nodes. Each child of a wide node is a lane.
     wide_lanes: u32,
     depth: vec3<f32>,
     // Reference to the root of the wide tree (visibility/outline.wgsl); 0 if there is no wide tree.
     wide_root: u32,
     // Bound on the distance of a pixel's ray from the pixel's middle, in pixels, with a margin.
     pixel_margin: f32,
-    // Upper bound on the scene extent from which the offset of shadow rays is computed, in scaled units: geom::CoordinateRange.
+    // Limit of the scene's extent from which the offset of shadow rays is computed, in scaled units: geom::CoordinateRange.
     clearance: f32,
     // The kernel's own parameters, which a comment above its entry point names.
     @if(SEARCH) @align(16) search: SearchParams,

@@ -3,7 +3,7 @@
 import package::geometry::queries::{camera_ray, eye, is_untraceable, pixel_direction};
 import package::geometry::ray::{PreparedRay, root_relative_to};
 import package::intersect::intersector::{BestHit, hit_of, initial_best, intersect_leaf_closest, search_limit};
-import package::lib::buffers::covers;
+import package::lib::buffers::pixel_coverage;
 import package::lib::lanes::{group_any, group_max, group_min, group_shuffle, transpose_bits};
 import package::lib::params::params;
 import package::traversal::finish::{write_hit_and_shadow, write_miss};
@@ -62,9 +62,10 @@ fn pixels_between(coverage: vec4<u32>, lines: vec4<u32>, corner: vec2<u32>) -> u
 
 // Returns the packet's pixels that a triangle may cover before a depth.
 fn covered_pixels(leaf: u32, corner: vec2<u32>, depth: u32) -> u32 {
-    let coverage = covers[params.wide_lanes + 2u * leaf];
+    let coverage = pixel_coverage[params.wide_lanes + 2u * leaf];
     if !overlaps_packet(coverage, corner, depth) { return 0u; }
-    return pixels_within(coverage, corner) & pixels_between(coverage, covers[params.wide_lanes + 2u * leaf + 1u], corner);
+    let lines = pixel_coverage[params.wide_lanes + 2u * leaf + 1u];
+    return pixels_within(coverage, corner) & pixels_between(coverage, lines, corner);
 }
 
 // Returns the factor from a ray's t to depths of the picture; infinity if it is out of range.
@@ -80,7 +81,7 @@ struct Lanes { node: u32, child: u32, key: u32 }
 fn row_of_lane(node: u32, lane: u32) -> u32 { return (node >> 6u) + min(lane, (node & 63u) - 1u); }
 
 fn load_lanes(node: u32, corner: vec2<u32>, depth: u32, lane: u32) -> Lanes {
-    let child = covers[row_of_lane(node, lane)];
+    let child = pixel_coverage[row_of_lane(node, lane)];
     return Lanes(node, child.w, visit_key(child, lane < (node & 63u), corner, depth, lane));
 }
 
@@ -101,7 +102,7 @@ fn find_closest_in_packet(root: Lanes, corner: vec2<u32>, lane: u32, is_active: 
             stack_depth -= 1u;
             lanes.node = node_stack[stack_depth];
             lanes.key = key_stack[stack_depth];
-            lanes.child = covers[row_of_lane(lanes.node, lane)].w;
+            lanes.child = pixel_coverage[row_of_lane(lanes.node, lane)].w;
             continue;
         }
         if lanes.key == nearest { lanes.key = SKIPPED; }

@@ -2,14 +2,14 @@
 
 import package::geometry::queries::eye;
 import package::geometry::ray::root_relative_to;
-import package::lib::buffers::{counts, covers};
+import package::lib::buffers::{counts, pixel_coverage};
 import package::lib::counters::{LARGE_TRIANGLE_COUNT, TEST_COUNT, TILE_COUNT};
 import package::lib::params::{element_index, params};
 import package::visibility::outline::{Outline, loose_tile_mask, outline_of, without_edges};
 
-// The buffer `covers` during rasterization, in rows of 16 bytes. First the leaves of triangles that are too large for
-// `cover_small`, one row each. Then the tiles, one row each: a leaf, the first of 8 x 4 pixels (column and row, 16 bits each), and
-// a bit for each pixel that the triangle may cover, row by row.
+// The buffer `pixel_coverage` during rasterization, in rows of 16 bytes. First the leaves of triangles that are too large
+// for `cover_small`, one row each. Then the tiles, one row each: a leaf, the first of 8 x 4 pixels (column and row, 16 bits
+// each), and a bit for each pixel that the triangle may cover, row by row.
 
 // Capacity for large triangles.
 const LARGE_CAPACITY: u32 = 4096u;
@@ -28,7 +28,7 @@ var<workgroup> group_test_count: atomic<u32>;
 var<workgroup> group_first_tile: u32;
 
 fn store_tile(at: u32, leaf: u32, corner: vec2<i32>, pixels: u32) {
-    covers[LARGE_CAPACITY + at] = vec4<u32>(leaf, u32(corner.x) | (u32(corner.y) << 16u), pixels, 0u);
+    pixel_coverage[LARGE_CAPACITY + at] = vec4<u32>(leaf, u32(corner.x) | (u32(corner.y) << 16u), pixels, 0u);
 }
 
 // Indices of the first tile of a workgroup and of an invocation.
@@ -76,7 +76,7 @@ fn count_tiles(outline: Outline, leaf: u32) -> TileCounts {
     }
     if blocks.x * blocks.y <= MAX_TILES { return TileCounts(u32(blocks.x * blocks.y), u32(outline.covered), 0u); }
     let index = atomicAdd(&counts[LARGE_TRIANGLE_COUNT], 1u);
-    if index < LARGE_CAPACITY { covers[index].x = leaf; }
+    if index < LARGE_CAPACITY { pixel_coverage[index].x = leaf; }
     return NO_TILES;
 }
 
@@ -147,6 +147,6 @@ fn cover_large(
     let groups_per_triangle = max(groups.x / count, 1u);
     let triangles_at_once = groups.x / groups_per_triangle;
     for (var k = group.x / groups_per_triangle; k < count; k += triangles_at_once) {
-        store_share(covers[k].x, local, i32(group.x % groups_per_triangle), i32(groups_per_triangle));
+        store_share(pixel_coverage[k].x, local, i32(group.x % groups_per_triangle), i32(groups_per_triangle));
     }
 }

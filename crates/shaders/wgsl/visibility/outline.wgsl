@@ -5,8 +5,8 @@ import package::geometry::record::{corners_of, is_unhittable};
 import package::lib::buffers::records;
 import package::lib::params::params;
 
-// The buffer `covers` for packets, in rows of 16 bytes. First come the lanes of the wide tree, one row each. From row
-// `wide_lanes` on follow the triangles in leaf order, two rows each.
+// The buffer `pixel_coverage` for packets, in rows of 16 bytes. First come the lanes of the wide tree, one row each. From
+// row `wide_lanes` on follow the triangles in leaf order, two rows each.
 //
 // The row of a lane and the first row of a triangle begin with two spans of pixels, of columns and of rows, and with
 // the bits of the nearest depth. The row of a lane ends with a reference to its child. The first row of a triangle ends
@@ -63,8 +63,9 @@ fn is_precise(p: Projected) -> bool {
 // Returns the depth below which the error of a depth may exceed a 64th.
 fn near_limit(max_distance: f32) -> f32 { return 64.0 * PROJECTION_ERROR * max_distance * l1_norm(params.depth); }
 
-// Returns whether a triangle is certainly beyond one side of the picture. This also holds if it reaches behind the eye: no point
-// there is visible, and in front of the eye the sign of column times depth determines the side.
+// Returns whether a triangle is certainly beyond one side of the picture. Also correct for a triangle that reaches behind
+// the eye: points there are not visible. For points in front of it, the sign of `across` or `down` (column or row times
+// depth) tells the side.
 @if(!WATERTIGHT)
 fn is_triangle_outside(x: vec3<f32>, y: vec3<f32>, z: vec3<f32>, depths: vec3<f32>, max_distance: f32) -> bool {
     let across = params.column.x * x + params.column.y * y + params.column.z * z;
@@ -209,7 +210,8 @@ fn loose_last_pixel(p: Projected, size: u32) -> i32 {
     return i32(clamp(floor(max_component(p.at + p.error_bound) + params.pixel_margin), -1.0, f32(size) - 1.0));
 }
 
-// Returns the difference of each coordinate and the next one. Not loose: a sum of several roundings would break the bounds.
+// Returns the difference of each coordinate and the next one. Not named `loose_…`, because the error bounds require that
+// each difference is rounded exactly once: a driver must not fuse it with other operations.
 fn to_next(at: vec3<f32>) -> vec3<f32> { return at.yzx - at; }
 
 // Moving the corners by their error bounds and the pixels by the margin moves the interior by at most the sum. Edges that are

@@ -3,15 +3,15 @@
 import package::geometry::queries::eye;
 import package::geometry::ray::{MAX_DISTANCE, max_component, min_component, root_relative_to};
 import package::geometry::record::is_unhittable;
-import package::lib::buffers::{covers, nodes, records, topology};
+import package::lib::buffers::{nodes, pixel_coverage, records, topology};
 import package::lib::params::{element_index, params};
 import package::visibility::outline::{
     EMPTY_SPAN, FULL_SPAN, NO_COVERAGE, Projected, UNBOUNDED, is_precise, is_triangle_behind, is_triangle_outside, loose_pixel_span,
     loose_project, min_box_depth, near_limit, nearest_depth, own_box_of, project_box, project_own_box,
 };
 
-// A bound for every row of pixels, in 256ths of a pixel: `at` in row `first`, plus `slope` per row. Covered pixels begin after it
-// (side -1) or end before it (side 1). Side 0 is no bound.
+// A bound for every row of pixels, in 256ths of a pixel: `at` in the triangle's first row, plus `slope` for each further
+// row. Covered pixels begin after it (side -1) or end before it (side 1). Side 0 is no bound.
 struct RowBound { at: i32, slope: i32, side: i32 }
 
 fn loose_line(p: vec2<f32>, q: vec2<f32>, orientation: f32, first: f32, margin: f32) -> RowBound {
@@ -67,8 +67,8 @@ fn pack_halves(low: i32, high: i32) -> u32 { return (bitcast<u32>(low) & 0xffffu
 
 fn write_triangle(leaf: u32, columns: u32, rows: u32, begin: f32, lines: RowBounds) {
     let at = params.wide_lanes + 2u * leaf;
-    covers[at] = vec4<u32>(columns, rows, bitcast<u32>(begin), bitcast<u32>(lines.third.at));
-    covers[at + 1u] = vec4<u32>(
+    pixel_coverage[at] = vec4<u32>(columns, rows, bitcast<u32>(begin), bitcast<u32>(lines.third.at));
+    pixel_coverage[at + 1u] = vec4<u32>(
         bitcast<u32>(lines.begin.at), bitcast<u32>(lines.end.at),
         pack_halves(lines.begin.slope, lines.end.slope), pack_halves(lines.third.slope, lines.third.side),
     );
@@ -117,7 +117,7 @@ fn project_lane(lane: u32, origin: vec3<f32>, max_distance: f32) {
     var coverage = NO_COVERAGE;
     // An empty subtree contains no triangle that a ray can hit.
     if low.x <= high.x { coverage = project_box(low - origin, high - origin, max_distance); }
-    covers[lane] = vec4<u32>(coverage.columns, coverage.rows, coverage.begin, child);
+    pixel_coverage[lane] = vec4<u32>(coverage.columns, coverage.rows, coverage.begin, child);
 }
 
 // Variants: intersector.

@@ -6,7 +6,7 @@ import package::geometry::ray::{RelativeRoot, root_relative_to};
 import package::intersect::intersector::nearest_t;
 import package::intersect::sheared::{edges_of, permuted_corners};
 import package::intersect::watertight::{distance_to, surely_misses_triangle};
-import package::lib::buffers::{counts, covers};
+import package::lib::buffers::{counts, pixel_coverage};
 import package::lib::counters::{LARGE_TRIANGLE_COUNT, RASTER_INCOMPLETE, TEST_COUNT, TILE_COUNT};
 import package::lib::lanes::{count_at_most, group_inclusive_sum, group_shuffle};
 import package::lib::params::{element_index, params};
@@ -93,7 +93,7 @@ fn test_tiles_of_team(team: u32, teams: u32, count: u32, lane: u32) {
     let root = root_relative_to(eye());
     for (var first = 32u * team; first < count; first += 32u * teams) {
         var tile = vec4<u32>(0u);
-        if first + lane < count { tile = covers[LARGE_CAPACITY + first + lane]; }
+        if first + lane < count { tile = pixel_coverage[LARGE_CAPACITY + first + lane]; }
         test_tiles(tile, root, lane);
     }
 }

@@ -42,7 +42,7 @@ fn dot_product(a: vec3<f32>, b: vec3<f32>) -> f32 {
 
 // Scales by a power of two so that the largest component is in [1, 2). Components below 2^-40 become zero. Returns zero if the
 // largest is subnormal, at least 2^127, or NaN.
-fn normalized_exponent(v: vec3<f32>) -> vec3<f32> {
+fn scaled_near_one(v: vec3<f32>) -> vec3<f32> {
     let sizes = bitcast<vec3<u32>>(v) & vec3<u32>(0x7fffffffu);
     let e = max(sizes.x, max(sizes.y, sizes.z)) >> 23u;
     if e == 0u || e >= 254u { return vec3<f32>(0.0); }
@@ -50,10 +50,10 @@ fn normalized_exponent(v: vec3<f32>) -> vec3<f32> {
     return select(w, vec3<f32>(0.0), abs(w) < vec3<f32>(9.094947017729282e-13));
 }
 
-// Normalizes to length 1, within a few units in the last place. Returns zero where `normalized_exponent` does. Uses
+// Normalizes to length 1, within a few units in the last place. Returns zero where `scaled_near_one` does. Uses
 // Newton's method from an integer guess of 1 / sqrt, because a device's square root need not be correctly rounded.
 fn unit(v: vec3<f32>) -> vec3<f32> {
-    let w = normalized_exponent(v);
+    let w = scaled_near_one(v);
     let square = dot_product(w, w);
     if square == 0.0 { return w; }
     let half_square = mul(0.5, square);
@@ -103,7 +103,7 @@ fn surface_light(hit: vec4<u32>, in_shadow: bool, direction: vec3<f32>) -> vec3<
     let a = scale_to_unit(corners[0], exponent);
     let e1 = sub_each(scale_to_unit(corners[1], exponent), a);
     let e2 = sub_each(scale_to_unit(corners[2], exponent), a);
-    var normal = unit(cross_product(normalized_exponent(e1), normalized_exponent(e2)));
+    var normal = unit(cross_product(scaled_near_one(e1), scaled_near_one(e2)));
     if dot_product(normal, direction) > 0.0 { normal = -normal; }
     var light = ambient(normal);
     if !in_shadow {

@@ -4,17 +4,19 @@ use super::*;
 use crate::driver::next_tree::NextTreeState;
 use crate::tree_builder::BuildStrategy;
 
-/// Renders frames whose positions never arrive. Only the first frame requests any.
+const ASYNC_PREDICTED: Config = (Policy::Async, true);
+
+/// Renders frames with a fake that delivers positions only for the first tree. No later frame requests any.
 fn foreseen(update: Policy) -> Run {
     let run = run_scene(&drifting(60), 50, (update, true), None);
-    assert_eq!(run.log.requested, 1);
+    assert_eq!(run.log.position_requests, 1);
     run
 }
 
 #[test]
 fn predicted_trees_need_no_readback() {
-    let run = foreseen(FREE.0);
-    assert!(run.built && run.log.adopted.len() > 3);
+    let run = foreseen(Policy::Async);
+    assert!(run.builder_started && run.log.adopted.len() > 3);
     let run = foreseen(lockstep(4));
     assert_eq!(run.log.adopted.len(), 13);
 }
@@ -33,8 +35,6 @@ fn lockstep_builds_for_middle_of_use() {
     assert!(run.log.adopted_trees.len() > 8);
 }
 
-const FREE: Config = (Policy::Async, true);
-
 fn lockstep(k: u32) -> Policy {
     Policy::Lockstep(k)
 }
@@ -49,7 +49,7 @@ fn moment(frame: &PlayedFrame) -> f64 {
 fn early(from: u64, latency: u64) -> Run {
     let fake = Fake::new(None);
     let log = Arc::clone(&fake.log);
-    let mut driver = driver(fake, &shuffled(65, 1 << 13), FREE).unwrap();
+    let mut driver = driver(fake, &shuffled(65, 1 << 13), ASYNC_PREDICTED).unwrap();
     let frame = |index: u64| {
         if index == from {
             let predictor = &mut driver.predictor;
@@ -76,8 +76,8 @@ fn early_tree_waits_for_its_time() {
     for waiting in &records[2..4] {
         assert!(!waiting.tree.adopted && !waiting.tree.rejected);
     }
-    // The first tree's target is 0.5, so the tree for 1.75 is nearer from time 1.125 on: in frame 3. The fake measures
-    // no costs, so the next frame adopts the tree.
+    // The first tree's target is 0.5, so the tree for 1.75 is nearer from time 1.125 on: in frame 3. The fake evaluates
+    // no trees, so the next frame adopts the tree.
     assert!(records[4].tree.adopted);
     assert_eq!(moment(&records[4]), 1.75);
 }
@@ -104,16 +104,16 @@ fn first_tree_spans_a_key_interval() {
     let plain = tree_at(&animation, 0.0, None);
     assert_ne!(swept, plain);
     let first = |policy| run_scene(&animation, 5, policy, Some(1)).log.adopted_trees[0].clone();
-    assert_eq!(first(FREE), swept);
+    assert_eq!(first(ASYNC_PREDICTED), swept);
     let others = [lockstep(2), Policy::Rebuild, Policy::Refit].map(|update| (update, true));
-    for policy in others.into_iter().chain([(FREE.0, false)]) {
+    for policy in others.into_iter().chain([(Policy::Async, false)]) {
         assert_eq!(first(policy), plain, "{policy:?}");
     }
 }
 
 #[test]
 fn second_tree_awaits_measured_frame_rate() {
-    let run = run_scene(&shuffled(65, 1 << 13), 128, FREE, None);
+    let run = run_scene(&shuffled(65, 1 << 13), 128, ASYNC_PREDICTED, None);
     let asked = run.records[1..]
         .iter()
         .find(|r| r.requested.is_some())
@@ -151,7 +151,7 @@ fn play_measured(by: Config, frames: u64, knows_key_frames: bool) -> Run {
 fn only_cheaper_trees_are_adopted() {
     for (predict, knows_key_frames) in [(false, true), (true, true), (false, false), (true, false)]
     {
-        let run = play_measured((FREE.0, predict), 199, knows_key_frames);
+        let run = play_measured((Policy::Async, predict), 199, knows_key_frames);
         let rejected: Vec<Generation> = run.records.iter().filter_map(|r| r.rejected).collect();
         // If the time of use is known and predicted exactly, all trees may be better.
         let may_all_be_better = predict && knows_key_frames;
@@ -198,7 +198,7 @@ fn lockstep_adopts_trees_without_evaluation() {
 fn unsubmitted_evaluation_is_recorded_again() {
     let (animation, fake) = (shuffled(200, 64), measuring());
     let log = Arc::clone(&fake.log);
-    let mut driver = driver(fake, &animation, (FREE.0, false)).unwrap();
+    let mut driver = driver(fake, &animation, (Policy::Async, false)).unwrap();
     play(&mut driver, (0..60).map(|index| index as f64), |_| 1);
     let mut fails = 0;
     for index in 60..160 {
@@ -241,18 +241,18 @@ fn scattered(seed: u32) -> Arc<Animation> {
 
 #[test]
 fn resting_scene_stops_requesting_trees() {
-    let mut left = 0;
+    let mut rejected_at_rest = 0;
     for seed in 0..24 {
-        let scene = (&scattered(seed), (FREE.0, false));
+        let scene = (&scattered(seed), (Policy::Async, false));
         let times = (0..45).map(|index| 0.07 * index.min(10) as f64);
         let records = render(measuring(), scene, times, |_| 1).records;
         let last = records.iter().rposition(|r| r.rejected.is_some());
-        left += u32::from(last.is_some_and(|frame| frame > 12));
+        rejected_at_rest += u32::from(last.is_some_and(|frame| frame > 12));
         // A slow builder may work on an earlier pose when the scene comes to rest.
         let at_rest = records[11..].iter().filter(|r| r.requested.is_some());
         assert!(at_rest.count() <= 2, "{seed}");
     }
-    assert!(left > 0);
+    assert!(rejected_at_rest > 0);
 }
 
 /// Renders frames of a scene whose positions only the backend has. It moves in the first `moving` frames.
@@ -268,11 +268,11 @@ fn unknown(by: Config, frames: u64, moving: u64) -> Run {
 
 #[test]
 fn device_only_vertices_need_two_readbacks() {
-    let Run { records, log, .. } = unknown(FREE, 60, 60);
+    let Run { records, log, .. } = unknown(ASYNC_PREDICTED, 60, 60);
     assert!(log.adopted.len() > 3);
     // The first tree uses only its own frame's vertices.
     let asked = records.iter().filter(|r| r.requested.is_some()).count();
-    assert!((2 * asked..=2 * asked + 1).contains(&log.requested));
+    assert!((2 * asked..=2 * asked + 1).contains(&log.position_requests));
 }
 
 #[test]
@@ -280,13 +280,16 @@ fn lockstep_needs_one_readback_per_tree() {
     for (k, moving) in [(1, 60), (3, 60), (3, 5)] {
         let Run { records, log, .. } = unknown((lockstep(k), true), 20, moving);
         let asked = records.iter().filter(|r| r.requested.is_some()).count();
-        assert!(log.adopted.len() > 1 && log.requested == 1 + asked, "{k}");
+        assert!(
+            log.adopted.len() > 1 && log.position_requests == 1 + asked,
+            "{k}"
+        );
     }
 }
 
 #[test]
 fn resting_device_scene_gets_final_tree() {
-    let records = unknown(FREE, 120, 5).records;
+    let records = unknown(ASYNC_PREDICTED, 120, 5).records;
     assert_eq!(moment(&records[119]), 1.25);
     assert!(records[80..].iter().all(|r| r.requested.is_none()));
 }

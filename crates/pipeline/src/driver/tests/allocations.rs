@@ -77,12 +77,12 @@ fn steady_frames_do_not_allocate() {
         before + 1,
         "the counting allocator is not in use"
     );
-    let free = Policy::Async;
+    let async_policy = Policy::Async;
     // A thread that waits on a channel is registered there, which allocates memory the first time.
     for (update, predict, least, allowed) in [
         (Policy::Refit, true, 1, 0),
-        (free, true, 4, 0),
-        (free, false, 4, 0),
+        (async_policy, true, 4, 0),
+        (async_policy, false, 4, 0),
         (Policy::Lockstep(3), true, 100, 4),
     ] {
         let (all, trees) = allocations_per_frame((update, predict));

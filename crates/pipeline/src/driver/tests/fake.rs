@@ -59,12 +59,13 @@ pub(in crate::driver) struct Log {
     pub(in crate::driver) adopted_trees: Vec<Arc<BinaryTree>>,
     /// Generations of the trees that `rebuild` was called for.
     pub(in crate::driver) rebuilt: Vec<Generation>,
-    pub(in crate::driver) requested: usize,
+    pub(in crate::driver) position_requests: usize,
     /// Evaluated generations, and the costs of both trees at the positions of the frame, the candidate's first.
     pub(in crate::driver) evaluated: Vec<(Generation, [f64; 2])>,
 }
 
-/// Checks the order of calls. Requested positions arrive after `polls` polls, or never.
+/// Checks the order of calls. Positions requested before the first trace arrive at once. Later ones arrive after `polls`
+/// polls, or never.
 #[derive(Default)]
 pub(in crate::driver) struct Fake {
     pub(in crate::driver) log: Arc<Mutex<Log>>,
@@ -74,17 +75,17 @@ pub(in crate::driver) struct Fake {
     /// True if the boxes are up to date: those of leaves, and those of inner nodes.
     fresh: (bool, bool),
     ticket: u64,
-    /// In the order of the requests.
-    requested: VecDeque<(u32, Ticket, Pose)>,
+    /// Polls left, submission and pose, in the order of the requests.
+    read_backs: VecDeque<(u32, Ticket, Pose)>,
     /// Whether the recording requests positions.
     requests_positions: bool,
     /// Whether any query was traced.
     traced: bool,
     polls: Option<u32>,
     pub(in crate::driver) gate: Option<Arc<Gate>>,
-    /// Whether it measures costs.
+    /// Whether it evaluates candidates. Submissions without an evaluation report a constant cost.
     pub(in crate::driver) measures: bool,
-    /// The current tree, if costs are measured.
+    /// The current tree, if candidates are evaluated.
     tree: Option<Topology>,
     /// Costs of a candidate and of the current tree, in the recording and per submission.
     recorded: Option<[f64; 2]>,
@@ -203,7 +204,7 @@ impl Backend for Fake {
     fn request_positions(&mut self) -> Result<()> {
         assert!(!self.requests_positions, "one request a submission");
         self.requests_positions = true;
-        self.note(|log| log.requested += 1);
+        self.note(|log| log.position_requests += 1);
         Ok(())
     }
     fn submit(&mut self) -> Result<Ticket> {
@@ -212,7 +213,7 @@ impl Backend for Fake {
             let polls = self.polls.unwrap_or(u32::MAX);
             let polls = if self.traced { polls } else { 0 };
             let request = (polls, Ticket(self.ticket), self.pose.unwrap());
-            self.requested.push_back(request);
+            self.read_backs.push_back(request);
         }
         let costs = self.recorded.take();
         self.costs
@@ -233,10 +234,10 @@ impl Backend for Fake {
     }
     fn retain_traces(&mut self, _: &[Ticket]) {}
     fn take_positions(&mut self) -> Result<Option<(Ticket, Snapshot)>> {
-        match self.requested.front_mut() {
+        match self.read_backs.front_mut() {
             Some((0, ticket, pose)) => {
                 let (ticket, pose) = (*ticket, *pose);
-                self.requested.pop_front();
+                self.read_backs.pop_front();
                 if let Some(prepared) = &mut self.prepared {
                     let snapshot = prepared.pop().expect("enough were made");
                     return Ok(Some((ticket, snapshot)));

@@ -10,12 +10,12 @@ use glam::{DMat4, DQuat, DVec3};
 
 /// All nodes of a file.
 pub(super) struct Rig {
-    nodes: Vec<Joint>,
+    nodes: Vec<RigNode>,
     /// Node indices in depth-first order: parents before children, siblings in file order.
     order: Vec<usize>,
 }
 
-struct Joint {
+struct RigNode {
     parent: Option<usize>,
     /// Transform without animation.
     matrix: DMat4,
@@ -23,7 +23,7 @@ struct Joint {
     transform: Transform,
 }
 
-impl Joint {
+impl RigNode {
     fn new(parent: Option<usize>, node: &GltfNode) -> Self {
         let vector = |v: Option<[f64; 3]>, default| v.map_or(default, DVec3::from_array);
         let parts = Transform {
@@ -64,10 +64,10 @@ impl Rig {
             let cyclic = (0..nodes.len()).fold(lost, |node, _| parents[node].unwrap_or(node));
             return Err(file.wrong(("node", cyclic), "the node is its own ancestor"));
         }
-        let joints = parents.into_iter().zip(nodes);
-        let joints = joints.map(|(parent, node)| Joint::new(parent, node));
+        let nodes = parents.into_iter().zip(nodes);
+        let nodes = nodes.map(|(parent, node)| RigNode::new(parent, node));
         Ok(Self {
-            nodes: joints.collect(),
+            nodes: nodes.collect(),
             order,
         })
     }
@@ -101,7 +101,7 @@ impl Rig {
 
     /// Returns the transform of a node relative to its parent.
     fn local_transform(&self, node: usize, motion: &ClipMotion, time: f64) -> DMat4 {
-        let Joint {
+        let RigNode {
             matrix, transform, ..
         } = self.nodes[node];
         if motion.animates(node) {
@@ -112,7 +112,8 @@ impl Rig {
     }
 }
 
-/// Returns `roots` and all their descendants in depth-first order, each once and after its parent.
+/// Returns `roots` and all their descendants in depth-first order, each once. If no root has a parent, each node comes
+/// after its parent.
 fn descend(file: &GltfFile, roots: Vec<Whole>) -> Vec<usize> {
     let nodes = &file.document.nodes;
     let mut seen = vec![false; nodes.len()];
@@ -140,7 +141,7 @@ fn attribute<const N: usize>(
 }
 
 /// Returns the transform of each mesh instance at a node, relative to the node.
-pub(super) fn places(file: &GltfFile, node: usize) -> Result<Vec<DMat4>> {
+pub(super) fn instance_transforms(file: &GltfFile, node: usize) -> Result<Vec<DMat4>> {
     let translations = attribute::<3>(file, node, "TRANSLATION")?;
     let rotations = attribute::<4>(file, node, "ROTATION")?;
     let scales = attribute::<3>(file, node, "SCALE")?;
@@ -155,8 +156,8 @@ pub(super) fn places(file: &GltfFile, node: usize) -> Result<Vec<DMat4>> {
     if counts.iter().flatten().any(|&other| other != count) {
         return Err(wrong("its attributes differ in their counts"));
     }
-    let place = |i: usize| {
-        let transform = Transform {
+    let transform = |i: usize| {
+        let parts = Transform {
             translation: translations
                 .as_ref()
                 .map_or(DVec3::ZERO, |all| vector(all[i])),
@@ -165,10 +166,10 @@ pub(super) fn places(file: &GltfFile, node: usize) -> Result<Vec<DMat4>> {
                 .map_or(DQuat::IDENTITY, |all| unit(&all[i].map(f64::from))),
             scale: scales.as_ref().map_or(DVec3::ONE, |all| vector(all[i])),
         };
-        transform.matrix()
+        parts.matrix()
     };
-    let mut places = Vec::new();
-    host::reserve(&mut places, count).map_err(|e| wrong(&e.to_string()))?;
-    places.extend((0..count).map(place));
-    Ok(places)
+    let mut transforms = Vec::new();
+    host::reserve(&mut transforms, count).map_err(|e| wrong(&e.to_string()))?;
+    transforms.extend((0..count).map(transform));
+    Ok(transforms)
 }

@@ -54,7 +54,8 @@ pub enum Policy {
     Rebuild,
     /// All frames use the first tree, with boxes refitted to each frame's vertices.
     Refit,
-    /// Each frame refits the newest finished tree, while the host builds the next one for the predicted motion.
+    /// Each frame refits the current tree, while the host builds the next one for the predicted motion. A finished tree
+    /// becomes current if it costs less, or if the backend measures no costs.
     Async,
     /// As `Async`, but a tree is adopted exactly this number of frames after its request, and the frame waits for it if
     /// necessary. So each run uses the same trees. With 0, each frame waits for its own tree.
@@ -87,7 +88,7 @@ impl Policy {
             Self::Rebuild => "Every frame waits for a new tree",
             Self::Refit => "The first tree, refitted",
             Self::Async | Self::Lockstep(_) => {
-                "The newest finished tree, refitted, while the next one is built"
+                "The current tree, refitted, while the next one is built"
             }
             Self::DeviceRebuild => {
                 "A new tree for every frame, built on the GPU (PLOC: Meister, Bittner 2018)"

@@ -49,7 +49,7 @@ const NEUTRAL: [&str; 15] = [
 ];
 
 /// Returns whether an extension is supported or does not affect the result.
-fn is_complete_with(name: &str) -> bool {
+fn is_supported_or_neutral(name: &str) -> bool {
     let (_, own_name) = name.split_once('_').unwrap_or_default();
     GEOMETRY.contains(&name) || NEUTRAL.iter().any(|start| own_name.starts_with(start))
 }
@@ -219,13 +219,13 @@ fn version(value: &Value) -> Option<[u32; 2]> {
 /// Refuses unsupported extensions that are required, and returns remarks on those that are optional.
 fn extensions(document: &Document) -> Result<Vec<String>, String> {
     let mut required = document.extensions_required.iter();
-    if let Some(name) = required.find(|name| !is_complete_with(name)) {
+    if let Some(name) = required.find(|name| !is_supported_or_neutral(name)) {
         return Err(format!(
             "the file requires the extension {name:?}, which is not supported"
         ));
     }
     let used = document.extensions_used.iter();
-    let used = used.filter(|name| !is_complete_with(name));
+    let used = used.filter(|name| !is_supported_or_neutral(name));
     let remark = |name| format!("the extension {name:?} is not supported and is ignored");
     Ok(used.map(remark).collect())
 }

@@ -8,8 +8,9 @@ use ply_rs_bw::ply::{Encoding, PropertyType, ScalarType};
 use std::io::{self, Read};
 use std::path::Path;
 
-/// All bytes of a binary file except its vertices. Only files whose vertices precede all other elements have a pattern.
-pub(crate) struct Pattern {
+/// All bytes of a binary file except its vertices. Only files whose vertices precede all other elements have a
+/// template.
+pub(crate) struct PlyTemplate {
     head: Vec<u8>,
     vertex_bytes: usize,
     tail: Vec<u8>,
@@ -22,8 +23,8 @@ struct Floats {
     xyz: [usize; 3],
 }
 
-impl Pattern {
-    /// Returns the pattern of a file whose elements were read. Returns `None` for text files and for files that do not
+impl PlyTemplate {
+    /// Returns the template of a file whose elements were read. Returns `None` for text files and for files that do not
     /// begin with their vertices.
     pub(super) fn of(file: &PlyFile<'_>) -> Option<Self> {
         let (header, bytes, [start, end]) = (&file.header, file.bytes, file.ends);

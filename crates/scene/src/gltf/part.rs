@@ -3,7 +3,7 @@
 use super::accessor::{floats, indices};
 use super::document::GltfFile;
 use super::motion::{ClipMotion, NodeProperty};
-use super::rig::{Rig, places};
+use super::rig::{Rig, instance_transforms};
 use super::schema::{GltfMaterial, GltfPrimitive, Whole};
 use super::transform::vector;
 use crate::mesh::{append, compact, from_linear};
@@ -68,7 +68,7 @@ impl Drawn {
                 };
                 let part = ClipPart {
                     node,
-                    places: places(file, node)?,
+                    instance_transforms: instance_transforms(file, node)?,
                     weights: weights.cloned().unwrap_or_default(),
                     primitive,
                 };
@@ -143,7 +143,9 @@ impl PrimitiveReader<'_> {
         if let Some(at) = list.iter().position(|&v| v as usize >= vertices) {
             let place = ("accessor", accessor.map_or(0, |a| a.0));
             let vertex = list[at];
-            let cause = format!("index {at} names vertex {vertex}, but there are {vertices}");
+            let cause = format!(
+                "element {at} has vertex index {vertex}, but the vertex count is {vertices}"
+            );
             return Err(self.file.wrong(place, cause));
         }
         Ok(match self.mode {
@@ -188,7 +190,7 @@ fn check_count(file: &GltfFile, accessor: Whole, found: usize, vertices: usize) 
 pub(super) struct ClipPart {
     node: usize,
     /// Transform of each instance relative to the node.
-    places: Vec<DMat4>,
+    instance_transforms: Vec<DMat4>,
     /// Weights of the morph targets, used if the clip does not animate them.
     weights: Vec<f64>,
     primitive: Arc<Primitive>,
@@ -208,13 +210,14 @@ struct Primitive {
 impl ClipPart {
     /// Returns the number of vertices of all instances.
     pub(super) fn vertices(&self) -> usize {
-        self.places.len().saturating_mul(self.primitive.rest.len())
+        let each = self.primitive.rest.len();
+        self.instance_transforms.len().saturating_mul(each)
     }
 
     /// Returns the number of triangles of all instances.
     pub(super) fn triangle_count(&self) -> usize {
         let each = self.primitive.triangles.len();
-        self.places.len().saturating_mul(each)
+        self.instance_transforms.len().saturating_mul(each)
     }
 
     /// Returns the triangles and the number of vertices of each instance.
@@ -223,7 +226,7 @@ impl ClipPart {
             triangles, rest, ..
         } = &*self.primitive;
         let mesh = (triangles.as_slice(), rest.len());
-        std::iter::repeat_n(mesh, self.places.len())
+        std::iter::repeat_n(mesh, self.instance_transforms.len())
     }
 
     /// Returns the colours of the triangles of all instances.
@@ -257,8 +260,8 @@ impl ClipPart {
         }
         let joints = skin.joints.iter();
         let joints: Vec<_> = joints.map(|j| pose[j.node] * j.inverse_bind).collect();
-        for place in &self.places {
-            let world = pose[self.node] * *place;
+        for transform in &self.instance_transforms {
+            let world = pose[self.node] * *transform;
             to.extend(points.iter().enumerate().map(|(vertex, p)| {
                 let share = |i: &Influence| i.weight * joints[i.joint].transform_point3(*p);
                 // The transform of the node applies only to vertices without influences (glTF 2.0, 3.7.3.3).
