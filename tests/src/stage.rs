@@ -9,13 +9,13 @@ use scene::Viewpoint;
 use std::sync::{Arc, LazyLock};
 
 /// A backend that traces one animation.
-pub struct Stage {
+pub struct LoadedBackend {
     backend: Box<dyn Backend>,
     animation: Arc<Animation>,
     generation: Generation,
 }
 
-impl Stage {
+impl LoadedBackend {
     /// Creates backend `cpu-ref` with `threads` threads, and loads the animation.
     pub fn new(animation: &Arc<Animation>, intersector: Intersector, threads: usize) -> Self {
         let backend = cpu_ref::CpuBackend::new(Some(threads)).expect("threads are available");

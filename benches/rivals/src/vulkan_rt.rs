@@ -19,7 +19,7 @@ use geom::Pose;
 use gpu_common::{Engine, Options};
 use gpu_vulkan::VulkanDevice;
 use gpu_vulkan::gpu::Gpu;
-use gpu_vulkan::instance::Host;
+use gpu_vulkan::instance::VulkanInstance;
 use pipeline::RayPipeline;
 use scene::DriverScene;
 use shaders::{RAY_KERNELS, common};
@@ -47,9 +47,9 @@ impl VulkanRt {
     /// [`backend::BackendError::NoDevice`] with the extension or feature that the device lacks, or
     /// [`backend::BackendError::Limit`] if it is too small for any scene.
     pub fn new(options: &Options, name: RivalName) -> Result<Self> {
-        let host = Host::new(options.validation)?;
-        let adapters = support::ray_adapters_of(&host, options.adapter)?;
-        let gpu = Gpu::open(host, &adapters, options, true)?;
+        let instance = VulkanInstance::new(options.validation)?;
+        let adapters = support::ray_adapters_of(&instance, options.adapter)?;
+        let gpu = Gpu::open(instance, &adapters, options, true)?;
         let ray_tracing = RayTracing::of(&gpu)?;
         let device = VulkanDevice::over(&gpu)?;
         let shared = ["arithmetic", "interpolate"].map(common);

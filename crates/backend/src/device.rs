@@ -107,13 +107,15 @@ pub struct MemoryUse {
 /// Bytes of device memory by purpose.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DeviceBytes {
-    /// Trees and triangle records. Includes two trees while one is uploaded and frames use the other.
+    /// Trees, triangle records and pixel coverage. Includes a tree that is uploaded, a second tree after the first
+    /// evaluation, and unused buffers of earlier trees.
     pub tree: u64,
-    /// Scratch memory of tree builds, and trees that wait to be uploaded.
+    /// Scratch memory of tree builds. With `vulkan`, also staging buffers that are free or that unfinished uploads use.
     pub scratch: u64,
     /// The scene: key frames, positions and vertex indices.
     pub scene: u64,
-    /// Inputs and outputs of frames: rays, hits, shadows, visibility buffer, counts and parameters.
+    /// Inputs and outputs of frames: rays, hits, shadows, visibility buffer, counts and parameters. With `vulkan`, also
+    /// all other buffers.
     pub frames: u64,
 }
 

@@ -1,6 +1,6 @@
 //! Errors of backends.
 
-/// Failures that a correct caller cannot anticipate. Incorrect calls of [`Backend`](crate::Backend) panic instead.
+/// Errors of a [`Backend`](crate::Backend). Calls in a wrong order or with an unknown ticket panic instead.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BackendError {

@@ -69,7 +69,7 @@ impl<T> Drop for LentPositions<T> {
     }
 }
 
-/// Milliseconds of each stage; `None` for a stage that the submission skipped.
+/// Milliseconds of each stage; `None` for a stage that the submission skipped, or if the device has no timestamps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StageTimes {
     /// Interpolation of key frames to positions. Also `None` if it ran at the same time as `preprocess`, whose time
@@ -91,7 +91,8 @@ pub struct StageTimes {
     /// Trace of shadow rays. Also `None` if `trace_primary_ms` includes it.
     #[serde(serialize_with = "rounded")]
     pub trace_shadow_ms: Option<f64>,
-    /// From the start of the first stage to the end of the last, by the device's clock.
+    /// From the start of the first stage to the end of the last, by the device's clock. Without timestamps, from the
+    /// submission until the host noticed its end.
     #[serde(serialize_with = "rounded")]
     pub device_ms: f64,
 }
@@ -106,10 +107,9 @@ pub struct FrameReport {
     pub hits: u64,
     /// Hits in shadow.
     pub blocked: u64,
-    /// Rays that were tested in exact arithmetic. With `watertight`, these are the
-    /// [extreme](geom::CoordinateRange::is_extreme) rays and their shadow rays. With `exact`, also all rays and shadow
-    /// rays that error bounds could not decide, but on GPUs not the shadow ray of an undecided camera ray. With other
-    /// intersectors 0.
+    /// Rays and shadow rays that were tested in exact arithmetic. With `watertight`, these are the
+    /// [extreme](geom::CoordinateRange::is_extreme) rays and their shadow rays. `exact` adds those that error bounds
+    /// could not decide. If a camera ray is undecided, GPUs do not count its shadow ray. With other intersectors 0.
     pub settled: u64,
     /// Triangles that are inactive at the traced positions.
     pub inactive: u64,

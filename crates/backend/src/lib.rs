@@ -37,9 +37,10 @@
 //!
 //! # Trees
 //!
-//! A tree contains exactly the *live* triangles of the animation: those that are active in at least one key frame
-//! ([`geom::Animation::is_live`]). Its generation must be positive and higher than the previous one. [`Backend::adopt`]
-//! takes effect between submissions: work recorded afterwards uses the new tree, and submitted work keeps the old one.
+//! A tree contains exactly the *live* triangles of the animation: those that are active in at least one key frame, or all
+//! triangles of a streamed animation ([`geom::Animation::is_live`]). Its generation must be positive and higher than the
+//! previous one. [`Backend::adopt`] panics if recorded work is not submitted yet. Work recorded afterwards uses the new
+//! tree, and submitted work keeps the old one.
 //!
 //! Large trees take time to reach a device. The builder thread therefore writes the tree through a [`TreeWriter`], and
 //! the frame loop (`pipeline::Driver`) adopts it once [`Backend::upload_tree`] returns `true`. No frame waits for the copy.
@@ -52,9 +53,9 @@
 //!
 //! # Errors
 //!
-//! [`BackendError`] covers failures that a correct caller cannot anticipate. Incorrect calls of [`Backend`], such as
-//! tracing a stale tree or waiting for an unknown ticket, panic. [`BackendError::Misuse`] reports an error of the
-//! program that owns the device.
+//! [`BackendError`] reports failures, unsupported operations and trees that do not fit the scene. Calls in a wrong order,
+//! such as tracing a stale tree, and unknown tickets panic. [`BackendError::Misuse`] reports an error of the program that
+//! owns the device.
 
 /// Defines an enum whose variants have names for the command line or for tables and files, and a list of all variants.
 #[macro_export]
@@ -150,7 +151,7 @@ pub trait Backend: Send + Any {
     fn prepare(&mut self, _query: Query<'_>, _builds_trees: bool) {}
 
     /// Returns a function with which a builder thread writes the tree of `generation` in the device's format. Returns
-    /// `None` if the backend needs no such preparation.
+    /// `None` if the backend needs no such preparation, and on GPUs also before the first upload of a tree.
     fn tree_writer(&mut self, _generation: Generation) -> Result<Option<TreeWriter>> {
         Ok(None)
     }
@@ -251,7 +252,7 @@ pub trait Backend: Send + Any {
 /// Maximum number of unfinished submissions.
 pub const FRAMES_IN_FLIGHT: usize = 2;
 
-/// Reads the output of a stage, for tests. Each method waits for all submissions.
+/// Reads the output of a stage, for tests. Each method except [`Inspect::complaints`] waits for all submissions.
 #[cfg(feature = "inspect")]
 pub trait Inspect: Backend {
     /// Returns one position per vertex, after `interpolate`.
@@ -284,7 +285,7 @@ pub trait Inspect: Backend {
 /// at most once, and only triangles of its scene.
 ///
 /// # Errors
-/// [`BackendError::WrongTree`] with the counts found and expected.
+/// [`BackendError::WrongTree`] with the counts found and expected, or with a triangle that has a leaf but is not live.
 pub fn check_tree(tree: &Topology, animation: &Animation) -> Result<()> {
     let wrong = |why| Err(BackendError::WrongTree(why));
     let triangles = (tree.triangle_count(), animation.triangle_count());

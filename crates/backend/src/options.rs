@@ -7,7 +7,8 @@ use std::fmt;
 use std::str::FromStr;
 
 crate::named! {
-    /// A backend, by its name on the command line. Variants are in the order of the manual.
+    /// A backend, by its name on the command line. Variants are in the order in which `--help` lists them. Charts assign
+    /// colours in this order.
     pub enum BackendName {
         /// The host's cores, with vector instructions and wide trees.
         Cpu = "cpu",
@@ -137,7 +138,8 @@ impl Policy {
 }
 
 crate::named! {
-    /// Algorithm of the ray-triangle test. Variants are in the order of the manual.
+    /// Algorithm of the ray-triangle test. Variants are in the order in which `--help` lists them. Charts assign shapes
+    /// of marks in this order.
     pub enum Intersector {
         /// Möller, Trumbore 1997, in single precision.
         MollerTrumbore = "moller-trumbore",

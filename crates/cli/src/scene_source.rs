@@ -25,7 +25,7 @@ pub(crate) struct SceneSettings {
     /// rays on the command line and in files are still given in the scene's original coordinates
     #[arg(long)]
     pub(crate) recentre: bool,
-    /// Memory for key frames, in MiB. Larger sequences are read from disk during playback
+    /// Memory for key frames, in MiB. Larger sequences of more than 8 key frames are read from disk during playback
     #[arg(long, value_name = "MIB", default_value = "512")]
     pub(crate) key_memory: u32,
 }

@@ -72,7 +72,7 @@ pub(crate) fn same_counts(seen: &FrameReport, expected: &FrameReport) -> Result<
     Ok(())
 }
 
-/// Relative tolerance of tree costs, which are sums in single precision and in any order.
+/// Relative tolerance of tree costs. A backend may compute and add areas in single precision, in any order.
 const COST_TOLERANCE: f64 = 1e-4;
 
 /// Compares the costs of trees.

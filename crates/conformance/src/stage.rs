@@ -11,7 +11,7 @@ use geom::{Animation, Point, Triangle};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// All scenes here hold their key frames in memory.
+/// The key frames that these functions read are always in memory.
 const HELD: &str = "key frames are held";
 
 /// Maximum time that [`next_positions`] waits for a copy of positions.

@@ -50,7 +50,8 @@ pub struct CpuBackend {
 enum State {
     Nothing,
     Positions,
-    Records,
+    /// Triangle data and boxes of leaves.
+    Leaves,
     Boxes,
 }
 
@@ -114,7 +115,7 @@ impl CpuBackend {
         assert!(self.state >= state, "{why}");
     }
 
-    /// Requires a generation above the current one, and so above 0, which means that there is no tree.
+    /// Requires a generation above the current one. So it is never 0, which stands for no tree.
     fn require_later(&self, generation: Generation) {
         assert!(
             generation > self.generation,
@@ -255,13 +256,13 @@ impl Backend for CpuBackend {
             "preprocess needs a tree: call adopt first"
         );
         self.commands.push(Command::Preprocess);
-        self.state = State::Records;
+        self.state = State::Leaves;
         Ok(())
     }
 
     fn refit(&mut self) -> Result<()> {
         self.require(
-            State::Records,
+            State::Leaves,
             "refit needs the boxes of leaves: call preprocess first",
         );
         self.commands.push(Command::Refit);

@@ -1,5 +1,5 @@
-//! The padded box test (`docs/design/hits.md`, "Box test"). Except with `exact`, a ray can hit a triangle only if it
-//! meets the triangle's own box by this test.
+//! The padded box test (`docs/design/hits.md`, "Box test"). A ray can hit a triangle only if it meets the triangle's own
+//! box by this test. This does not apply to `exact`, nor to extreme rays with `watertight`.
 
 use crate::scale::PreparedRay;
 use geom::{Aabb, Point};

@@ -141,10 +141,13 @@ impl FilterRay {
         let is_inside =
             (least > doubt || most < -doubt) && edges.iter().all(|edge| edge.is_finite());
         let depths = self.test.depths(&sheared);
-        let near = is_inside.then(|| near(edges, depths, doubt)).flatten();
-        let near = near.map(|[low, high]| [visited.entry.max(low), visited.exit.min(high)]);
         let own_box = [visited.entry, visited.exit];
-        let [low, high] = near.filter(|[low, high]| low <= high).unwrap_or(own_box);
+        let [low, high] = is_inside
+            .then(|| interval_of_t(edges, depths, doubt))
+            .flatten()
+            .map(|[low, high]| [visited.entry.max(low), visited.exit.min(high)])
+            .filter(|[low, high]| low <= high)
+            .unwrap_or(own_box);
         let Limits { after, before } = self.limits;
         Some(PossibleHit {
             triangle: visited.triangle,
@@ -157,7 +160,7 @@ impl FilterRay {
 
 /// Returns an interval around the rounded `t` that contains the exact `t` of a certain hit. Returns `None` if the error
 /// has no useful bound. `doubt` bounds the error of each edge function.
-fn near(edges: [f32; 3], depths: [f32; 3], doubt: f32) -> Option<[f32; 2]> {
+fn interval_of_t(edges: [f32; 3], depths: [f32; 3], doubt: f32) -> Option<[f32; 2]> {
     let least_det = (edges[0] + edges[1] + edges[2]).abs() - 4.0 * doubt;
     if least_det.partial_cmp(&(4.0 * doubt)) != Some(Ordering::Greater) {
         return None;

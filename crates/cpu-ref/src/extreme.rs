@@ -102,8 +102,9 @@ impl<'a> ExtremeSearch<'a> {
         }
     }
 
-    /// Calls `see` for each triangle in a box that the ray enters before the bound, nearest box first. The bound is
-    /// `t_max` at first, and `see` may reduce it. Returns the first result of `see` that is `Some`.
+    /// Calls `see` for each triangle in a box that the ray enters before the bound. Visits the children of each node in
+    /// order of entry. The bound is `t_max` at first, and `see` may reduce it. Returns the first result of `see` that is
+    /// `Some`.
     fn visit<T>(&self, mut see: impl FnMut(u32, &mut f64) -> Option<T>) -> Option<T> {
         let RaySearch { tree, ray, .. } = &self.search;
         if !ray.is_valid() {

@@ -110,9 +110,10 @@ impl PreparedRay {
     /// `t'` in the interval is valid: converted to the ray's own units and rounded once, it is strictly between the
     /// ray's `t_min` and `t_max`.
     ///
-    /// If `t` is a normal number, the ray's own limits suffice: `low` is at least the next float after `t_min`, and
-    /// rounding is monotone. Subnormal numbers have fewer bits than scaled ones, and large numbers overflow. So the
-    /// limits also exclude magnitudes below `2^-125` and above `2^127` in the ray's own units.
+    /// A limit of the ray suffices if it is a normal number: `low` is at least the next float after `t_min`, and rounding
+    /// is monotone. Subnormal numbers have fewer bits than scaled ones. So a limit whose magnitude is below `2^-125` in
+    /// the ray's own units, or below `2^-99` in scaled units, is replaced by the number of this magnitude that makes the
+    /// interval smaller. Large numbers overflow. So the interval is limited to `-2^127..2^127` in the ray's own units.
     pub fn sure_limits(&self) -> Limits {
         // 2^-125 and 2^127 in the ray's own units. Scaled distances below `MIN_NONZERO`, 2^-100, are flushed to zero.
         let small = ldexp(1.0, -125 - self.unscale).max(power(-99));

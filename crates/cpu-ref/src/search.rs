@@ -1,7 +1,7 @@
 //! The search for hits of one ray in single precision.
 
 use crate::geometry::Geometry;
-use crate::intersect::RoundedTest;
+use crate::intersect::SinglePrecisionTest;
 use crate::scale::{MIN_NONZERO, PreparedRay, Scale, flushed};
 use crate::traversal::{TreeTraversal, VisitedTriangle};
 use backend::Intersector;
@@ -18,7 +18,8 @@ pub struct RaySearch<'a> {
     pub geometry: Geometry<'a>,
     /// The triangle test.
     pub intersector: Intersector,
-    /// The ray, in the scene's units or, for shadow rays, in scaled units.
+    /// The ray, in the units that `scale` converts from: scaled units for shadow rays, except those of extreme rays, and
+    /// the scene's units for all other rays.
     pub ray: Ray,
     /// Conversion from the ray's units to scaled units.
     pub scale: Scale,
@@ -41,9 +42,9 @@ impl RaySearch<'_> {
     }
 
     /// Returns the closest hit, with `t` in the ray's own units.
-    pub(crate) fn closest_rounded(&self) -> Option<Hit> {
+    pub(crate) fn closest_single_precision(&self) -> Option<Hit> {
         let ray = PreparedRay::new(&self.ray, self.scale)?;
-        let test = RoundedTest::new(self.intersector, &ray);
+        let test = SinglePrecisionTest::new(self.intersector, &ray);
         let mut best = Hit {
             t: ray.t_max,
             ..Hit::MISS
@@ -62,11 +63,11 @@ impl RaySearch<'_> {
     }
 
     /// Returns whether the ray hits any triangle except `skipped`.
-    pub(crate) fn any_rounded(&self, skipped: Option<u32>) -> bool {
+    pub(crate) fn any_single_precision(&self, skipped: Option<u32>) -> bool {
         let Some(ray) = PreparedRay::new(&self.ray, self.scale) else {
             return false;
         };
-        let test = RoundedTest::new(self.intersector, &ray);
+        let test = SinglePrecisionTest::new(self.intersector, &ray);
         self.tree.traverse(&ray, &mut |visited, bound| {
             let is_hit = Some(visited.triangle) != skipped && hit(&ray, &test, visited).is_some();
             (!is_hit).then_some(bound)
@@ -76,7 +77,11 @@ impl RaySearch<'_> {
 
 /// Intersects a ray with a triangle, within the ray's limits and with `t` clamped to the triangle's box.
 #[inline]
-fn hit(ray: &PreparedRay, test: &RoundedTest, visited: &VisitedTriangle<'_>) -> Option<Hit> {
+fn hit(
+    ray: &PreparedRay,
+    test: &SinglePrecisionTest,
+    visited: &VisitedTriangle<'_>,
+) -> Option<Hit> {
     let found = test.intersect(ray, visited.data)?;
     let mut t = found.t;
     if t < visited.entry {

@@ -125,7 +125,7 @@ impl RaySearch<'_> {
         if self.intersector.is_exact() {
             self.closest_exact()
         } else {
-            self.closest_rounded()
+            self.closest_single_precision()
         }
     }
 
@@ -134,7 +134,7 @@ impl RaySearch<'_> {
         if self.intersector.is_exact() {
             self.any_exact(skipped)
         } else {
-            self.any_rounded(skipped)
+            self.any_single_precision(skipped)
         }
     }
 }

@@ -1,6 +1,6 @@
 //! The devices that Vulkan offers on this machine.
 
-use crate::instance::Host;
+use crate::instance::VulkanInstance;
 use crate::limits::DeviceLimits;
 use crate::queues::Queues;
 use ash::vk;
@@ -11,22 +11,22 @@ use std::ffi::CStr;
 /// Returns all devices that Vulkan offers on this machine.
 ///
 /// # Errors
-/// [`NoDevice`](backend::BackendError::NoDevice) without a loader or a driver.
+/// [`NoDevice`](backend::BackendError::NoDevice) without a loader, a driver or a device.
 pub fn adapters() -> Result<Vec<AdapterInfo>> {
-    adapters_of(Host::new(Validation::Off)?.as_ref())
+    adapters_of(VulkanInstance::new(Validation::Off)?.as_ref())
 }
 
 /// Returns all devices of the instance, in Vulkan's order.
-pub fn adapters_of(host: &Host) -> Result<Vec<AdapterInfo>> {
-    let devices = host.physical_devices()?;
+pub fn adapters_of(instance: &VulkanInstance) -> Result<Vec<AdapterInfo>> {
+    let devices = instance.physical_devices()?;
     let each = devices.iter().enumerate();
-    Ok(each.map(|(i, &d)| describe(host, i, d)).collect())
+    Ok(each.map(|(i, &d)| describe(instance, i, d)).collect())
 }
 
-fn describe(host: &Host, index: usize, device: vk::PhysicalDevice) -> AdapterInfo {
+fn describe(instance: &VulkanInstance, index: usize, device: vk::PhysicalDevice) -> AdapterInfo {
     let mut driver = vk::PhysicalDeviceDriverProperties::default();
     let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut driver);
-    host.read_properties(device, &mut properties);
+    instance.read_properties(device, &mut properties);
     let p = properties.properties;
     let kind = match p.device_type {
         vk::PhysicalDeviceType::CPU => DeviceKind::Software,
@@ -36,8 +36,8 @@ fn describe(host: &Host, index: usize, device: vk::PhysicalDevice) -> AdapterInf
         s.map_or_else(|_| String::new(), |s| s.to_string_lossy().into_owned())
     };
     let (name, info) = (driver.driver_name_as_c_str(), driver.driver_info_as_c_str());
-    let mut limits = DeviceLimits::of(host, device).displayed_limits();
-    if let Ok(queues) = Queues::find(host, device) {
+    let mut limits = DeviceLimits::of(instance, device).displayed_limits();
+    if let Ok(queues) = Queues::find(instance, device) {
         limits.extend(queues.displayed_limits());
     }
     AdapterInfo {

@@ -1,6 +1,6 @@
 //! The allocator of device memory, and statistics of its use.
 
-use crate::instance::Host;
+use crate::instance::VulkanInstance;
 use ash::ext::memory_budget;
 use ash::vk;
 use backend::{BackendError, Result};
@@ -20,15 +20,15 @@ pub(crate) struct Memory {
     /// Lock for submitting, allocating and freeing.
     driver_lock: FairMutex<()>,
     pub(crate) physical: vk::PhysicalDevice,
-    /// Bytes of buffers in device memory.
+    /// Bytes of buffers in device memory, except external buffers.
     held: AtomicU64,
-    /// Number of buffers created so far, in any memory.
+    /// Number of buffers created so far, in any memory, except external buffers.
     made: AtomicU64,
 }
 
 impl Memory {
     pub(crate) fn new(
-        host: &Host,
+        instance: &VulkanInstance,
         physical: vk::PhysicalDevice,
         device: &ash::Device,
         addressed: bool,
@@ -39,7 +39,7 @@ impl Memory {
             .with_max_device_memblock_size(64 << 20)
             .with_max_host_memblock_size(16 << 20);
         let allocator = Allocator::new(&AllocatorCreateDesc {
-            instance: host.instance.clone(),
+            instance: instance.vk.clone(),
             device: device.clone(),
             physical_device: physical,
             debug_settings: AllocatorDebugSettings::default(),
@@ -61,15 +61,15 @@ impl Memory {
         drop(lock(&self.allocator).take());
     }
 
-    /// Returns the bytes of device memory that buffers occupy.
+    /// Returns the bytes of device memory that buffers occupy, except external buffers.
     pub(crate) fn held(&self) -> u64 {
         self.held.load(Ordering::Relaxed)
     }
 
     /// Returns the bytes available to this process in the device-local heap that has the most. Uses the size of each
     /// heap if the driver does not report the use of memory.
-    pub(crate) fn free_bytes(&self, host: &Host) -> Option<u64> {
-        let has_budget = host.offers(self.physical, memory_budget::NAME);
+    pub(crate) fn free_bytes(&self, instance: &VulkanInstance) -> Option<u64> {
+        let has_budget = instance.offers(self.physical, memory_budget::NAME);
         let mut budget = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
         let mut found = vk::PhysicalDeviceMemoryProperties2::default();
         if has_budget {
@@ -78,7 +78,8 @@ impl Memory {
         // SAFETY: the device belongs to the instance, which is alive; the structure belongs to an extension that the
         // device has.
         unsafe {
-            host.instance
+            instance
+                .vk
                 .get_physical_device_memory_properties2(self.physical, &mut found)
         };
         let heaps = found.memory_properties;
@@ -94,7 +95,7 @@ impl Memory {
         local.map(free).max()
     }
 
-    /// Returns the number of buffers created since the device was opened.
+    /// Returns the number of buffers created since the device was opened, except external buffers.
     pub(crate) fn made(&self) -> u64 {
         self.made.load(Ordering::Relaxed)
     }

@@ -64,7 +64,7 @@ impl Commands {
         unsafe { self.gpu.vk.end_command_buffer(self.vk()) }.map_err(failed("recording"))
     }
 
-    /// Returns the command buffer that is being recorded.
+    /// Returns the command buffer that was begun last.
     pub fn vk(&self) -> vk::CommandBuffer {
         self.buffers[self.begun - 1]
     }

@@ -46,7 +46,8 @@ impl Descriptors {
         })
     }
 
-    /// Discards everything and prepares for a number of dispatches. The previous submission must have finished.
+    /// Discards everything and prepares for a number of dispatches. The submission that used these descriptors last must
+    /// have finished.
     pub(crate) fn reset(&mut self, dispatches: usize) -> Result<()> {
         if dispatches > self.capacity {
             *self = Self::new(&self.gpu, dispatches)?;

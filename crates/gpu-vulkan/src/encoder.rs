@@ -70,8 +70,8 @@ impl RecordingEncoder {
         })
     }
 
-    /// Encodes all commands of a recording, and a copy of the counts to the host. The previous submission must have
-    /// finished.
+    /// Encodes all commands of a recording, and a copy of the counts to the host. The submission that used this encoder
+    /// last must have finished.
     pub(crate) fn encode(&mut self, recording: &mut VulkanRecording) -> Result<()> {
         self.begin(recording)?;
         let mut last = None;

@@ -5,7 +5,7 @@
 
 use crate::errors::{failed, failed_for};
 use crate::gpu::Gpu;
-use crate::sharing::{MEMORY, SEMAPHORE, memory_features};
+use crate::sharing::{MEMORY_EXTENSION, SEMAPHORE_EXTENSION, memory_features};
 use crate::timeline::Timeline;
 use ash::{khr, vk};
 use backend::{BackendError, BackendName, Result};
@@ -46,9 +46,9 @@ impl ExternalMemory {
     /// [`BackendError::Limit`] or [`BackendError::OutOfMemory`] with the required bytes.
     pub fn new(gpu: &Arc<Gpu>, bytes: u64) -> Result<Self> {
         let what = "an external buffer";
-        let features = memory_features(&gpu.host, gpu.memory.physical, USAGE, MEMORY_FD);
+        let features = memory_features(&gpu.instance, gpu.memory.physical, USAGE, MEMORY_FD);
         let is_able = features.contains(vk::ExternalMemoryFeatureFlags::EXPORTABLE);
-        gpu.check_export(what, MEMORY, is_able)?;
+        gpu.check_export(what, MEMORY_EXTENSION, is_able)?;
         let bytes = bytes.max(16).checked_next_multiple_of(16);
         let bytes = bytes.unwrap_or(u64::MAX);
         gpu.limits.admit(what, bytes)?;
@@ -94,7 +94,7 @@ impl ExternalMemory {
         let info = vk::MemoryGetFdInfoKHR::default()
             .memory(self.memory)
             .handle_type(MEMORY_FD);
-        let calls = khr::external_memory_fd::Device::new(&self.gpu.host.instance, &self.gpu.vk);
+        let calls = khr::external_memory_fd::Device::new(&self.gpu.instance.vk, &self.gpu.vk);
         // SAFETY: the memory was allocated with this handle type; the extension is enabled.
         let fd = unsafe { calls.get_memory_fd(&info) }.map_err(failed("a file descriptor"))?;
         // SAFETY: each call creates a descriptor that the caller owns.
@@ -105,8 +105,8 @@ impl ExternalMemory {
     pub fn device_uuid(&self) -> [u8; 16] {
         let mut ids = vk::PhysicalDeviceIDProperties::default();
         let mut chain = vk::PhysicalDeviceProperties2::default().push_next(&mut ids);
-        let (host, physical) = (&self.gpu.host, self.gpu.memory.physical);
-        host.read_properties(physical, &mut chain);
+        let (instance, physical) = (&self.gpu.instance, self.gpu.memory.physical);
+        instance.read_properties(physical, &mut chain);
         ids.device_uuid
     }
 }
@@ -131,7 +131,7 @@ impl Timeline {
     pub fn exportable(gpu: &Arc<Gpu>) -> Result<Self> {
         gpu.check_export(
             "an external semaphore",
-            SEMAPHORE,
+            SEMAPHORE_EXTENSION,
             can_export_timelines(gpu),
         )?;
         let export = vk::ExportSemaphoreCreateInfo::default().handle_types(SEMAPHORE_FD);
@@ -147,7 +147,7 @@ impl Timeline {
         let info = vk::SemaphoreGetFdInfoKHR::default()
             .semaphore(self.at(0).0)
             .handle_type(SEMAPHORE_FD);
-        let calls = khr::external_semaphore_fd::Device::new(&self.gpu.host.instance, &self.gpu.vk);
+        let calls = khr::external_semaphore_fd::Device::new(&self.gpu.instance.vk, &self.gpu.vk);
         // SAFETY: the semaphore was created with this handle type; the extension is enabled.
         let fd = unsafe { calls.get_semaphore_fd(&info) }.map_err(failed("a file descriptor"))?;
         // SAFETY: each call creates a descriptor that the caller owns.
@@ -167,9 +167,9 @@ impl Gpu {
 
     /// Returns the first allowed memory type that is device-local, or the first allowed one.
     fn device_local_type(&self, allowed: u32) -> u32 {
-        let (host, physical) = (&self.host.instance, self.memory.physical);
+        let (instance, physical) = (&self.instance.vk, self.memory.physical);
         // SAFETY: the device belongs to the instance, which is alive.
-        let found = unsafe { host.get_physical_device_memory_properties(physical) };
+        let found = unsafe { instance.get_physical_device_memory_properties(physical) };
         let is_local = |&i: &u32| {
             let flags = found.memory_types[i as usize].property_flags;
             flags.contains(vk::MemoryPropertyFlags::DEVICE_LOCAL)
@@ -186,9 +186,11 @@ fn can_export_timelines(gpu: &Gpu) -> bool {
         .handle_type(SEMAPHORE_FD)
         .push_next(&mut kind);
     let mut found = vk::ExternalSemaphoreProperties::default();
-    let (host, physical) = (&gpu.host.instance, gpu.memory.physical);
+    let (instance, physical) = (&gpu.instance.vk, gpu.memory.physical);
     // SAFETY: the device belongs to the instance, which is alive.
-    unsafe { host.get_physical_device_external_semaphore_properties(physical, &info, &mut found) };
+    unsafe {
+        instance.get_physical_device_external_semaphore_properties(physical, &info, &mut found)
+    };
     let features = found.external_semaphore_features;
     features.contains(vk::ExternalSemaphoreFeatureFlags::EXPORTABLE)
 }

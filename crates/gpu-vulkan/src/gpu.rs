@@ -2,7 +2,7 @@
 
 use crate::allocator::Memory;
 use crate::errors::{failed, failed_for};
-use crate::instance::Host;
+use crate::instance::VulkanInstance;
 use crate::limits::{DeviceFeatures, DeviceLimits};
 use crate::pipeline_cache::PipelineCache;
 use crate::queues::{QueueIndex, QueueSet, Queues};
@@ -37,7 +37,7 @@ pub struct Gpu {
     /// Cache of compiled kernels.
     pub cache: PipelineCache,
     /// The instance of the device.
-    pub host: Arc<Host>,
+    pub instance: Arc<VulkanInstance>,
 }
 
 /// Extensions for tracing rays through the driver's acceleration structures.
@@ -69,19 +69,19 @@ impl Gpu {
     /// # Errors
     /// [`BackendError::NoDevice`] with the reason, or [`BackendError::Limit`] if a limit is too low for any scene.
     pub fn open(
-        host: Arc<Host>,
+        instance: Arc<VulkanInstance>,
         list: &[AdapterInfo],
         options: &Options,
         traces_rays: bool,
     ) -> Result<Arc<Self>> {
         let adapter = AdapterInfo::choose(list, options.adapter)?.clone();
-        let physical = host.physical_devices()?[adapter.index];
-        let limits = DeviceLimits::of(&host, physical);
+        let physical = instance.physical_devices()?[adapter.index];
+        let limits = DeviceLimits::of(&instance, physical);
         check_kernels(&limits.of_kernels(), |k| !k.builds_trees())?;
-        let queues = Queues::find(&host, physical)?;
-        let features = DeviceFeatures::of(&host, physical, traces_rays)?;
-        let vk = create(&host, physical, &queues, &features)?;
-        let memory = match Memory::new(&host, physical, &vk, traces_rays) {
+        let queues = Queues::find(&instance, physical)?;
+        let features = DeviceFeatures::of(&instance, physical, traces_rays)?;
+        let vk = create(&instance, physical, &queues, &features)?;
+        let memory = match Memory::new(&instance, physical, &vk, traces_rays) {
             Ok(memory) => memory,
             Err(e) => {
                 // SAFETY: no object was created from the device yet.
@@ -89,8 +89,8 @@ impl Gpu {
                 return Err(e);
             }
         };
-        let import = Import::of(&host, physical, &vk, &features.sharing);
-        let cache = PipelineCache::open(&host, physical, &vk, options.cache.as_deref());
+        let import = Import::of(&instance, physical, &vk, &features.sharing);
+        let cache = PipelineCache::open(&instance, physical, &vk, options.cache.as_deref());
         Ok(Arc::new(Self {
             queues: opened(&vk, queues.indices),
             vk,
@@ -102,7 +102,7 @@ impl Gpu {
             timestamp_bits: queues.timestamp_bits,
             features,
             import,
-            host,
+            instance,
         }))
     }
 
@@ -160,7 +160,7 @@ impl Drop for Gpu {
 }
 
 fn create(
-    host: &Host,
+    instance: &VulkanInstance,
     device: vk::PhysicalDevice,
     queues: &Queues,
     features: &DeviceFeatures,
@@ -206,6 +206,6 @@ fn create(
     }
     let _lock = lock_device_lifetime();
     // SAFETY: every pointer in `info` outlives the call; the device supports the requested features.
-    unsafe { host.instance.create_device(device, &info, None) }
+    unsafe { instance.vk.create_device(device, &info, None) }
         .map_err(|e| BackendError::NoDevice(format!("the device cannot be opened: {e}")))
 }

@@ -11,9 +11,9 @@ use std::ffi::CStr;
 use std::sync::{Arc, Mutex};
 
 /// An instance, with or without the validation layer.
-pub struct Host {
+pub struct VulkanInstance {
     /// Instance functions.
-    pub instance: Instance,
+    pub vk: Instance,
     /// Keeps the loader's library open.
     _entry: Entry,
     /// Whether the validation layer is enabled.
@@ -23,9 +23,9 @@ pub struct Host {
 /// The instances without and with the validation layer, kept until the process ends. When the last instance is
 /// destroyed, the loader unloads the drivers. NVIDIA's driver registers a destructor in every thread that destroyed a
 /// device. It runs when the thread ends and needs the driver's code.
-static HOSTS: Mutex<[Option<Arc<Host>>; 2]> = Mutex::new([None, None]);
+static INSTANCES: Mutex<[Option<Arc<VulkanInstance>>; 2]> = Mutex::new([None, None]);
 
-impl Host {
+impl VulkanInstance {
     /// Returns this process's instance with or without the validation layer.
     ///
     /// # Errors
@@ -39,12 +39,12 @@ impl Host {
     }
 
     fn shared(validated: bool) -> Result<Arc<Self>> {
-        let host = &mut lock(&HOSTS)[usize::from(validated)];
-        if let Some(host) = host {
-            return Ok(Arc::clone(host));
+        let instance = &mut lock(&INSTANCES)[usize::from(validated)];
+        if let Some(instance) = instance {
+            return Ok(Arc::clone(instance));
         }
         Ok(Arc::clone(
-            host.insert(Arc::new(Self::new_instance(validated)?)),
+            instance.insert(Arc::new(Self::new_instance(validated)?)),
         ))
     }
 
@@ -78,7 +78,7 @@ impl Host {
             register_callback(&entry, &instance)?;
         }
         Ok(Self {
-            instance,
+            vk: instance,
             _entry: entry,
             is_validated: validated,
         })
@@ -90,10 +90,10 @@ impl Host {
     /// [`BackendError::NoDevice`] if there is no device.
     pub fn physical_devices(&self) -> Result<Vec<vk::PhysicalDevice>> {
         // SAFETY: the instance is alive.
-        let devices = unsafe { self.instance.enumerate_physical_devices() }
+        let devices = unsafe { self.vk.enumerate_physical_devices() }
             .map_err(|e| BackendError::NoDevice(format!("Vulkan cannot list devices: {e}")))?;
         if devices.is_empty() {
-            return Err(BackendError::NoDevice("Vulkan finds no driver".into()));
+            return Err(BackendError::NoDevice("Vulkan finds no device".into()));
         }
         Ok(devices)
     }
@@ -105,7 +105,7 @@ impl Host {
         chain: &mut vk::PhysicalDeviceProperties2<'_>,
     ) {
         // SAFETY: the device belongs to the instance, which is alive.
-        unsafe { self.instance.get_physical_device_properties2(device, chain) };
+        unsafe { self.vk.get_physical_device_properties2(device, chain) };
     }
 
     /// Reads a chain of features of a device. Drivers ignore structures that they do not know.
@@ -114,14 +114,14 @@ impl Host {
         device: vk::PhysicalDevice,
         chain: &mut vk::PhysicalDeviceFeatures2<'_>,
     ) {
-        // SAFETY: as in [`Host::read_properties`].
-        unsafe { self.instance.get_physical_device_features2(device, chain) };
+        // SAFETY: as in [`VulkanInstance::read_properties`].
+        unsafe { self.vk.get_physical_device_features2(device, chain) };
     }
 
     /// Returns the extensions among `names` that a device offers.
     pub fn offered<'n>(&self, device: vk::PhysicalDevice, names: &[&'n CStr]) -> Vec<&'n CStr> {
         // SAFETY: the device belongs to the instance, which is alive.
-        let offered = unsafe { self.instance.enumerate_device_extension_properties(device) };
+        let offered = unsafe { self.vk.enumerate_device_extension_properties(device) };
         let all = offered.unwrap_or_default();
         let is_offered =
             |name: &&CStr| all.iter().any(|e| e.extension_name_as_c_str() == Ok(*name));

@@ -28,8 +28,8 @@ pub struct ExternalVertices<'a> {
 }
 
 impl VulkanDevice {
-    /// Sets external memory as the source of a run of positions, in all later key frames. They are copied
-    /// when the next key frame is uploaded, or by the next `signal`.
+    /// Sets external memory as the source of a run of positions. The memory is read once: by the next upload of a key
+    /// frame, `signal` or `read_external_points`. Later key frames contain these positions until the source changes.
     ///
     /// # Errors
     /// [`backend::BackendError::Misuse`] if the memory belongs to another device or is too small, or the offset is not

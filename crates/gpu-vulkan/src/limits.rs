@@ -1,6 +1,6 @@
 //! Limits of the device, with errors that name the need and the limit, and optional capabilities.
 
-use crate::instance::Host;
+use crate::instance::VulkanInstance;
 use crate::sharing;
 use ash::ext::pipeline_robustness;
 use ash::vk;
@@ -28,10 +28,10 @@ pub(crate) struct DeviceLimits {
 }
 
 impl DeviceLimits {
-    pub(crate) fn of(host: &Host, device: vk::PhysicalDevice) -> Self {
+    pub(crate) fn of(instance: &VulkanInstance, device: vk::PhysicalDevice) -> Self {
         let mut p11 = vk::PhysicalDeviceVulkan11Properties::default();
         let mut p = vk::PhysicalDeviceProperties2::default().push_next(&mut p11);
-        host.read_properties(device, &mut p);
+        instance.read_properties(device, &mut p);
         let l = p.properties.limits;
         let [x, y, _] = l.max_compute_work_group_count;
         let invocations = l.max_compute_work_group_invocations;
@@ -112,14 +112,18 @@ impl DeviceFeatures {
     ///
     /// # Errors
     /// [`BackendError::NoDevice`] if a required feature is missing.
-    pub(crate) fn of(host: &Host, device: vk::PhysicalDevice, traces_rays: bool) -> Result<Self> {
+    pub(crate) fn of(
+        instance: &VulkanInstance,
+        device: vk::PhysicalDevice,
+        traces_rays: bool,
+    ) -> Result<Self> {
         let mut core = vk::PhysicalDeviceVulkan12Features::default();
         let mut robustness = vk::PhysicalDevicePipelineRobustnessFeaturesEXT::default();
         let mut have = vk::PhysicalDeviceFeatures2::default().push_next(&mut core);
-        if host.offers(device, pipeline_robustness::NAME) {
+        if instance.offers(device, pipeline_robustness::NAME) {
             have = have.push_next(&mut robustness);
         }
-        host.read_features(device, &mut have);
+        instance.read_features(device, &mut have);
         let has_integers = have.features.shader_int64 == vk::TRUE;
         if core.timeline_semaphore == vk::FALSE {
             let why = "the device has no timeline semaphores (Vulkan 1.2)";
@@ -128,19 +132,19 @@ impl DeviceFeatures {
         Ok(Self {
             traces_rays,
             has_pipeline_robustness: robustness.pipeline_robustness == vk::TRUE,
-            subgroups: subgroups(host, device),
+            subgroups: subgroups(instance, device),
             has_64_bit_atomics: has_integers && core.shader_buffer_int64_atomics == vk::TRUE,
-            sharing: sharing::extensions(host, device),
+            sharing: sharing::extensions(instance, device),
         })
     }
 }
 
 /// Returns the number of invocations per subgroup. All kernels have this size, because they request no other. Returns
 /// `None` if a subgroup operation of the kernels is missing.
-fn subgroups(host: &Host, device: vk::PhysicalDevice) -> Option<u32> {
+fn subgroups(instance: &VulkanInstance, device: vk::PhysicalDevice) -> Option<u32> {
     let mut found = vk::PhysicalDeviceSubgroupProperties::default();
     let mut all = vk::PhysicalDeviceProperties2::default().push_next(&mut found);
-    host.read_properties(device, &mut all);
+    instance.read_properties(device, &mut all);
     let needed = vk::SubgroupFeatureFlags::BASIC
         | vk::SubgroupFeatureFlags::VOTE
         | vk::SubgroupFeatureFlags::ARITHMETIC

@@ -49,16 +49,16 @@ enum BufferMemory {
 pub enum BufferUse {
     /// In device memory, not visible to the host.
     Device,
-    /// Written by the host, read by kernels.
+    /// Written by the host, read by kernels or copies. In device memory if the host can write it directly.
     Upload,
-    /// In host memory, written by the host, copied to the device.
+    /// Written by the host, copied to the device. In host memory, cached if possible.
     Staging,
-    /// Written by the device, read by the host.
+    /// Written by the device, read by the host. In host memory, cached if possible.
     Readback,
 }
 
 impl Buffer {
-    /// Creates a buffer of `bytes`, rounded up to 16 because zero-sized buffers cannot be bound.
+    /// Creates a buffer of `bytes`, rounded up to a multiple of 16 above 0. Zero-sized buffers cannot be bound.
     ///
     /// # Errors
     /// [`BackendError::Limit`] or [`BackendError::OutOfMemory`] with the required bytes.
@@ -166,14 +166,14 @@ impl Buffer {
         unsafe { self.gpu.vk.get_buffer_device_address(&info) }
     }
 
-    /// Returns the first `count` elements of a buffer of [`BufferUse::Readback`], written by the device.
+    /// Returns the first `count` elements of a buffer of [`BufferUse::Readback`] or [`BufferUse::Staging`].
     pub fn read<T: Pod>(&self, count: usize) -> &[T] {
         let bytes = match &self.memory {
             BufferMemory::Allocated(allocation) => allocation.mapped_slice(),
             BufferMemory::Host(memory) => Some(&memory.pages[..]),
             _ => None,
         };
-        let bytes = bytes.expect("readback buffers are mapped");
+        let bytes = bytes.expect("the buffer is mapped");
         bytemuck::cast_slice(&bytes[..count * size_of::<T>()])
     }
 
@@ -184,7 +184,7 @@ impl Buffer {
             BufferMemory::Host(memory) => Some(&mut memory.pages[..]),
             _ => None,
         };
-        let bytes = bytes.expect("upload buffers are mapped");
+        let bytes = bytes.expect("the buffer is mapped");
         let whole = self.bytes as usize / size_of::<T>() * size_of::<T>();
         bytemuck::cast_slice_mut(&mut bytes[..whole])
     }

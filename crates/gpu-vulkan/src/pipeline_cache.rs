@@ -1,6 +1,6 @@
 //! The cache of compiled kernels.
 
-use crate::instance::Host;
+use crate::instance::VulkanInstance;
 use ash::vk;
 use gpu_common::cache_file::CacheFile;
 use std::path::Path;
@@ -15,13 +15,13 @@ pub struct PipelineCache {
 impl PipelineCache {
     /// Loads the cache of this device and driver from a folder. Without a folder the cache is not stored.
     pub(crate) fn open(
-        host: &Host,
+        instance: &VulkanInstance,
         physical: vk::PhysicalDevice,
         device: &ash::Device,
         folder: Option<&Path>,
     ) -> Self {
         // SAFETY: the device belongs to the instance, which is alive.
-        let p = unsafe { host.instance.get_physical_device_properties(physical) };
+        let p = unsafe { instance.vk.get_physical_device_properties(physical) };
         let uuid = u128::from_be_bytes(p.pipeline_cache_uuid);
         let name = format!(
             "vulkan-{:x}-{:x}-{:x}-{uuid:032x}",
@@ -30,8 +30,8 @@ impl PipelineCache {
         let mut file = folder.map(|folder| CacheFile::new(folder, &name));
         let data = file.as_mut().and_then(CacheFile::load).unwrap_or_default();
         let info = vk::PipelineCacheCreateInfo::default().initial_data(&data);
-        // SAFETY: the device is alive and `data` outlives the call. The file's digest shows that this driver wrote the
-        // data.
+        // SAFETY: the device is alive and `data` outlives the call. The file's name identifies device and driver,
+        // and its digest shows that the data is undamaged.
         let vk = unsafe { device.create_pipeline_cache(&info, None) };
         Self {
             vk: vk.unwrap_or_default(),

@@ -1,6 +1,6 @@
 //! Choice of queues for compute, upload and readback.
 
-use crate::instance::Host;
+use crate::instance::VulkanInstance;
 use ash::vk;
 use backend::{BackendError, Result};
 
@@ -36,10 +36,11 @@ impl<Q> QueueSet<Q> {
 }
 
 impl Queues {
-    pub(crate) fn find(host: &Host, device: vk::PhysicalDevice) -> Result<Self> {
+    pub(crate) fn find(instance: &VulkanInstance, device: vk::PhysicalDevice) -> Result<Self> {
         // SAFETY: the device belongs to the instance, which is alive.
         let families = unsafe {
-            host.instance
+            instance
+                .vk
                 .get_physical_device_queue_family_properties(device)
         };
         Self::among(&families)

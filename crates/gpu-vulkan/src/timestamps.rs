@@ -36,8 +36,8 @@ impl Timestamps {
         })
     }
 
-    /// Discards the timestamps of the previous submission, which must have finished. Prepares for `stages` stages, and
-    /// records the first timestamp.
+    /// Discards all timestamps, prepares for `stages` stages, and records the first timestamp. The submission that used
+    /// these timestamps last must have finished.
     pub(crate) fn begin(&mut self, commands: vk::CommandBuffer, stages: usize) -> Result<()> {
         let marks = stages as u32 + 1;
         if marks > self.capacity {

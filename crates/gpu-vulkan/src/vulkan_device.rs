@@ -4,7 +4,7 @@ use crate::adapters::adapters_of;
 use crate::encoder::{NativeCommand, RecordingEncoder, VulkanRecording};
 use crate::external_inputs::ExternalInputs;
 use crate::gpu::{Gpu, Queue};
-use crate::instance::Host;
+use crate::instance::VulkanInstance;
 use crate::memory::{Buffer, BufferRange, BufferUse};
 use crate::pipelines::Pipeline;
 use crate::staging::{HostPoints, StagingBuffer, StagingPool};
@@ -35,9 +35,9 @@ pub type VulkanBackend = ComputeBackend<VulkanDevice>;
 /// [`backend::BackendError::NoDevice`] with the reason, or [`backend::BackendError::Limit`] if a limit is too low for
 /// any scene.
 pub fn open(options: &Options) -> Result<VulkanBackend> {
-    let host = Host::new(options.validation)?;
-    let list = adapters_of(&host)?;
-    let gpu = Gpu::open(host, &list, options, false)?;
+    let instance = VulkanInstance::new(options.validation)?;
+    let list = adapters_of(&instance)?;
+    let gpu = Gpu::open(instance, &list, options, false)?;
     ComputeBackend::over(VulkanDevice::over(&gpu)?)
 }
 
@@ -56,8 +56,8 @@ pub struct VulkanDevice {
     pub readback: Transfer,
     /// One for each unfinished submission.
     encoders: Vec<RecordingEncoder>,
-    /// Host-visible buffers for reads of device buffers.
-    views: Vec<Buffer>,
+    /// Host-visible buffers without a pending copy, for later reads of device buffers.
+    spare_readbacks: Vec<Buffer>,
     tree_staging: StagingPool,
     key_staging: StagingPool,
     /// Resources that unfinished uploads still use.
@@ -65,8 +65,8 @@ pub struct VulkanDevice {
     spares: Spares<HostPoints>,
     /// Copies of positions that `take_positions` has not returned yet, by the submission that requested them.
     copies: BTreeMap<Ticket, ReadbackCopy>,
-    /// Timeline value of the upload that wrote results to external memory, if the next submission must wait for it.
-    /// Otherwise 0.
+    /// Timeline value of the upload that fills an external result buffer with misses, because no kernel traces a scene
+    /// without a tree. The next submission waits for it. 0 if there is no such upload.
     results_at: u64,
     pub(crate) external: ExternalInputs,
     /// The logical device and its memory.
@@ -87,7 +87,7 @@ impl VulkanDevice {
             encoders: (0..FRAMES_IN_FLIGHT)
                 .map(|_| RecordingEncoder::new(gpu))
                 .collect::<Result<_>>()?,
-            views: Vec::new(),
+            spare_readbacks: Vec::new(),
             tree_staging: StagingPool::new("the tree's topology"),
             key_staging: StagingPool::new("key frames"),
             in_use: Pool::default(),
@@ -122,10 +122,10 @@ impl VulkanDevice {
 
     fn begin_read(&mut self, from: &Buffer, bytes: Range<u64>) -> Result<ReadbackCopy> {
         let size = bytes.end - bytes.start;
-        let fits = self.views.iter().position(|view| view.bytes >= size);
+        let fits = self.spare_readbacks.iter().position(|b| b.bytes >= size);
         let spare = match fits {
-            Some(i) => Some(self.views.swap_remove(i)),
-            None => self.views.pop(),
+            Some(i) => Some(self.spare_readbacks.swap_remove(i)),
+            None => self.spare_readbacks.pop(),
         };
         let buffer = self.readback_buffer(spare, size)?;
         let copy = BufferCopy::between(from.vk, buffer.vk).range(bytes, 0);
@@ -282,7 +282,7 @@ impl GpuDevice for VulkanDevice {
             kernel_limits: limits.of_kernels(),
             splits: true,
             copies_points: false,
-            free_bytes: self.gpu.memory.free_bytes(&self.gpu.host),
+            free_bytes: self.gpu.memory.free_bytes(&self.gpu.instance),
             complaints: messages().clone(),
         }
     }
@@ -346,7 +346,7 @@ impl GpuDevice for VulkanDevice {
         for (copy, part) in begun? {
             self.readback.done.wait(copy.done_at)?;
             each(part.first, copy.buffer.read(part.count));
-            self.views.push(copy.buffer);
+            self.spare_readbacks.push(copy.buffer);
         }
         Ok(())
     }
@@ -427,7 +427,7 @@ impl GpuDevice for VulkanDevice {
         self.in_use = Pool::default();
         self.spares = Spares::default();
         self.external = ExternalInputs::default();
-        self.views.clear();
+        self.spare_readbacks.clear();
         self.copies.clear();
         self.results_at = 0;
         Ok(())

@@ -166,8 +166,9 @@ impl Driver {
     }
 
     /// Submits one frame and returns the ticket of its results. Accepts one query, or several that
-    /// [one frame can trace](Self::can_batch). If each frame builds its own tree (`rebuild`, lockstep 0), finish
-    /// the previous frame first: such a frame takes two submissions.
+    /// [one frame can trace](Self::can_batch). Finish earlier frames first, so that no more than
+    /// [`max_in_flight`](Self::max_in_flight) frames are in flight, including this one. A frame that waits for its own
+    /// tree or positions takes two submissions.
     ///
     /// # Errors
     /// Those of the backend, and [`PipelineError::FirstTree`] if the first tree cannot be built.
@@ -246,8 +247,8 @@ impl Driver {
         recording.number += 1;
     }
 
-    /// Submits the frame whose queries were refused. Otherwise the next frame would add its commands to the same
-    /// recording, and no tree could be adopted.
+    /// Submits the recorded stages of the frame whose queries were refused. Otherwise the next frame could adopt no tree,
+    /// because [`Backend::adopt`] panics if commands are not submitted.
     fn submit_refused(&mut self) -> Result<(), PipelineError> {
         if std::mem::take(&mut self.recording.is_refused) {
             self.backend.submit()?;
@@ -279,8 +280,9 @@ impl Driver {
         AdoptionRule::of(self.options.update, self.options.predict)
     }
 
-    /// Records positions at `pose` and, if they moved, a tree over them. Returns whether `preprocess` and `refit` are
-    /// called next. After a build on the device they have nothing to do.
+    /// Records positions at `pose` and, if they moved or there is no tree yet, the build of a tree over them. Returns
+    /// whether a build was recorded. The caller then calls `preprocess` and `refit`, as after any change. Both do nothing,
+    /// because the build includes them.
     fn record_device_tree(&mut self, pose: Pose) -> Result<bool, PipelineError> {
         let moved = self.record_positions(pose)?;
         let generation = match &self.trees.current {

@@ -70,11 +70,12 @@ pub struct FrameTreeStats {
     pub age_frames: u64,
     /// Whether this frame adopted the tree, or the backend built it within this frame.
     pub adopted: bool,
-    /// Whether a finished tree was rejected. It cost no less than the current one, or a newer tree would arrive before
-    /// its time of use.
+    /// Whether a finished tree was rejected. Such a tree costs no less than the current tree, or a newer tree would arrive
+    /// while the current tree's target time is still the nearer one.
     pub rejected: bool,
-    /// Milliseconds from vertices to the complete binary tree, if this frame adopted it. For a tree built on the
-    /// device, milliseconds of the stage `rebuild`.
+    /// Milliseconds of the host build up to the complete binary tree, if this frame adopted it. Includes the
+    /// interpolation of vertices that the builder does itself. For a tree built on the device, milliseconds of the stage
+    /// `rebuild`.
     #[serde(serialize_with = "rounded")]
     pub build_ms: Option<f64>,
     /// Milliseconds from the binary tree to the topology, including its lists of moving nodes, if this frame adopted

@@ -103,8 +103,9 @@ impl LatencyPredictor {
         self.next = strategy;
     }
 
-    /// Compares the target times of the current tree, `current`, and of a finished tree, `new`. Returns whether the
-    /// current time is at least as near to `new` as to `current`, or does not approach `new`.
+    /// `current` and `new` are the target times of the current tree and of a finished tree. Returns whether the last
+    /// frame's time is at least as near to `new` as to `current`. Also returns `true` if frame times do not approach
+    /// `new`.
     pub(crate) fn is_new_target_nearer(&self, current: f64, new: f64) -> bool {
         let nearer = |left| left <= (current - self.time).abs();
         self.approach(new).is_none_or(nearer)

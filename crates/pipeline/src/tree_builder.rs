@@ -40,7 +40,7 @@ pub(crate) struct Built {
     pub(crate) cost: f64,
     /// How it was built.
     pub(crate) strategy: BuildStrategy,
-    /// How the next one will be built.
+    /// How the next tree will be built, if it is compared with this one.
     pub(crate) next: BuildStrategy,
     /// Whether it was built for the last observed positions instead of the requested time.
     pub(crate) gave_up_extrapolation: bool,

@@ -8,7 +8,7 @@ use gpu_common::{Options, Validation};
 use gpu_vulkan::adapters_of;
 use gpu_vulkan::external::ExternalMemory;
 use gpu_vulkan::gpu::Gpu;
-use gpu_vulkan::instance::Host;
+use gpu_vulkan::instance::VulkanInstance;
 use gpu_vulkan::memory::{Buffer, BufferUse};
 use std::cell::RefCell;
 use std::os::fd::{IntoRawFd, OwnedFd};
@@ -73,9 +73,9 @@ impl Importer for OtherDevice {
     type Memory = vk::Buffer;
 
     fn open(uuid: [u8; 16]) -> Self {
-        let host = Host::new(Validation::Off).unwrap();
-        let list = adapters_of(&host).unwrap();
-        let gpu = Gpu::open(host, &list, &Options::default(), false).unwrap();
+        let instance = VulkanInstance::new(Validation::Off).unwrap();
+        let list = adapters_of(&instance).unwrap();
+        let gpu = Gpu::open(instance, &list, &Options::default(), false).unwrap();
         let own = ExternalMemory::new(&gpu, 16).unwrap();
         assert_eq!(own.device_uuid(), uuid, "both take the first GPU");
         let family = gpu.families[0];

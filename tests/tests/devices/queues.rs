@@ -21,11 +21,11 @@ pub(crate) fn required_validation_is_active_or_reported() {
         ..Options::default()
     };
     match gpu_vulkan::open(&options) {
-        Ok(b) => assert!(b.gpu().gpu.host.is_validated),
+        Ok(b) => assert!(b.gpu().gpu.instance.is_validated),
         Err(e) => assert!(matches!(e, BackendError::NoDevice(_)), "{e}"),
     }
     let plain = gpu_vulkan::open(&Options::default()).unwrap();
-    assert!(!plain.gpu().gpu.host.is_validated);
+    assert!(!plain.gpu().gpu.instance.is_validated);
 }
 
 pub(crate) fn every_adapter_lists_its_limits() {

@@ -7,7 +7,7 @@ use abvh::{
 };
 use cpu_ref::CpuBackend;
 use geom::Animation;
-use integration::stage::{Stage, camera, colours};
+use integration::stage::{LoadedBackend, camera, colours};
 use std::sync::Arc;
 
 const FLOOR: [Point; 3] = [[-5.0, -0.6, -5.0], [5.0, -0.6, -5.0], [0.0, -0.6, 5.0]];
@@ -33,7 +33,7 @@ fn expected(cloth: &Demo, vertices: &[Point], camera: &Camera) -> Vec<u8> {
 
 /// Traces a picture of an animation at time 0 with the scalar reference.
 fn hits_by_reference(animation: &Arc<Animation>, view: LitView<'_>) -> backend::Hits {
-    let mut stage = Stage::new(animation, Intersector::Watertight, 1);
+    let mut stage = LoadedBackend::new(animation, Intersector::Watertight, 1);
     stage.adopt_tree_at(0.0);
     let query = backend::Query::picture(view.camera, view.light);
     stage.trace(0.0, query.rays, query.kind)

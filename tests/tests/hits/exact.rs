@@ -7,7 +7,7 @@ use conformance::{Target, aimed, nth_case};
 use geom::{Aabb, Animation, Hit, Point, Ray, Triangle, is_active, is_degenerate};
 use integration::scenes::Source;
 use integration::share;
-use integration::stage::{Stage, camera, light, pixels};
+use integration::stage::{LoadedBackend, camera, light, pixels};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -20,7 +20,7 @@ const T_ERROR: f64 = 16.0 * f32::EPSILON as f64;
 pub(crate) fn rays(source: Source) {
     let animation = source.animation();
     let middle = 0.618 * animation.end();
-    let mut exact = Stage::new(&animation, Intersector::Exact, 2);
+    let mut exact = LoadedBackend::new(&animation, Intersector::Exact, 2);
     for time in [0.0, middle] {
         let rays = pixels(&animation);
         let mut all = rays.clone();
@@ -31,7 +31,7 @@ pub(crate) fn rays(source: Source) {
         }
         let oracle = Oracle::new(triangles(&animation, time));
         let expected = check(&mut exact, &oracle, time, &all);
-        let mut stage = Stage::new(&animation, Intersector::Watertight, 2);
+        let mut stage = LoadedBackend::new(&animation, Intersector::Watertight, 2);
         stage.adopt_tree_at(time);
         let found = stage.closest(time, &rays).closest;
         let off = |(hit, expected): &(&Hit, &Option<ExactHit>)| match expected {
@@ -48,7 +48,7 @@ pub(crate) fn rays(source: Source) {
 
 /// Checks the closest hit and the any-hit answer of every ray. Returns the oracle's answers.
 pub(crate) fn check(
-    stage: &mut Stage,
+    stage: &mut LoadedBackend,
     oracle: &Oracle,
     time: f64,
     rays: &[Ray],
@@ -78,7 +78,7 @@ pub(crate) fn check(
 /// Tests slivers, stacks, far and tiny scenes, with rays along axes, through edges, and with limits.
 pub(crate) fn odd_scenes() {
     for case in (0..share(280) as u32).map(|number| nth_case(7, number)) {
-        let mut stage = Stage::new(&case.animation, Intersector::Exact, 2);
+        let mut stage = LoadedBackend::new(&case.animation, Intersector::Exact, 2);
         for &time in &case.times[..2] {
             let oracle = Oracle::new(triangles(&case.animation, time));
             check(&mut stage, &oracle, time, &case.rays);
@@ -96,7 +96,7 @@ pub(crate) fn shadows(source: Source) {
     let time = 0.618 * animation.end();
     let corners = triangles(&animation, time);
     let oracle = Oracle::new(corners.clone());
-    let mut stage = Stage::new(&animation, Intersector::Exact, 2);
+    let mut stage = LoadedBackend::new(&animation, Intersector::Exact, 2);
     stage.adopt_tree_at(time);
     let kind = QueryKind::ClosestAndShadow { light };
     let hits = stage.trace(time, Rays::List(&rays), kind);
@@ -154,7 +154,7 @@ pub(crate) fn check_ray_limits(source: Source) {
 /// Any-hit must agree with closest-hit.
 fn cut(animation: &Arc<Animation>, by: Intersector) {
     let time = 0.5 * animation.end();
-    let mut stage = Stage::new(animation, by, 2);
+    let mut stage = LoadedBackend::new(animation, by, 2);
     stage.adopt_tree_at(time);
     let mut rays = camera(animation, [64, 48]).rays().collect::<Vec<_>>();
     for target in Target::ALL {

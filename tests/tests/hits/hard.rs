@@ -6,7 +6,7 @@ use conformance::oracle::Oracle;
 use conformance::stage::triangles;
 use conformance::{Target, aimed};
 use geom::{Animation, Camera, CameraPose, Hit, Point, Ray};
-use integration::stage::{Stage, camera, light, separate_triangles};
+use integration::stage::{LoadedBackend, camera, light, separate_triangles};
 use std::f32::consts::TAU;
 use std::sync::Arc;
 
@@ -49,8 +49,8 @@ fn through_hub() -> Vec<Ray> {
     all.collect()
 }
 
-/// Groups of triangles, each met by one ray of [`at_tiny_offsets`]. The hit depends on coordinates so small that they need more
-/// than 60 bits next to the others.
+/// Groups of triangles, each met by one ray of [`at_tiny_offsets`]. The hit depends on coordinates so small that they
+/// need more than 60 bits next to the others.
 fn tiny_offsets() -> Arc<Animation> {
     const TINY: f32 = 1e-20;
     let ulp = f32::EPSILON;
@@ -129,7 +129,7 @@ fn against_the_oracle(mut backend: Box<dyn Backend>) -> Box<dyn Backend> {
         (sliver(), vec![AT_SLIVER]),
         (tiny_offsets(), at_tiny_offsets()),
     ] {
-        let mut stage = Stage::over(backend, &animation, Intersector::Exact);
+        let mut stage = LoadedBackend::over(backend, &animation, Intersector::Exact);
         let oracle = Oracle::new(triangles(&animation, 0.0));
         check(&mut stage, &oracle, 0.0, &rays);
         backend = stage.into_backend();
@@ -142,7 +142,7 @@ fn watertight(mut backend: Box<dyn Backend>) -> Box<dyn Backend> {
         (stack(TALL), down(), vec![0, Hit::MISS.triangle]),
         (sliver(), vec![AT_SLIVER], vec![0]),
     ] {
-        let mut stage = Stage::over(backend, &animation, Intersector::Watertight);
+        let mut stage = LoadedBackend::over(backend, &animation, Intersector::Watertight);
         stage.adopt_tree_at(0.0);
         let hits = stage.closest(0.0, &rays).closest;
         assert!(hits.iter().map(|h| h.triangle).eq(expected), "{hits:?}");
@@ -151,7 +151,8 @@ fn watertight(mut backend: Box<dyn Backend>) -> Box<dyn Backend> {
     backend
 }
 
-/// A triangle so small and far away that products are subnormal. A device that flushed these missed it before.
+/// A triangle with edges of `3.3e-13` and `1.1e-16`. In the scene's units, the numerator of `t` is below `1e-40` and so
+/// subnormal. A device that flushed it missed the triangle before coordinates of this size were scaled.
 fn sliver() -> Arc<Animation> {
     let points = vec![
         [1.000_418e-9, 9.997_51e-10, 1.000_179_9e-9],
@@ -183,12 +184,16 @@ fn against_the_host(mut backend: Box<dyn Backend>) -> Box<dyn Backend> {
     for picture in pictures() {
         let light = picture.light;
         let kind = QueryKind::ClosestAndShadow { light };
-        let ask = |stage: &mut Stage| {
+        let ask = |stage: &mut LoadedBackend| {
             stage.adopt_tree_at(0.0);
             stage.trace(picture.time, Rays::Camera(&picture.camera), kind)
         };
-        let mut device = Stage::over(backend, &picture.animation, Intersector::Exact);
-        let expected = ask(&mut Stage::new(&picture.animation, Intersector::Exact, 2));
+        let mut device = LoadedBackend::over(backend, &picture.animation, Intersector::Exact);
+        let expected = ask(&mut LoadedBackend::new(
+            &picture.animation,
+            Intersector::Exact,
+            2,
+        ));
         let found = ask(&mut device);
         let tells = (picture.tells)(&expected);
         assert!(tells, "too few to tell: {:?}", picture.camera);
@@ -214,7 +219,8 @@ fn pictures() -> Vec<Picture> {
     let doubled = twice(&open("demo:collide:2000"));
     all.push(Picture {
         time: 0.4 * doubled.end(),
-        // Too many pixels for packets and rasterization on software drivers, too few on others.
+        // Single rays trace this picture: it has too many pixels for packets and rasterization on software drivers, and
+        // too few on other drivers.
         camera: camera(&doubled, [170, 100]),
         light: light(&doubled),
         tells: |hits| {

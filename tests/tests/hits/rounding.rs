@@ -5,7 +5,7 @@ use backend::{Backend, Intersector, QueryKind, Rays};
 use conformance::oracle::Oracle;
 use conformance::stage::triangles;
 use geom::{Animation, Camera, Point, Ray};
-use integration::stage::{Stage, separate_triangles};
+use integration::stage::{LoadedBackend, separate_triangles};
 use std::sync::Arc;
 
 /// Keeps the scene's scale at 1, away from all rays.
@@ -18,7 +18,7 @@ fn against_the_oracle(
 ) -> Box<dyn Backend> {
     let animation = separate_triangles(vec![corners.concat()]);
     let oracle = Oracle::new(triangles(&animation, 0.0));
-    let mut stage = Stage::over(backend, &animation, Intersector::Exact);
+    let mut stage = LoadedBackend::over(backend, &animation, Intersector::Exact);
     let expected = check(&mut stage, &oracle, 0.0, rays);
     assert!(expected.iter().any(Option::is_some), "no ray hits anything");
     stage.into_backend()
@@ -88,7 +88,7 @@ pub(crate) fn ties_at_zero(mut backend: Box<dyn Backend>) -> Box<dyn Backend> {
         [second, first, FAR],
     ] {
         let animation = separate_triangles(vec![corners.concat()]);
-        let mut stage = Stage::over(backend, &animation, Intersector::MollerTrumbore);
+        let mut stage = LoadedBackend::over(backend, &animation, Intersector::MollerTrumbore);
         stage.adopt_tree_at(0.0);
         let hit = stage.closest(0.0, &[ray]).closest[0];
         assert_eq!((hit.triangle, hit.t), (0, 0.0), "{corners:?}");
@@ -153,13 +153,13 @@ pub(crate) fn needles_in_a_picture(backend: Box<dyn Backend>) -> Box<dyn Backend
     let camera = askew();
     let animation = needles(&camera);
     let rays: Vec<Ray> = camera.rays().collect();
-    let mut reference = Stage::new(&animation, Intersector::Watertight, 2);
+    let mut reference = LoadedBackend::new(&animation, Intersector::Watertight, 2);
     reference.adopt_tree_at(0.0);
     let expected = reference.closest(0.0, &rays).closest;
     let needles = expected.iter().filter(|h| h.is_hit() && h.triangle > 1);
     let count = needles.count();
     assert!(count > 100, "only {count} needles are hit");
-    let mut stage = Stage::over(backend, &animation, Intersector::Watertight);
+    let mut stage = LoadedBackend::over(backend, &animation, Intersector::Watertight);
     let light = [0.0, 5.0, 0.0];
     stage.adopt_tree_at(0.0);
     let kind = QueryKind::ClosestAndShadow { light };

@@ -5,7 +5,7 @@ use backend::{AdapterInfo, BackendError, Result};
 use gpu_common::Validation;
 use gpu_vulkan::adapters_of;
 use gpu_vulkan::gpu::{Gpu, RAY_EXTENSIONS};
-use gpu_vulkan::instance::Host;
+use gpu_vulkan::instance::VulkanInstance;
 use std::sync::Arc;
 
 /// Extension functions and limits of an opened device.
@@ -35,25 +35,25 @@ pub(crate) struct Bounds {
 
 impl RayTracing {
     pub(crate) fn of(gpu: &Arc<Gpu>) -> Result<Arc<Self>> {
-        let instance = &gpu.host.instance;
-        let physical = gpu.host.physical_devices()?[gpu.adapter.index];
+        let instance = &gpu.instance.vk;
+        let physical = gpu.instance.physical_devices()?[gpu.adapter.index];
         Ok(Arc::new(Self {
             structures: khr::acceleration_structure::Device::new(instance, &gpu.vk),
             pipelines: khr::ray_tracing_pipeline::Device::new(instance, &gpu.vk),
-            bounds: Bounds::of(&gpu.host, physical),
+            bounds: Bounds::of(&gpu.instance, physical),
             gpu: Arc::clone(gpu),
         }))
     }
 }
 
 impl Bounds {
-    fn of(host: &Host, physical: vk::PhysicalDevice) -> Self {
+    fn of(instance: &VulkanInstance, physical: vk::PhysicalDevice) -> Self {
         let mut trees = vk::PhysicalDeviceAccelerationStructurePropertiesKHR::default();
         let mut rays = vk::PhysicalDeviceRayTracingPipelinePropertiesKHR::default();
         let mut all = vk::PhysicalDeviceProperties2::default()
             .push_next(&mut trees)
             .push_next(&mut rays);
-        host.read_properties(physical, &mut all);
+        instance.read_properties(physical, &mut all);
         let limits = all.properties.limits;
         let rays_along = |axis: usize| {
             let groups = u64::from(limits.max_compute_work_group_count[axis]);
@@ -82,24 +82,27 @@ impl Bounds {
 /// [`NoDevice`](BackendError::NoDevice) if there is no such device. The message names one extension or feature that
 /// each device lacks.
 pub fn ray_adapters() -> Result<Vec<AdapterInfo>> {
-    ray_adapters_of(Host::new(Validation::Off)?.as_ref(), None)
+    ray_adapters_of(VulkanInstance::new(Validation::Off)?.as_ref(), None)
 }
 
 /// Returns the devices as [`ray_adapters`] does. If `wanted` is the index of an adapter, only that adapter is considered.
-pub(crate) fn ray_adapters_of(host: &Host, wanted: Option<usize>) -> Result<Vec<AdapterInfo>> {
-    let mut list = adapters_of(host)?;
+pub(crate) fn ray_adapters_of(
+    instance: &VulkanInstance,
+    wanted: Option<usize>,
+) -> Result<Vec<AdapterInfo>> {
+    let mut list = adapters_of(instance)?;
     if wanted.is_some() {
         list = vec![AdapterInfo::choose(&list, wanted)?.clone()];
     }
-    let devices = host.physical_devices()?;
+    let devices = instance.physical_devices()?;
     let (mut supported, mut reasons) = (Vec::new(), Vec::new());
     for mut adapter in list {
         let device = devices[adapter.index];
-        match lacks(host, device) {
+        match lacks(instance, device) {
             Some(what) => reasons.push(format!("{} lacks {what}", adapter.name)),
             None => {
-                let bounds = Bounds::of(host, device);
-                let has_queries = host.offers(device, khr::ray_query::NAME);
+                let bounds = Bounds::of(instance, device);
+                let has_queries = instance.offers(device, khr::ray_query::NAME);
                 let queries = if has_queries { "yes" } else { "no" };
                 adapter.limits.extend([
                     ("max triangles of a tree", bounds.triangles.to_string()),
@@ -117,8 +120,8 @@ pub(crate) fn ray_adapters_of(host: &Host, wanted: Option<usize>) -> Result<Vec<
 }
 
 /// Returns the first required extension or feature that a device lacks, or `None` if it has all.
-fn lacks(host: &Host, device: vk::PhysicalDevice) -> Option<String> {
-    let offered = host.offered(device, &RAY_EXTENSIONS);
+fn lacks(instance: &VulkanInstance, device: vk::PhysicalDevice) -> Option<String> {
+    let offered = instance.offered(device, &RAY_EXTENSIONS);
     let mut needed = RAY_EXTENSIONS.into_iter();
     if let Some(name) = needed.find(|name| !offered.contains(name)) {
         return Some(name.to_string_lossy().into_owned());
@@ -130,7 +133,7 @@ fn lacks(host: &Host, device: vk::PhysicalDevice) -> Option<String> {
         .push_next(&mut core)
         .push_next(&mut structures)
         .push_next(&mut pipelines);
-    host.read_features(device, &mut all);
+    instance.read_features(device, &mut all);
     let features = [
         (structures.acceleration_structure, "accelerationStructure"),
         (pipelines.ray_tracing_pipeline, "rayTracingPipeline"),

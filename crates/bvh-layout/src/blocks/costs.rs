@@ -67,8 +67,9 @@ impl<'a> CostedTree<'a> {
         small.unwrap_or_else(|| self.large[node.inner as usize])
     }
 
-    /// Returns the costs of a node that fits a block, otherwise `None`. A leaf here is always the child of a large
-    /// node. Every `BlockTree` has a block for this leaf alone, so its area does not affect the choice and its cost is 0.
+    /// Returns the costs of a node that fits a block, otherwise `None`. A leaf here is the child of a large node, or the
+    /// whole tree. However the tree is collapsed, this leaf is a block of its own. So its area does not affect the
+    /// choice, and its cost is 0.
     fn costs_of_small(&self, node: Subtree) -> Option<Costs> {
         match node.leaves as usize {
             1 => Some([0.0; LANES - 1]),

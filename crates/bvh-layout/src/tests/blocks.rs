@@ -62,8 +62,8 @@ pub(super) fn check(binary: &BinaryTree) {
         assert!(seen.iter().all(|&n| n == 1), "every node has one parent");
     }
     assert_eq!(found, binary.order());
-    // Every block belongs to a node. `below` and `triangles_of` check that nodes and blocks have one range less than used
-    // lanes. So there are as many ranges as inner nodes of the binary tree.
+    // Checks that every block belongs to a node. Nodes and blocks have one range less than used lanes, as `below` and
+    // `triangles_of` check. It follows that there are as many ranges as inner nodes of the binary tree.
     let ends = (tree.first_blocks[0], *tree.first_blocks.last().unwrap());
     assert_eq!(ends, (0, tree.blocks.len() as u32));
 }
@@ -190,7 +190,8 @@ impl AllForms<'_> {
         own + opened.fold(f64::MAX, f64::min)
     }
 
-    /// Returns all partitions of a subtree into at most eight subtrees. The first is the whole subtree.
+    /// Returns all partitions of a subtree into at most eight subtrees. They divide no subtree that fits a block. The first
+    /// partition is the whole subtree.
     fn cuts(&self, node: Subtree) -> Vec<Vec<Subtree>> {
         let mut all = vec![vec![node]];
         if node.leaves as usize > LANES {

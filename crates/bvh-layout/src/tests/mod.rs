@@ -67,8 +67,8 @@ pub(crate) fn chain(leaves: usize) -> BinaryTree {
     deep(leaves, |_| 1)
 }
 
-/// Returns small trees of every shape: empty, single, full, chains, ragged, and with numbers of leaves around 8, 32, 64
-/// and 256, the limits of blocks, of depth and of treelets.
+/// Returns small trees of every shape: empty, single, full, chains, ragged, and with numbers of leaves around the limits:
+/// 8 and 32 for blocks of a `BlockTree` and of a `WideTree`, 64 for depth, 256 for treelets.
 pub(crate) fn shapes() -> Vec<BinaryTree> {
     let random = (0..70).chain([255, 256, 257, 1_000]);
     let mut all: Vec<BinaryTree> = random.map(|n| random_tree(n, n as u64)).collect();

@@ -125,12 +125,12 @@ pub(super) fn check(tree: &BinaryTree) -> Treelets {
         assert!((1..=Treelets::LEAVES as u32).contains(&entry.leaf_count));
         assert!(entry.inner_count < entry.leaf_count);
     }
-    each_treelet_stands_below_one(&treelets);
+    check_parents(&treelets);
     treelets
 }
 
 /// Checks that the rows of a treelet's leaves are exactly the roots of its children.
-fn each_treelet_stands_below_one(treelets: &Treelets) {
+fn check_parents(treelets: &Treelets) {
     let all = (0..treelets.treelet_count() as u32).map(|t| (t, treelets.treelet(t as usize)));
     let levels = &treelets.levels;
     for (number, parent) in all.clone().skip(levels.first().map_or(0, |l| l.len())) {

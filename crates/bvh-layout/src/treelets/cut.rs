@@ -67,10 +67,10 @@ impl Cut {
         levels
     }
 
-    /// Cuts a tree into the largest subtrees of at most `most` leaves. `below` has the index in the whole tree of each
-    /// inner node; `None` if the indices are equal. Does not fill `treelets`.
-    fn new(left_leaves: &[u32], most: usize, below: Option<&[u32]>) -> Self {
-        let (mut roots, mut above, mut whole_tree_indices) = (Vec::new(), Vec::new(), Vec::new());
+    /// Cuts a tree into the largest subtrees of at most `most` leaves. `whole_tree_indices` has the index in the whole
+    /// tree of each inner node of this tree; `None` if the indices are equal. Does not fill `treelets`.
+    fn new(left_leaves: &[u32], most: usize, whole_tree_indices: Option<&[u32]>) -> Self {
+        let (mut roots, mut above, mut indices_above) = (Vec::new(), Vec::new(), Vec::new());
         let root = Subtree {
             inner: 0,
             first_leaf: 0,
@@ -90,14 +90,14 @@ impl Cut {
             let [left, right] = node.children(left_leaves);
             waiting.extend([(right, Some(above.len())), (left, None)]);
             above.push(roots.len() as u32);
-            whole_tree_indices
-                .push(below.map_or(node.inner, |indices| indices[node.inner as usize]));
+            let whole_tree_index = |indices: &[u32]| indices[node.inner as usize];
+            indices_above.push(whole_tree_indices.map_or(node.inner, whole_tree_index));
         }
         Self {
             treelets: Vec::new(),
             roots,
             above,
-            whole_tree_indices,
+            whole_tree_indices: indices_above,
         }
     }
 

@@ -14,10 +14,13 @@ use std::sync::atomic::AtomicU32;
 
 /// A tree in depth-first leaf order, divided into treelets.
 ///
-/// Two triangles under one parent share a leaf. A *treelet* is a run of at most 256 neighbouring triangles that
-/// consists of whole subtrees. In large trees it has several small subtrees, so that treelets are full. In other trees,
-/// subtrees are as few and as large as possible. The subtrees are the leaves of the tree above, which is divided in the
-/// same way, until one root is left. A million triangles take about three levels.
+/// Two triangles under one parent share a leaf of the encoded tree. Names such as `leaf_count` and [`Treelets::LEAVES`]
+/// still count each triangle as a leaf.
+///
+/// A *treelet* is a run of at most 256 neighbouring triangles that consists of whole subtrees. In large trees it has
+/// several small subtrees, so that treelets are full. In other trees, subtrees are as few and as large as possible. The
+/// subtrees are the leaves of the tree above, which is divided in the same way, until one root is left. A million
+/// triangles take about three levels.
 ///
 /// All roots of a treelet are leaves of one treelet of the next level, its *parent*. So a device can refit one level of
 /// treelets per dispatch, each in the memory of one workgroup. Or one dispatch refits all levels: the last workgroup to

@@ -48,7 +48,7 @@ pub struct Case {
 /// Maximum number of triangles and of rays that are printed per case.
 const PRINTED: usize = 8;
 
-/// Prints the size of a case, and the numbers of its first triangles and rays.
+/// Prints the size of a case, and the coordinates of its first triangles and rays.
 impl fmt::Display for Case {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (a, about, times) = (&self.animation, &self.about, &self.times);
@@ -56,7 +56,8 @@ impl fmt::Display for Case {
         let [vertices, keys] = [a.vertex_count(), a.key_count()];
         write!(
             f,
-            "{about} ({triangles} triangles, {live} live, {vertices} vertices, {keys} key frames, times {times:?})"
+            "{about} ({triangles} triangles, {live} of them active in some key frame, {vertices} vertices, \
+             {keys} key frames, times {times:?})"
         )?;
         for key in 0..keys {
             let moment = a.at(key as f64).map_err(|_| fmt::Error)?;
@@ -359,8 +360,9 @@ impl ScenePlacement {
         })
     }
 
-    /// Returns a camera that sees the scene. The picture has 408 or 255 pixels. GPUs never rasterize pictures of fewer
-    /// than 256 pixels. They rasterize the larger picture if there are many triangles.
+    /// Returns a camera that sees the scene. The picture has 408 or 255 pixels. GPU backends rasterize no picture of
+    /// 255 pixels, and pictures of 408 pixels only if the scene has more than 102 triangles. So properties are tested with
+    /// and without rasterization.
     pub(crate) fn camera(&self, unit: Point) -> Camera {
         let eye = self.put([2.5 + unit[0], 1.5 + unit[1], 3.0 + unit[2]]);
         let pose = CameraPose::new(eye, self.put([0.0; 3])).with_fov(50.0);

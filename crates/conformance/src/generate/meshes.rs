@@ -61,8 +61,8 @@ pub(crate) fn soup(
     vec(random_triangle(size, thin), count)
 }
 
-/// Exponents for second edges about as long as the first.
-pub(crate) const PLUMP: [f64; 2] = [0.0, 0.0];
+/// Exponents that leave the second edge about as long as the first.
+pub(crate) const UNSHORTENED_EDGE: [f64; 2] = [0.0, 0.0];
 
 /// Returns a mesh of triangles that share no vertex.
 pub(crate) fn separate(triangles: &[Triangle]) -> IndexedMesh {
@@ -92,7 +92,7 @@ pub(crate) fn outlying(p: Point) -> impl Strategy<Value = Point> {
 
 /// Triangles at a great distance, about a thousandth of it in size, and tiny triangles near the origin.
 pub(crate) fn outlier() -> impl Strategy<Value = Triangle> {
-    let sized = |size, powers| (random_triangle(size, PLUMP), power(powers));
+    let sized = |size, powers| (random_triangle(size, UNSHORTENED_EDGE), power(powers));
     let all = prop_oneof![
         2 => sized(1e-3, [3.0, 38.5]),
         1 => sized(1.0, [-38.0, -3.0]),
@@ -123,7 +123,8 @@ pub(crate) fn flat(axis: usize) -> impl Strategy<Value = Triangle> + Clone {
 /// Flat and random triangles, each with one copy, one rotation of its vertices and one reversal.
 pub(crate) fn stacks() -> impl Strategy<Value = IndexedMesh> {
     let flats: Vec<_> = (0..9).map(|i| flat(i % 3)).collect();
-    let bases = (flats, soup(7, 0.8, PLUMP)).prop_map(|(flats, others)| [flats, others].concat());
+    let bases = (flats, soup(7, 0.8, UNSHORTENED_EDGE))
+        .prop_map(|(flats, others)| [flats, others].concat());
     let all = bases.prop_map(|bases| {
         let (points, triangles) = separate(&bases);
         let again = |&[a, b, c]: &[u32; 3]| [[a, b, c], [a, b, c], [b, c, a], [a, c, b]];
@@ -135,7 +136,7 @@ pub(crate) fn stacks() -> impl Strategy<Value = IndexedMesh> {
 /// Triangles of regular shape, and as many with zero or nearly zero area.
 pub(crate) fn flakes() -> impl Strategy<Value = Vec<Triangle>> {
     let lines = vec((uniform3(grid(16)), uniform3(grid(16)), 0.0..1.0), 32);
-    let all = (soup(32, 0.5, PLUMP), lines).prop_map(|(mut all, lines)| {
+    let all = (soup(32, 0.5, UNSHORTENED_EDGE), lines).prop_map(|(mut all, lines)| {
         for (i, (d, g, s)) in lines.into_iter().enumerate() {
             let [a, b, _] = all[i];
             all.push(match i % 4 {

@@ -1,7 +1,9 @@
 //! All scenes and motions with which properties test backends.
 
 use super::bodies::{BODIES, icosphere};
-use super::meshes::{self, IndexedMesh, PLUMP, flakes, grid, plane, plus, sheet, soup, stacks};
+use super::meshes::{
+    self, IndexedMesh, UNSHORTENED_EDGE, flakes, grid, plane, plus, sheet, soup, stacks,
+};
 use super::strategies::each;
 use geom::Point;
 use proptest::array::uniform3;
@@ -63,7 +65,7 @@ pub(crate) fn grid_point() -> impl Strategy<Value = Point> + Clone {
 /// [`SceneKind::Grown`]. Shrinking a [case](super::cases) also removes other triangles, key frames and digits.
 pub(crate) fn scenes(kind: SceneKind) -> BoxedStrategy<MovingMesh> {
     match kind {
-        SceneKind::Soup => moving_soup(1..150, PLUMP).boxed(),
+        SceneKind::Soup => moving_soup(1..150, UNSHORTENED_EDGE).boxed(),
         SceneKind::Slivers => moving_soup(1..60, [-7.0, -3.0]).boxed(),
         SceneKind::Flakes => scattered(flakes().prop_map(|all| meshes::separate(&all))).boxed(),
         SceneKind::Stack => scattered(stacks()).boxed(),
@@ -170,27 +172,29 @@ fn oddities(count: usize) -> impl Strategy<Value = Vec<Oddity>> {
 
 /// Makes some vertices not finite in one or all key frames, and adds triangles of no area.
 fn broken() -> impl Strategy<Value = MovingMesh> {
-    (moving_soup(2..40, PLUMP), oddities(12)).prop_map(|((mut keys, mut triangles), oddities)| {
-        let vertices = keys[0].len();
-        for odd in oddities {
-            let vertex = odd.vertex as usize % vertices;
-            match odd.kind % 4 {
-                0 => keys[odd.key][vertex][odd.axis] = f32::NAN,
-                1 => keys.iter_mut().for_each(|k| k[vertex] = [f32::INFINITY; 3]),
-                2 => triangles.push([vertex as u32; 3]),
-                _ => {
-                    let other = (vertex as u32 + 1) % vertices as u32;
-                    triangles.push([vertex as u32, other, vertex as u32]);
+    (moving_soup(2..40, UNSHORTENED_EDGE), oddities(12)).prop_map(
+        |((mut keys, mut triangles), oddities)| {
+            let vertices = keys[0].len();
+            for odd in oddities {
+                let vertex = odd.vertex as usize % vertices;
+                match odd.kind % 4 {
+                    0 => keys[odd.key][vertex][odd.axis] = f32::NAN,
+                    1 => keys.iter_mut().for_each(|k| k[vertex] = [f32::INFINITY; 3]),
+                    2 => triangles.push([vertex as u32; 3]),
+                    _ => {
+                        let other = (vertex as u32 + 1) % vertices as u32;
+                        triangles.push([vertex as u32, other, vertex as u32]);
+                    }
                 }
             }
-        }
-        (keys, triangles)
-    })
+            (keys, triangles)
+        },
+    )
 }
 
 /// At most two separate triangles. There are always six vertices.
 fn few() -> impl Strategy<Value = MovingMesh> {
-    (moving_soup(2, PLUMP), 0..3_usize).prop_map(|((keys, mut triangles), count)| {
+    (moving_soup(2, UNSHORTENED_EDGE), 0..3_usize).prop_map(|((keys, mut triangles), count)| {
         triangles.truncate(count);
         (keys, triangles)
     })
@@ -198,7 +202,7 @@ fn few() -> impl Strategy<Value = MovingMesh> {
 
 /// Makes all vertices not finite in at least one key frame.
 fn gone() -> impl Strategy<Value = MovingMesh> {
-    (moving_soup(1..20, PLUMP), 1..8_u32).prop_map(|((mut keys, triangles), which)| {
+    (moving_soup(1..20, UNSHORTENED_EDGE), 1..8_u32).prop_map(|((mut keys, triangles), which)| {
         for (i, key) in keys.iter_mut().enumerate() {
             if which >> i & 1 == 1 {
                 let odd = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY][i];
@@ -212,13 +216,15 @@ fn gone() -> impl Strategy<Value = MovingMesh> {
 /// Multiplies each key frame by a power of two.
 fn grown() -> impl Strategy<Value = MovingMesh> {
     let exponents = uniform3(-35..=20);
-    (moving_soup(1..40, PLUMP), exponents).prop_map(|((mut keys, triangles), exponents)| {
-        for (key, exponent) in keys.iter_mut().zip(exponents) {
-            let by = 2.0_f32.powi(exponent);
-            key.iter_mut().flatten().for_each(|x| *x *= by);
-        }
-        (keys, triangles)
-    })
+    (moving_soup(1..40, UNSHORTENED_EDGE), exponents).prop_map(
+        |((mut keys, triangles), exponents)| {
+            for (key, exponent) in keys.iter_mut().zip(exponents) {
+                let by = 2.0_f32.powi(exponent);
+                key.iter_mut().flatten().for_each(|x| *x *= by);
+            }
+            (keys, triangles)
+        },
+    )
 }
 
 /// Makes all triangles static except the first ones, at most three sixteenths of all.
@@ -226,7 +232,11 @@ fn grown() -> impl Strategy<Value = MovingMesh> {
 /// Static triangles keep the positions of the first key frame. Some static vertices get special values, and some
 /// triangles are degenerate.
 fn resting() -> impl Strategy<Value = MovingMesh> {
-    let all = (moving_soup(8..200, PLUMP), 0..4_usize, oddities(16));
+    let all = (
+        moving_soup(8..200, UNSHORTENED_EDGE),
+        0..4_usize,
+        oddities(16),
+    );
     all.prop_map(|((mut keys, mut triangles), share, oddities)| {
         let moving = triangles.len() * share / 16;
         let still = 3 * moving..keys[0].len();
@@ -284,7 +294,7 @@ fn hall() -> impl Strategy<Value = MovingMesh> {
 /// In some key frames, multiplies some vertices by a power of two between `2^-128` and `2^126`.
 fn outlying() -> impl Strategy<Value = MovingMesh> {
     let scene = prop_oneof![
-        moving_soup(40, PLUMP),
+        moving_soup(40, UNSHORTENED_EDGE),
         animated(Just(icosphere(1))),
         animated(sheet(4, 8)),
     ];

@@ -1,4 +1,4 @@
-//! Boxes that discard triangles far from a ray's line: a median-split tree in double precision.
+//! A median-split tree of boxes, which discards triangles far from a ray's line. The ray-box test is in double precision.
 
 use geom::{Aabb, Ray, Triangle};
 

@@ -79,7 +79,8 @@ fn quotient(n: Bounded, d: Bounded) -> [f64; 2] {
     let (low, high) = (numerator - n.error, numerator + n.error);
     let low = low / if low >= 0.0 { most } else { least };
     let high = high / if high >= 0.0 { least } else { most };
-    // Each bound has three relative roundings, less than 8 units.
+    // Numerator, divisor and quotient of each bound round once, which changes it by less than `4 * UNIT` of its value.
+    // The factor 8 also covers the roundings below.
     let slack = |x: f64| 8.0 * UNIT * x.abs();
     [low - slack(low), high + slack(high)]
 }

@@ -17,7 +17,7 @@ use backend::{Hits, Inspect, Intersector, QueryKind, Rays};
 /// Selects the intersectors with which a property is tested, one after the other.
 pub(crate) type Intersectors = fn(&Check<'_>) -> Vec<Intersector>;
 
-/// A property of backends. `Err` describes how subject and reference disagree.
+/// A property of backends.
 #[derive(Clone, Copy)]
 pub struct Property {
     /// Name of the property, as a sentence with underscores.
@@ -25,7 +25,7 @@ pub struct Property {
     pub(crate) intersectors: Intersectors,
     /// The name of `intersectors` in the table of properties.
     intersector_set: &'static str,
-    /// Test of the property.
+    /// Test of the property. The error describes how subject and reference disagree.
     pub(crate) check: fn(&mut Check<'_>) -> Result<()>,
 }
 

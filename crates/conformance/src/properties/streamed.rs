@@ -16,7 +16,7 @@ use fastrand::Rng;
 use geom::{Animation, Point, PointBuffer, Pose, Ray};
 use std::sync::Arc;
 
-/// Number of key frames that are pushed.
+/// Maximum number of key frames that are pushed.
 const PUSHED: usize = 12;
 /// Number of rays aimed at the pushed key frames, two of each kind.
 const AIMED: u64 = 34;
@@ -181,7 +181,8 @@ fn same(found: &[Traced; 2], expected: &[Traced; 2]) -> Result<()> {
     Ok(())
 }
 
-/// Returns the results of the same queries at each key frame. Calls `prepare` before the backend gets the key frame.
+/// Returns the results of a closest-hit and an any-hit query at each key frame. Both trace the same rays: rays of the case
+/// and rays from near the origin. Calls `prepare` before the backend gets the key frame.
 fn play(
     c: &mut Check<'_>,
     streamed: &Arc<Animation>,
@@ -203,10 +204,11 @@ fn play(
     frames.iter().map(play).collect()
 }
 
-/// Number of rays of the case, and of rays from near the origin. There are few, because exact arithmetic is slow.
+/// Number of rays in each of two sets: rays of the case, and rays from near the origin. It is small, because exact
+/// arithmetic is slow.
 const RAYS: usize = 12;
 
-/// Returns rays to some vertices, which start at many small distances from the origin.
+/// Returns rays that start at distances of 1 to `2^-44` from the origin. Their directions are the positions of vertices.
 fn from_the_middle(frame: &[Point]) -> impl Iterator<Item = Ray> {
     let ends = frame.iter().cycle().zip(0..RAYS);
     ends.map(|(&to, i)| Ray::new([0.0, (-4.0 * i as f32).exp2(), 0.0], to))

@@ -96,10 +96,10 @@ pub(super) fn uploaded(c: &mut Check<'_>) -> Result<()> {
     Ok(())
 }
 
-/// Tests that an evaluation changes no result and no count.
+/// Tests that [`Backend::evaluate`], which refits a second tree and measures its cost, changes no result and no count.
 ///
-/// It must measure the cost that the tree has once it is adopted. An evaluated tree must give the same hits as any
-/// other, also at another time.
+/// The measured cost must equal the cost of this tree after it is adopted. An evaluated tree must give the same hits as
+/// any other, also at another time.
 pub(super) fn evaluated(c: &mut Check<'_>) -> Result<()> {
     let (case, rays) = (c.case, c.rays());
     let [then, now] = [0, 1].map(|i| case.times[i]);

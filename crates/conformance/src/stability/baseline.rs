@@ -1,7 +1,7 @@
 //! Measured rates for each kind of arithmetic: one per intersector, family and measure.
 //!
-//! The rates of textbook intersectors depend on the device's [`Arithmetic`]. All other intersectors have the same
-//! answers everywhere, so the host's rates apply. A file in `baselines` contains the rates of one kind of arithmetic
+//! The rates of `moller-trumbore` and `woop` depend on the device's [`Arithmetic`]. `watertight` and `exact` have the
+//! same answers everywhere, so the host's rates apply. A file in `baselines` contains the rates of one kind of arithmetic
 //! and where they were measured (`ground`). `abvh stability --record FILE` writes one from a device's answers to many
 //! seeds. To use it, add it to that folder and to `FILES`. Files omit events that must never happen: see `is_never`.
 
@@ -40,7 +40,7 @@ pub struct RateEntry {
     pub measure: String,
     /// Number of counted events over all seeds.
     pub count: u64,
-    /// Number of rays over all seeds.
+    /// Sum of [`MeasuredRate::of`] over all seeds.
     pub of: u64,
     /// Variance of the rate among seeds, divided by that of independent rays; at least 1.
     pub spread: f64,

@@ -31,7 +31,7 @@ pub struct MeasuredRate {
     pub measure: Measure,
     /// Number of events.
     pub count: u64,
-    /// Number of rays.
+    /// Number of rays in which the event can occur: for leaks, only rays from inside.
     pub of: u64,
     /// Bounds of the rate, or `None` if they are not known.
     pub bound: Option<[f64; 2]>,

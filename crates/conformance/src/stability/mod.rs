@@ -56,7 +56,7 @@ backend::named! {
         /// Closed bodies, moved by ten million along each axis. Coordinates are integers there, and bodies are visibly
         /// deformed.
         Far1e7 = "far-1e7",
-        /// Copies of triangles, some rotated or reversed, and coplanar triangles that overlap.
+        /// Copies of triangles, some with rotated or reversed order of vertices, and coplanar triangles that overlap.
         Stacks = "stacks",
         /// Rays at edges of closed bodies.
         Edges = "edges",

@@ -3,7 +3,7 @@
 use crate::generate::bodies::{
     BODIES, BodyRayKind, BodyTarget, PlacedBody, body_rays, placed_body,
 };
-use crate::generate::meshes::{self, IndexedMesh, PLUMP, apart, separate, soup};
+use crate::generate::meshes::{self, IndexedMesh, UNSHORTENED_EDGE, apart, separate, soup};
 use crate::generate::rays::{RayKind, Target, TargetTriangles, of_zeros, rays_of};
 use crate::generate::strategies::sample;
 use crate::generate::{mixed, shares};
@@ -120,10 +120,10 @@ fn closed(
 
 /// Returns a scene of a family that has no closed bodies. The scene has no rays yet.
 fn scene_without_rays(family: Family, rng: &mut Rng) -> StabilityScene {
-    let plump = |rng: &mut Rng| drawn(soup(64, 0.4, PLUMP), rng);
+    let regular = |rng: &mut Rng| drawn(soup(64, 0.4, UNSHORTENED_EDGE), rng);
     let scaled = |exponents, rng: &mut Rng| {
         let by = drawn(meshes::power(exponents), rng);
-        still(separate(&meshes::scaled(&plump(rng), by)))
+        still(separate(&meshes::scaled(&regular(rng), by)))
     };
     match family {
         Family::Needles => still(separate(&drawn(soup(64, 0.8, [-7.0, -3.0]), rng))),
@@ -133,18 +133,18 @@ fn scene_without_rays(family: Family, rng: &mut Rng) -> StabilityScene {
         Family::Subnormal => scaled([-43.0, -38.0], rng),
         Family::Stacks => still(drawn(meshes::stacks(), rng)),
         Family::InPlane => {
-            let mut all = plump(rng);
+            let mut all = regular(rng);
             all.extend((0..64).map(|i| drawn(meshes::flat(i % 3), rng)));
             still(separate(&all))
         }
         Family::OnSurface => still(drawn(meshes::sheet(16, 1000), rng)),
         Family::AxisParallel => still(drawn(meshes::sheet(16, 8), rng)),
-        Family::ExtremeKeys => extreme(plump(rng), plump(rng), rng),
+        Family::ExtremeKeys => extreme(regular(rng), regular(rng), rng),
         Family::SignedZeros => {
             const NUMBERS: &[f32] = &[0.0, -0.0, 0.0, -0.0, 1.0, -1.0, 0.5, -0.5];
             still(separate(&drawn(meshes::of_numbers(NUMBERS, 48), rng)))
         }
-        Family::NonFinite => broken(&plump(rng), rng),
+        Family::NonFinite => broken(&regular(rng), rng),
         Family::Exploding => exploding(rng),
         _ => unreachable!("{family} has scenes of its own"),
     }

@@ -28,13 +28,13 @@ pub fn preprocess(intersector: Intersector, corners: &Triangle) -> TriangleData 
 }
 
 /// A test, with the data that it precomputes for one ray.
-pub(crate) enum RoundedTest {
+pub(crate) enum SinglePrecisionTest {
     MollerTrumbore,
     Woop,
     Watertight(Watertight),
 }
 
-impl RoundedTest {
+impl SinglePrecisionTest {
     pub(crate) fn new(intersector: Intersector, ray: &PreparedRay) -> Self {
         match intersector {
             Intersector::MollerTrumbore => Self::MollerTrumbore,

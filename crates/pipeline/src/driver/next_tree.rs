@@ -95,7 +95,8 @@ pub(super) enum NextTreeState {
     /// The builder thread builds the tree.
     Building {
         request: Request,
-        /// Time of the newest positions that the build uses, in key frames.
+        /// Time of the requesting frame, or of the second observed frame if there is one, in key frames. It becomes the
+        /// target time if the build gives up extrapolation.
         last_time: f64,
     },
     /// The tree is finished. It is being uploaded, or waits until its target time is near enough.
@@ -117,7 +118,7 @@ pub(super) enum Event {
     Requested(Request),
     /// The builder thread received the vertices.
     BuildStarted {
-        /// Time of the newest positions, in key frames.
+        /// Time of the requesting frame, or of the second observed frame if there is one, in key frames.
         last_time: f64,
     },
     BuildFinished(Built),

@@ -281,7 +281,7 @@ impl Driver {
             }
             NextTreeState::Rejected(tree, costlier_pose) => {
                 self.recording.record.tree.rejected = true;
-                // The pose stays eligible if its tree was dropped early or evaluated at another pose.
+                // Another tree may be requested for this pose if this one was superseded, or evaluated at another pose.
                 self.trees.no_better_at = costlier_pose.filter(|&pose| pose == tree.request.pose);
                 self.builder.discard(tree.built.topology);
             }

@@ -191,11 +191,12 @@ fn key_frames_match_read_back_vertices() {
     assert_eq!(x, y);
 }
 
-/// Builds a tree for the time `middle` from positions that are observed at `times`. They are those of the animation at
-/// the times `places`.
-fn observed(course: &mut Course, places: [f64; 2], times: [f64; 2], middle: f64) -> Built {
-    let seen = places.map(|time| Box::new(positions(&course.animation, time)) as Snapshot);
-    let pose = pose_between(times, middle);
+/// Samples the positions of the animation at `sampled_times`, passes them to the builder as observed at `times`, and
+/// builds a tree for the time `target`.
+fn observed(course: &mut Course, sampled_times: [f64; 2], times: [f64; 2], target: f64) -> Built {
+    let sample = |time| Box::new(positions(&course.animation, time)) as Snapshot;
+    let seen = sampled_times.map(sample);
+    let pose = pose_between(times, target);
     let input = BuildInput {
         vertices: Vertices::AtPose(pose),
         swept_poses: Some([pose; 2]),
@@ -219,9 +220,9 @@ fn known(times: &[f64]) -> Topology {
 
 #[test]
 fn extrapolates_observed_motion() {
-    let observed = |times, middle| {
+    let observed = |times, target| {
         let mut course = Course::over(shuffled(), TreeFormat::Binary);
-        observed(&mut course, times, times, middle).topology
+        observed(&mut course, times, times, target).topology
     };
     // All these positions are exact in floating point.
     let ahead = observed([0.125, 0.25], 0.5);

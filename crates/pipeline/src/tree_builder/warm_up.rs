@@ -5,7 +5,8 @@ use backend::TreeFormat;
 use bvh_build::{BuildError, Cancel};
 use geom::{Animation, Pose};
 
-/// Number of builds in a warm-up. The first allocates memory. The second uses the memory that the first released.
+/// Number of builds in a warm-up. One is not enough: the second also takes longer than later ones. See
+/// [`TreeBuilder::warm_up`].
 const ROUNDS: usize = 2;
 
 impl TreeBuilder {

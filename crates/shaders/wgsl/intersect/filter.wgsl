@@ -123,9 +123,9 @@ fn classify_closely(ray: PreparedRay, corners: Corners, sheared: ShearedTriangle
 }
 
 // Returns whether every t of a span, rounded once in the ray's own units, is within the ray's limits. Rounding is
-// monotone, and the ends of the span are floats. So where t is normal, it suffices that both ends are within the
-// limits. Subnormal numbers have fewer digits than scaled ones, so distances below 2^-125 or beyond 2^127 stay
-// undecided.
+// monotone, and the ends of the span are floats. So if a limit is a normal number, it suffices that both ends are
+// within it. Subnormal numbers have fewer digits than scaled ones, so a smaller limit is replaced by 2^-125 or -2^-125,
+// whichever makes the span smaller.
 fn rounds_within(ray: PreparedRay, span: vec2<f32>) -> bool {
     let smallest = power_of_two(max(ray.exponent - 125, -99));
     let largest = power_of_two(ray.exponent + 127);

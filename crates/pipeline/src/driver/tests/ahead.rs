@@ -44,8 +44,8 @@ fn moment(frame: &PlayedFrame) -> f64 {
     f64::from(frame.built_for.key) + f64::from(frame.built_for.alpha)
 }
 
-/// Renders five frames, one per half key frame. From frame `from` on, the predictor expects a latency of `latency`
-/// frames, but trees arrive before the next frame.
+/// Renders five frames, one per half key frame. The tree requested in frame `from` has an expected latency of `latency`
+/// frames. But each tree arrives before the next frame, so for later requests the predictor expects one frame.
 fn early(from: u64, latency: u64) -> Run {
     let fake = Fake::new(None);
     let log = Arc::clone(&fake.log);
@@ -153,7 +153,8 @@ fn only_cheaper_trees_are_adopted() {
     {
         let run = play_measured((Policy::Async, predict), 199, knows_key_frames);
         let rejected: Vec<Generation> = run.records.iter().filter_map(|r| r.rejected).collect();
-        // If the time of use is known and predicted exactly, all trees may be better.
+        // With prediction from known key frames, trees are built from the exact positions at a future time, so all may be
+        // better.
         let may_all_be_better = predict && knows_key_frames;
         assert!(
             may_all_be_better || !rejected.is_empty(),

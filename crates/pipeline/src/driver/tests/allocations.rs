@@ -40,7 +40,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static COUNTING: Counting = Counting;
 
-/// Returns the number of allocations of each frame after the first, and the number of adopted trees.
+/// Returns each frame's number of allocations since the end of the previous frame, and the number of adopted trees.
 fn allocations_per_frame(by: Config) -> (Vec<u64>, usize) {
     const FRAMES: u64 = 400;
     let animation = shuffled(2, 512);
