@@ -222,7 +222,11 @@ fn hit_point(ray: &Ray, hit: &Hit, corners: &Triangle) -> (Point, f32) {
         return (point, 4.0 * UNIT * along.max(largest(&[point])));
     }
     let [a, b, c] = corners;
-    let point = std::array::from_fn(|i| a[i] + (hit.u * (b[i] - a[i]) + hit.v * (c[i] - a[i])));
+    let point = std::array::from_fn(|i| {
+        let by_u = saturated(hit.u * saturated(b[i] - a[i]));
+        let by_v = saturated(hit.v * saturated(c[i] - a[i]));
+        saturated(a[i] + saturated(by_u + by_v))
+    });
     (point, 12.0 * UNIT * within)
 }
 

@@ -29,7 +29,11 @@ fn main() -> ExitCode {
 type Test = (&'static str, fn(Box<dyn Backend>) -> Box<dyn Backend>);
 
 /// Tests of every device. Each returns the backend for the next test.
-const OF_DEVICES: [Test; 4] = [
+const OF_DEVICES: [Test; 5] = [
+    (
+        "shadows_ignore_overflowing_edges",
+        rounding::overflowing_edges,
+    ),
     (
         "boxes_near_the_origin_lose_no_exact_hit",
         rounding::near_the_origin,

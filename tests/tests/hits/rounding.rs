@@ -8,6 +8,32 @@ use geom::{Animation, Camera, Point, Ray};
 use integration::stage::{LoadedBackend, separate_triangles};
 use std::sync::Arc;
 
+/// The edges of the first triangle overflow. The second one blocks the light, but not the ray.
+pub(crate) fn overflowing_edges(backend: Box<dyn Backend>) -> Box<dyn Backend> {
+    let wall = [[3e38, -3e38, -1e38], [3e38, 3e38, -1e38], [3e38, 0.0, 2e38]];
+    // Where the edges are replaced by the largest float, the computed hit has this `y`.
+    let (y, size) = (-8.66e37, 1e37);
+    let blocker = [
+        [0.0, y - size, -size],
+        [0.0, y + size, -size],
+        [0.0, y, size],
+    ];
+    // Many ordinary triangles, so that the scene is not scaled.
+    let mut corners = vec![wall, blocker];
+    corners.extend([FAR; 40]);
+    let animation = separate_triangles(vec![corners.concat()]);
+    // The distance overflows too, so the hit is computed from the corners.
+    let ray = Ray::new([-3e38, 0.0, 0.0], [1e10, 0.0, 0.0]);
+    let kind = QueryKind::ClosestAndShadow {
+        light: [-3e38, y, 0.0],
+    };
+    let mut stage = LoadedBackend::over(backend, &animation, Intersector::Exact);
+    stage.adopt_tree_at(0.0);
+    let hits = stage.trace(0.0, Rays::List(&[ray]), kind);
+    assert_eq!((hits.closest[0].triangle, hits.blocked[0]), (0, 1));
+    stage.into_backend()
+}
+
 /// Keeps the scene's scale at 1, away from all rays.
 const FAR: [Point; 3] = [[1.0, 5.0, 5.0], [1.0, 6.0, 5.0], [1.0, 5.0, 6.0]];
 
