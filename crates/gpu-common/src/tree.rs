@@ -333,7 +333,9 @@ impl<D: GpuDevice> TreeBuffers<D> {
         let visibility = self.visibility_buffers.get(BufferName::Visibility);
         let visibility = visibility.map_or(0, |b| D::size(b).allocated);
         let coverage = self.visibility_buffers.held() - visibility;
-        let trees = self.current.held() + candidate + coverage + self.free.held();
+        let sent = self.sent.as_ref();
+        let sent = sent.map_or(0, |topology| D::size(&topology.buffer).allocated);
+        let trees = self.current.held() + candidate + sent + coverage + self.free.held();
         [trees, build, visibility]
     }
 }
