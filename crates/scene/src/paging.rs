@@ -105,7 +105,9 @@ pub(crate) fn check_keys(
 ) -> Result<()> {
     let KeySize { keys, vertices } = size;
     let held = size.held(options);
-    let bytes = (held as u64).saturating_mul(size.key_bytes());
+    // The first key frame of a paged animation stays in memory.
+    let kept = if held == keys { held } else { held + 1 };
+    let bytes = (kept as u64).saturating_mul(size.key_bytes());
     let plural = if keys == 1 { "" } else { "s" };
     let share = if held == keys {
         String::new()
