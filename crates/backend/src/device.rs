@@ -87,7 +87,7 @@ impl Capabilities {
     }
 
     /// Returns whether one submission can trace these queries. Batches contain no shadow rays. `exact` does not support
-    /// batches, because the queries would share one list of undecided rays.
+    /// batches, because queries in a batch may share counters of the rays that error bounds could not decide.
     pub fn can_batch(&self, intersector: Intersector, queries: &[Query<'_>]) -> bool {
         let has_shadows = |query: &Query<'_>| query.kind.light().is_some();
         let is_simple = !intersector.is_exact() && !queries.iter().any(has_shadows);
@@ -107,8 +107,8 @@ pub struct MemoryUse {
 /// Bytes of device memory by purpose.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DeviceBytes {
-    /// Trees, triangle records and pixel coverage. Includes a tree that is uploaded, a second tree after the first
-    /// evaluation, and unused buffers of earlier trees.
+    /// Trees, triangle records, and the buffer with the pixels that triangles and boxes may cover. Includes a tree that
+    /// is being uploaded, a second tree after the first evaluation, and unused buffers of earlier trees.
     pub tree: u64,
     /// Scratch memory of tree builds. With `vulkan`, also staging buffers that are free or that unfinished uploads use.
     pub scratch: u64,

@@ -76,13 +76,14 @@ pub struct StageTimes {
     /// then includes both.
     #[serde(serialize_with = "rounded")]
     pub interpolate_ms: Option<f64>,
-    /// Computation of triangle records and boxes of leaves from positions or from key frames.
+    /// Computation of triangle records and boxes of leaves from positions or from key frames. Many devices also compute
+    /// boxes of inner nodes here, up to all below the root. On the host, includes the evaluation of a candidate tree.
     #[serde(serialize_with = "rounded")]
     pub preprocess_ms: Option<f64>,
     /// Tree build on the device, except for triangle records and boxes of leaves.
     #[serde(serialize_with = "rounded")]
     pub rebuild_ms: Option<f64>,
-    /// Computation of the boxes of inner nodes.
+    /// Computation of the remaining boxes of inner nodes.
     #[serde(serialize_with = "rounded")]
     pub refit_ms: Option<f64>,
     /// Trace of the primary or given rays. Includes shadow rays if one kernel traces both.
@@ -110,8 +111,8 @@ pub struct FrameReport {
     /// Rays and shadow rays that were tested in exact arithmetic. With `watertight`, these are the
     /// [extreme](geom::CoordinateRange::is_extreme) rays and their shadow rays. `exact` adds those that error bounds
     /// could not decide. If a camera ray is undecided, GPUs do not count its shadow ray. With other intersectors 0.
-    pub settled: u64,
-    /// Triangles that are inactive at the traced positions.
+    pub exact_rays: u64,
+    /// Inactive triangles: those with an infinite or NaN coordinate at the traced positions.
     pub inactive: u64,
     /// Triangles that are active but have zero area at the traced positions.
     pub degenerate: u64,

@@ -1,4 +1,4 @@
-//! The interface that every device implements: interpolate, preprocess, refit and trace one scene.
+//! The interface that every backend implements: interpolate, preprocess, refit and trace one scene on a device.
 //!
 //! # Ownership
 //!
@@ -12,7 +12,8 @@
 //! # Recording and submission
 //!
 //! `interpolate`, `preprocess`, `refit` and `trace` only record work. [`Backend::submit`] starts the recorded work in
-//! call order and returns a [`Ticket`]. Tickets increase, and submissions finish in ticket order. At most
+//! call order and returns a [`Ticket`]. One exception: on the host, `trace` with a list of rays runs all recorded work
+//! at once, so that it need not copy the list. Tickets increase, and submissions finish in ticket order. At most
 //! [`FRAMES_IN_FLIGHT`] submissions are unfinished at any time; a further `submit` blocks until the oldest has
 //! finished.
 //!
@@ -37,8 +38,8 @@
 //!
 //! # Trees
 //!
-//! A tree contains exactly the *live* triangles of the animation: those that are active in at least one key frame, or all
-//! triangles of a streamed animation ([`geom::Animation::is_live`]). Its generation must be positive and higher than the
+//! A tree contains exactly the *live* triangles of the animation ([`geom::Animation::is_live`]): those whose vertices are
+//! finite in at least one key frame, or all triangles of a streamed animation. Its generation must be positive and higher than the
 //! previous one. [`Backend::adopt`] panics if recorded work is not submitted yet. Work recorded afterwards uses the new
 //! tree, and submitted work keeps the old one.
 //!
@@ -47,9 +48,9 @@
 //!
 //! # Hits
 //!
-//! A hit depends on the ray, the triangles and the intersector only. It does not depend on the tree, its age, its
-//! format or the thread count. With `watertight` and `exact` it does not depend on the backend. `docs/design/hits.md`
-//! defines hits and proves this.
+//! A hit depends on the ray, the triangles and the intersector, but not on the tree, its age, its format or the thread
+//! count. With `watertight` and `exact`, all backends return the same hits. With the other intersectors, hits may differ
+//! between devices. `docs/design/hits.md` defines hits and proves this.
 //!
 //! # Errors
 //!
@@ -126,7 +127,7 @@ pub enum TreeFormat {
 /// Function that writes a tree into memory for upload, on any thread. See [`Backend::tree_writer`].
 pub type TreeWriter = Box<dyn FnOnce(&Topology) + Send>;
 
-/// A device that interpolates, refits and traces one scene.
+/// Interpolates, refits and traces one scene on a device.
 ///
 /// The crate documentation states the contract. `# Errors` sections list only errors specific to a method;
 /// [`BackendError`] lists all.
@@ -169,11 +170,11 @@ pub trait Backend: Send + Any {
     /// stays current.
     fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()>;
 
-    /// Records the refit of a tree that is not current, in addition to the current one. Call it after `interpolate` and
-    /// before `preprocess`, with a tree whose [upload](Backend::upload_tree) has finished. The submission's report then
-    /// contains the tree's cost ([`FrameReport::candidate_cost`]). A later [`Backend::adopt`] of this tree only swaps
-    /// the trees. Returns `false`, and records nothing, if the backend measures no costs or lacks memory for a second
-    /// tree.
+    /// Records `preprocess` and `refit` of a tree that is not current. The current tree still needs its own calls of
+    /// both. Call this after `interpolate` and before `preprocess`, with a tree whose [upload](Backend::upload_tree) has
+    /// finished. The submission's report then contains the tree's cost ([`FrameReport::candidate_cost`]). A later
+    /// [`Backend::adopt`] of this tree copies nothing to the device, but `preprocess` and `refit` must run after it.
+    /// Returns `false`, and records nothing, if the backend measures no costs or lacks memory for a second tree.
     ///
     /// # Errors
     /// The tree does not contain exactly the animation's live triangles.
@@ -183,8 +184,8 @@ pub trait Backend: Send + Any {
 
     /// Records the build of a tree on the device from the current positions, and makes the tree current. The generation
     /// must increase as it does for [`Backend::adopt`]. The build includes `preprocess` and `refit`: calls of both
-    /// do nothing while the positions are the same. Once these change, `preprocess` panics until another tree is built
-    /// or adopted. The first build allocates scratch memory, which is kept until another scene is loaded.
+    /// do nothing until the next `interpolate`. After it, `preprocess` panics until another tree is built or adopted. The
+    /// first build allocates scratch memory, which is kept until another scene is loaded.
     ///
     /// # Errors
     /// Also the error of [`Capabilities::device_rebuild`].
@@ -226,9 +227,9 @@ pub trait Backend: Send + Any {
         Ok(true)
     }
 
-    /// Blocks until `ticket` has finished and replaces `hits` by the hits of query `index`, without copying them on
-    /// the host. The backend may reuse the previous memory of `hits` for later traces. The hits of a query can be
-    /// taken once.
+    /// Blocks until `ticket` has finished and replaces `hits` by the hits of query `index`, which can be taken once.
+    /// GPU backends copy the hits into the memory of `hits`. Host backends exchange buffers instead, and may use the
+    /// previous memory of `hits` for later traces.
     fn take_hits(&mut self, ticket: Ticket, index: usize, hits: &mut Hits) -> Result<()>;
 
     /// Blocks until `ticket` has finished and copies its pixels into `out`: four bytes each (red, green, blue, 255),
@@ -272,8 +273,8 @@ pub trait Inspect: Backend {
         Err(BackendError::no_device_trees(self.device().backend))
     }
 
-    /// Returns the messages of all calls that the graphics API (wgpu or Vulkan) has rejected so far, and all messages of
-    /// its validation layer in this process.
+    /// Returns the messages of all calls that wgpu has rejected so far, and all messages of Vulkan's validation layer in
+    /// this process, if the layer is enabled.
     fn complaints(&mut self) -> Vec<String> {
         Vec::new()
     }

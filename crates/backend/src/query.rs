@@ -7,7 +7,8 @@ use geom::{Camera, Hit, Point, Ray};
 pub enum Rays<'a> {
     /// A list of rays. Rays that are not [valid](Ray::is_valid) miss.
     List(&'a [Ray]),
-    /// One ray through the centre of each pixel, generated on the device: [`Camera::ray`], row by row.
+    /// One ray through the centre of each pixel, row by row: [`Camera::ray`]. GPUs generate these rays, except for
+    /// [`QueryKind::Any`].
     Camera(&'a Camera),
     /// This number of rays in device memory. The GPU backend received their buffer by its own method, not through
     /// [`Backend`](crate::Backend). The host does not read the rays. Rays that are not valid miss.

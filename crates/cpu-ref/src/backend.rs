@@ -152,7 +152,7 @@ impl CpuBackend {
         report.degenerate = scene.unhittable.degenerate;
         report.sah_cost = scene.sah_cost;
         // Rays that were resolved in exact arithmetic.
-        report.settled += std::mem::take(scene.exact_rays.get_mut());
+        report.exact_rays += std::mem::take(scene.exact_rays.get_mut());
         Ok(())
     }
 

@@ -276,7 +276,7 @@ impl<D: GpuDevice> Frames<D> {
             times,
             hits: u64::from(counts.hits),
             blocked: u64::from(counts.blocked),
-            settled: counts.settled(),
+            exact_rays: counts.exact_rays(),
             readback_bytes: submission.readback_bytes,
             ..FrameReport::default()
         };

@@ -265,7 +265,7 @@ impl Counts {
     }
 
     /// Returns the number of undecided and extreme rays, including shadow rays, which exact integers resolved.
-    pub fn settled(&self) -> u64 {
+    pub fn exact_rays(&self) -> u64 {
         u64::from(self.undecided) + u64::from(self.undecided_shadows)
     }
 }

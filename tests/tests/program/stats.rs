@@ -17,7 +17,7 @@ const TOP: &str = "schema version command_line scene backend adapter driver thre
 
 pub(crate) const FRAME: &str = "frame time interpolate_ms preprocess_ms rebuild_ms refit_ms trace_primary_ms \
     trace_shadow_ms device_ms wall_ms build_wait_ms tree_generation tree_age_frames adopted rejected build_ms \
-    convert_ms upload_bytes readback_bytes sah_ratio sah_cost hits blocked inactive degenerate settled host_bytes \
+    convert_ms upload_bytes readback_bytes sah_ratio sah_cost hits blocked inactive degenerate exact_rays host_bytes \
     device_bytes";
 
 /// Times that every run measures. Only trees built on a device have `rebuild_ms`, and only shadows that are a separate
