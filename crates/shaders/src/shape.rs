@@ -23,8 +23,9 @@ pub struct Shape {
 }
 
 /// Maximum number of boxes with which a workgroup of 64 invocations starts a search (wgsl/intersect/resolve_camera.wgsl).
-/// Testing all these boxes takes less time than traversing the levels above them.
-const MAX_START_BOXES: u32 = 2048;
+/// The ray may meet all of them, so this is the capacity of the workgroup's queue. Testing all these boxes takes less time
+/// than traversing the levels above them.
+const MAX_START_BOXES: u32 = 1024;
 
 impl Shape {
     /// Returns the shape of a tree that the host built. The words of [`Treelets`] are its topology.
@@ -142,5 +143,12 @@ mod tests {
         assert_eq!(rows(&[3, 8], 9), Some(vec![2, 6]));
         assert_eq!(rows(&[0, 3, 6, 8], 9), None);
         assert_eq!(rows(&[], 0), Some(vec![]));
+    }
+
+    #[test]
+    fn start_boxes_fit_the_queue() {
+        let kernel = include_str!("../wgsl/intersect/resolve_camera.wgsl");
+        let capacity = format!("const QUEUE_CAPACITY: u32 = {MAX_START_BOXES}u;");
+        assert!(kernel.contains(&capacity), "expected {capacity}");
     }
 }
