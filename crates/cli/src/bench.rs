@@ -42,8 +42,8 @@ pub(crate) struct BenchSettings {
     /// Threads that render
     #[arg(long, value_name = "N", value_parser = parsers::threads())]
     threads: Option<usize>,
-    /// Threads that build trees [default: as many as --threads or cores; with async, one less if a GPU traces, or a
-    /// quarter if the host traces]
+    /// Threads that build trees. By default, as many as --threads or cores. With async, one less if a GPU traces, or a
+    /// quarter if the host traces
     #[arg(long, value_name = "N", value_parser = parsers::threads())]
     builder_threads: Option<usize>,
     /// JSON file for the results of every frame

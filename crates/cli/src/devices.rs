@@ -29,8 +29,8 @@ pub(crate) struct DeviceSettings {
     /// Threads that render
     #[arg(long, value_name = "N", value_parser = parsers::threads())]
     pub(crate) threads: Option<usize>,
-    /// Threads that build trees [default: as many as --threads or cores; with async, one less if a GPU traces, or a
-    /// quarter if the host traces]
+    /// Threads that build trees. By default, as many as --threads or cores. With async, one less if a GPU traces, or a
+    /// quarter if the host traces
     #[arg(long, value_name = "N", value_parser = parsers::threads())]
     pub(crate) builder_threads: Option<usize>,
     /// Neither read nor write compiled kernels in the user's cache folder
