@@ -1,6 +1,6 @@
 //! Measured rates for each kind of arithmetic: one per intersector, family and measure.
 //!
-//! The rates of `moller-trumbore` and `woop` depend on the device's [`Arithmetic`]. `watertight` and `exact` have the
+//! The rates of the textbook intersectors depend on the device's [`Arithmetic`]. `watertight` and `exact` have the
 //! same answers everywhere, so the host's rates apply. A file in `baselines` contains the rates of one kind of arithmetic
 //! and where they were measured (`ground`). `abvh stability --record FILE` writes one from a device's answers to many
 //! seeds. To use it, add it to that folder and to `FILES`. Files omit events that must never happen: see `is_never`.
