@@ -62,7 +62,7 @@ struct FrameRecording {
     started: Instant,
     /// Statistics of the frame.
     record: FrameRecord,
-    /// Whether the frame's positions and boxes are recorded, but the backend refused its queries.
+    /// Whether the frame's positions are recorded, but a later stage failed or the backend refused the queries.
     is_refused: bool,
 }
 
@@ -203,19 +203,13 @@ impl Driver {
             self.record_device_tree(pose)?
         } else {
             self.update_trees(pose)?;
-            let is_stale = self.record_positions(pose)?;
-            self.record_evaluation()?;
-            is_stale
+            self.record_positions(pose)?
         };
-        if is_stale {
-            self.backend.preprocess()?;
-            self.backend.refit()?;
-        }
-        let recorded = self.backend.trace(queries);
+        let recorded = self.record_tree_and_trace(is_stale, queries);
         // Backends on the host may run all recorded stages in `trace`. If they cannot read a key frame, they drop the
         // submission, so there is nothing to submit.
         if let Err(e) = &recorded
-            && !matches!(e, BackendError::KeyFrame(_))
+            && !matches!(e, PipelineError::Backend(BackendError::KeyFrame(_)))
         {
             self.recording.is_refused = true;
             // The refused frame counts, because its positions are still read back. A frame with the same number would
@@ -228,6 +222,22 @@ impl Driver {
         self.poll_builder()?;
         self.push_pending(ticket);
         Ok(ticket)
+    }
+
+    /// Records the stages that follow the positions.
+    fn record_tree_and_trace(
+        &mut self,
+        is_stale: bool,
+        queries: &[Query<'_>],
+    ) -> Result<(), PipelineError> {
+        if !self.has_device_trees() {
+            self.record_evaluation()?;
+        }
+        if is_stale {
+            self.backend.preprocess()?;
+            self.backend.refit()?;
+        }
+        Ok(self.backend.trace(queries)?)
     }
 
     /// Stores the statistics of the submitted frame until its results are returned.
@@ -247,7 +257,7 @@ impl Driver {
         recording.number += 1;
     }
 
-    /// Submits the recorded stages of the frame whose queries were refused. Otherwise the next frame could adopt no tree,
+    /// Submits the recorded stages of a frame that failed after its positions were recorded. Otherwise the next frame could adopt no tree,
     /// because [`Backend::adopt`] panics if commands are not submitted.
     fn submit_refused(&mut self) -> Result<(), PipelineError> {
         if std::mem::take(&mut self.recording.is_refused) {

@@ -198,6 +198,28 @@ fn static_scene_needs_no_builder() {
 }
 
 #[test]
+fn frames_continue_after_a_failed_stage() {
+    let animation = drifting(40);
+    for failing in 0..20 {
+        let mut fake = Fake::new(Some(0));
+        fake.preprocess_fails_in = Some(failing);
+        let mut driver = driver(fake, &animation, (Policy::Async, false)).unwrap();
+        let mut failed = 0;
+        for index in 0..40 {
+            let time = index as f64 / 2.0;
+            let begun = driver.begin(Frame { index, time }, &[query(QueryKind::Closest)]);
+            failed += usize::from(begun.is_err());
+            if begun.is_ok() {
+                let finished =
+                    driver.finish(OutputSelection::default(), &mut FrameOutputs::default());
+                finished.unwrap();
+            }
+        }
+        assert_eq!(failed, 1);
+    }
+}
+
+#[test]
 fn rebuild_uses_one_tree_per_frame() {
     for update in [Policy::Rebuild, Policy::Lockstep(0)] {
         let r = run(9, 8, update, Some(3));

@@ -1,8 +1,8 @@
 //! A backend that only checks the contract, and vertices that block a builder.
 
 use backend::{
-    Arithmetic, Backend, Capabilities, Device, DeviceKind, FrameReport, Generation, Hits,
-    Intersector, Query, Result, Snapshot, Ticket, TreeFormat,
+    Arithmetic, Backend, BackendError, Capabilities, Device, DeviceKind, FrameReport, Generation,
+    Hits, Intersector, Query, Result, Snapshot, Ticket, TreeFormat,
 };
 use bvh_build::{BinaryTree, sah_cost};
 use bvh_layout::Topology;
@@ -90,6 +90,8 @@ pub(in crate::driver) struct Fake {
     /// Costs of a candidate and of the current tree, in the recording and per submission.
     recorded: Option<[f64; 2]>,
     costs: HashMap<Ticket, [f64; 2]>,
+    /// Number of calls of `preprocess` until one fails.
+    pub(in crate::driver) preprocess_fails_in: Option<usize>,
     /// Snapshots that were allocated in advance. With these, the fake allocates no memory, so it logs nothing.
     pub(in crate::driver) prepared: Option<Vec<Snapshot>>,
 }
@@ -143,6 +145,7 @@ impl Backend for Fake {
             generation > self.generation,
             "generation is not greater than the current one"
         );
+        assert!(!self.requests_positions, "a submission comes first");
         let live = self.animation.as_ref().unwrap().live_count();
         assert_eq!(tree.binary().leaf_count(), live);
         self.generation = generation;
@@ -174,6 +177,13 @@ impl Backend for Fake {
     }
     fn preprocess(&mut self) -> Result<()> {
         assert!(self.pose.is_some() && self.generation > Generation(0));
+        if let Some(left) = &mut self.preprocess_fails_in {
+            if *left == 0 {
+                self.preprocess_fails_in = None;
+                return Err(BackendError::unsupported("fake", "this call"));
+            }
+            *left -= 1;
+        }
         self.fresh.0 = true;
         Ok(())
     }
