@@ -58,20 +58,23 @@ impl<D: GpuDevice> BufferTable<D> {
         Ok(&mut self.0[at].1)
     }
 
-    /// Replaces the buffer of this name by a larger one, with slack, if it is smaller than `bytes`. Returns the smaller
-    /// one, which recorded or submitted work may still use.
-    pub(crate) fn grow(
-        &mut self,
-        gpu: &D,
-        name: BufferName,
-        bytes: u64,
-    ) -> Result<Option<D::Buffer>> {
-        let mut found = self.0.iter_mut().filter(|(n, _)| *n == name);
-        let Some((_, buffer)) = found.next().filter(|(_, b)| D::size(b).bytes < bytes) else {
-            return Ok(None);
-        };
-        let larger = with_slack(bytes, |bytes| gpu.buffer(name, bytes))?;
-        Ok(Some(std::mem::replace(buffer, larger)))
+    /// Replaces buffers that are smaller than these sizes by larger ones, with slack. Returns the smaller ones, which
+    /// recorded or submitted work may still use. On an error, replaces none.
+    pub(crate) fn grow(&mut self, gpu: &D, sizes: &[(BufferName, u64)]) -> Result<Vec<D::Buffer>> {
+        let mut larger = Vec::new();
+        for (at, (name, buffer)) in self.0.iter().enumerate() {
+            let size = sizes.iter().find(|(n, _)| n == name);
+            if let Some(&(_, bytes)) = size.filter(|(_, bytes)| D::size(buffer).bytes < *bytes) {
+                larger.push((at, with_slack(bytes, |bytes| gpu.buffer(*name, bytes))?));
+            }
+        }
+        let replaced = larger.into_iter();
+        let replaced = replaced.map(|(at, buffer)| std::mem::replace(&mut self.0[at].1, buffer));
+        Ok(replaced.collect())
+    }
+
+    pub(crate) fn into_buffers(self) -> impl Iterator<Item = D::Buffer> + use<D> {
+        self.0.into_iter().map(|(_, buffer)| buffer)
     }
 
     /// Returns the bytes of device memory.

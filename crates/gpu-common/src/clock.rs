@@ -2,7 +2,7 @@
 
 use backend::StageTimes;
 
-/// A stage of a frame. The variants are in order of execution.
+/// A stage of a frame, in order of execution. A tree build also runs after `Preprocess`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     /// Blends key frames to positions.

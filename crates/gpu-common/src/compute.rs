@@ -310,17 +310,16 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
 
     fn trace(&mut self, queries: &[Query<'_>]) -> Result<()> {
         let mut all = queries.iter().enumerate();
-        let traced =
+        let mut traced =
             all.try_for_each(|(index, query)| self.trace_one_of(query, index, queries.len()));
+        if let (Ok(()), [query]) = (&traced, queries) {
+            let params = self.params();
+            traced = self.engine.shade(query, params);
+        }
         if traced.is_err() {
             self.engine.frames.refuse_pending();
         }
-        traced?;
-        if let [query] = queries {
-            let params = self.params();
-            self.engine.shade(query, params)?;
-        }
-        Ok(())
+        traced
     }
 
     fn prepare(&mut self, query: Query<'_>, builds_trees: bool) {
@@ -348,9 +347,11 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     }
 
     fn load_palette(&mut self, palette: &Palette) -> Result<bool> {
-        let Engine { scene, gpu, .. } = &mut self.engine;
+        let Engine {
+            scene, gpu, frames, ..
+        } = &mut self.engine;
         let scene = scene.as_mut().expect("a scene was loaded");
-        scene.load_palette(gpu, palette)?;
+        frames.replace(scene.load_palette(gpu, palette)?);
         Ok(true)
     }
 

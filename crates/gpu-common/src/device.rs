@@ -191,7 +191,7 @@ pub type RecordingOf<D> =
 /// A device that runs the kernels of one scene. One backend owns it, so only state shared between scenes needs a lock.
 ///
 /// Only `upload`, `read`, `finish`, `unload`, `wait` and the methods that reuse memory (`staging`, `send`) may block.
-/// They wait only for work of this scene. Submissions run in order, and recorded work reads the results of earlier
+/// They wait for work of this scene. With wgpu, `upload`, `wait` without a use, and `unload` wait for all submissions. Submissions run in order, and recorded work reads the results of earlier
 /// recorded work. If copies run on separate queues, the device synchronizes them with the submissions that need them.
 pub trait GpuDevice: Send + Sized + 'static {
     /// A buffer. No unfinished submission and no recording may use a buffer that is dropped.
@@ -219,7 +219,7 @@ pub trait GpuDevice: Send + Sized + 'static {
     /// Returns the use of memory. Fast enough for every frame.
     fn memory(&self) -> MemoryReport;
 
-    /// Creates a buffer of `bytes`, rounded up to 16 because zero-sized buffers cannot be bound. The host
+    /// Creates a buffer of `bytes`, rounded up to a multiple of 16 above 0. Zero-sized buffers cannot be bound. The host
     /// [writes](GpuDevice::write) [`BufferName::Rays`]. Uploads and kernels write all other buffers. Returns an error
     /// with the required bytes if the buffer is too large.
     fn buffer(&self, name: BufferName, bytes: u64) -> Result<Self::Buffer>;

@@ -54,7 +54,7 @@ impl<D: GpuDevice> Engine<D> {
     /// Compiles kernels and tests the device's arithmetic with one of them.
     ///
     /// # Errors
-    /// [`backend::BackendError::NoDevice`] if the arithmetic is wrong or the driver rejects a kernel.
+    /// [`backend::BackendError::NoDevice`] if the arithmetic is wrong. The device's own error if it rejects a kernel.
     pub fn new(mut gpu: D, kernels: impl IntoIterator<Item = &'static Kernel>) -> Result<Self> {
         let mut pipelines = Pipelines::of(&gpu, kernels)?;
         let mut frames = Frames::new(&gpu);
@@ -122,6 +122,7 @@ impl<D: GpuDevice> Engine<D> {
     /// Records the interpolation of positions at `pose`. `params` contains the blend weight. The interpolation may run
     /// concurrently with the dispatch `measure`, which measures the coordinate range of the pose's first key frame.
     pub fn interpolate(&mut self, pose: Pose, params: Params, measure: Option<Work>) -> Result<()> {
+        self.next_stage = NextStage::Interpolate;
         let gpu = &mut self.gpu;
         let (position, overwritten) = self.snapshots.position_to_write(gpu, self.position)?;
         self.frames.recorder.overwrites(overwritten);
@@ -213,8 +214,8 @@ impl<D: GpuDevice> Engine<D> {
         trace.fetch_pixels(&mut self.gpu, out)
     }
 
-    /// Records a copy of the positions to the host. It runs as soon as they are computed, concurrently with work
-    /// recorded later.
+    /// Records a copy of the positions to the host. If the device [splits](crate::DeviceInfo::splits) submissions, the copy
+    /// runs concurrently with work recorded later.
     pub fn request_positions(&mut self) -> Result<()> {
         assert!(
             self.next_stage >= NextStage::Preprocess,

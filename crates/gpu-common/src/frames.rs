@@ -105,7 +105,7 @@ impl<D: GpuDevice> Frames<D> {
     }
 
     /// Removes and returns a finished trace whose results are no longer available, to reuse its buffers: a released
-    /// one, or one that expires with the next submission.
+    /// one, or one with at least [`FRAMES_IN_FLIGHT`] later submissions with traces.
     pub fn expired(&mut self) -> Option<TraceBuffers<D>> {
         let mut later_traced = self.ledger.iter().filter(|s| s.is_traced).count();
         let found = self.ledger.iter_mut().find(|submission| {

@@ -142,7 +142,8 @@ impl<D: GpuDevice> KeySlots<D> {
 
     /// Uploads a paged or streamed key frame, in place of the least recently used one.
     fn upload(&mut self, gpu: &mut D, key: usize, frame: &KeyFrame) -> Result<()> {
-        // The device may copy positions from the previous key frame, if their source is a buffer of the program.
+        // Positions from a buffer of the program may exist only in the newest key frame. The device then copies them from
+        // there to this one.
         if let Some(before) = self.slots.last_mut() {
             before.read_by = self.next;
         }

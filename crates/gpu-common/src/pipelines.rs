@@ -38,7 +38,7 @@ impl<D: GpuDevice> Pipelines<D> {
     /// Creates the pipelines of these kernels and waits for them.
     ///
     /// # Errors
-    /// [`backend::BackendError::NoDevice`] if the driver rejects one.
+    /// The device's error if it rejects one.
     pub fn of(gpu: &D, kernels: impl IntoIterator<Item = &'static Kernel>) -> Result<Self> {
         let mut all = Self {
             compiled: Vec::new(),

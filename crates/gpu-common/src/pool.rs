@@ -61,7 +61,7 @@ impl<B> Pool<B> {
         bytes: u64,
         has_ended: impl Fn(LastUse, bool) -> Result<bool>,
     ) -> Result<Option<B>> {
-        // With one buffer per unfinished submission, one is free for the next. Large buffers are limited to one.
+        // With as many buffers as unfinished submissions, the wait is short. Large buffers are limited to one.
         let most = if bytes < LARGE { FRAMES_IN_FLIGHT } else { 1 };
         let spare = self.take(most, has_ended)?;
         Ok(spare

@@ -66,14 +66,18 @@ impl<D: GpuDevice> AnimationBuffers<D> {
         Ok(())
     }
 
-    /// Uploads the colour tables.
-    pub(crate) fn load_palette(&mut self, gpu: &mut D, palette: &Palette) -> Result<()> {
+    /// Uploads the colour tables. Returns the buffers of previous ones, which recorded or submitted work may still use.
+    pub(crate) fn load_palette(
+        &mut self,
+        gpu: &mut D,
+        palette: &Palette,
+    ) -> Result<impl Iterator<Item = D::Buffer> + use<D>> {
         let contents = [
             (BufferName::Colours, cast_slice(&palette.colours)),
             (BufferName::Tones, cast_slice(&palette.tones)),
         ];
-        self.palette = BufferTable::filled(gpu, &contents)?;
-        Ok(())
+        let loaded = BufferTable::filled(gpu, &contents)?;
+        Ok(std::mem::replace(&mut self.palette, loaded).into_buffers())
     }
 
     pub(crate) fn has_palette(&self) -> bool {

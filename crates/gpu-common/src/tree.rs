@@ -16,7 +16,8 @@ pub(crate) struct TreeBuffers<D: GpuDevice> {
     intersector: Intersector,
     /// The tree that frames trace.
     pub(crate) current: DeviceTree<D>,
-    /// The tree that was evaluated last. Its buffers are created at the first evaluation.
+    /// The tree that was evaluated last or, once it is adopted, the one that it replaced. Its buffers are created at the
+    /// first evaluation.
     pub(crate) candidate: Option<DeviceTree<D>>,
     /// Visibility buffers, as large as the largest trace so far.
     visibility_buffers: BufferTable<D>,
@@ -24,7 +25,7 @@ pub(crate) struct TreeBuffers<D: GpuDevice> {
     free: Pool<D::Buffer>,
     /// Bytes of the topology that was uploaded last; 0 before the first.
     last_bytes: u64,
-    /// A topology that was uploaded but is not part of a tree yet.
+    /// A topology whose upload has started, but which is not part of a tree yet.
     sent: Option<UploadedTopology<D::Buffer>>,
     /// The next topology in staging memory, which the builder thread writes.
     written: Arc<Mutex<Option<Written<D::Staging>>>>,
@@ -67,10 +68,11 @@ impl<D: GpuDevice> DeviceTree<D> {
 
     /// Enlarges the buffers of nodes and costs to fit a tree of this shape.
     pub(crate) fn grow(&mut self, gpu: &D, frames: &mut Frames<D>, shape: &Shape) -> Result<()> {
-        let nodes = shape.node_rows * 16;
-        frames.replace(self.buffers.grow(gpu, BufferName::Nodes, nodes)?);
-        let costs = shape.cost_bytes;
-        frames.replace(self.buffers.grow(gpu, BufferName::Costs, costs)?);
+        let sizes = [
+            (BufferName::Nodes, shape.node_rows * 16),
+            (BufferName::Costs, shape.cost_bytes),
+        ];
+        frames.replace(self.buffers.grow(gpu, &sizes)?);
         Ok(())
     }
 
@@ -312,8 +314,11 @@ impl<D: GpuDevice> TreeBuffers<D> {
         tracing: &Trace,
     ) -> Result<()> {
         let buffers = &mut self.visibility_buffers;
-        frames.replace(buffers.grow(gpu, BufferName::PixelCoverage, tracing.coverage_bytes)?);
-        frames.replace(buffers.grow(gpu, BufferName::Visibility, tracing.visibility_bytes)?);
+        let sizes = [
+            (BufferName::PixelCoverage, tracing.coverage_bytes),
+            (BufferName::Visibility, tracing.visibility_bytes),
+        ];
+        frames.replace(buffers.grow(gpu, &sizes)?);
         Ok(())
     }
 
@@ -346,7 +351,7 @@ fn treelets(tree: &Topology) -> Cow<'_, Treelets> {
     tree.treelets().map_or_else(missing, Cow::Borrowed)
 }
 
-/// A topology that is on the device, or will be when the next submission runs.
+/// A topology whose upload has started.
 struct UploadedTopology<B> {
     generation: Generation,
     buffer: B,

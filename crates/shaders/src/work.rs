@@ -66,7 +66,8 @@ impl RaySource<'_> {
     fn count(self) -> u32 {
         match self {
             Self::Buffer(count) => count,
-            Self::Camera(camera) => camera.width * camera.height,
+            // A trace of more rays is refused.
+            Self::Camera(camera) => camera.width.saturating_mul(camera.height),
         }
     }
 }

@@ -63,14 +63,15 @@ impl<D: GpuDevice> ComputeBackend<D> {
             (primary, Some(tracing.primary)),
             (Some(Stage::TraceShadow), tracing.shadow),
         ];
-        for (stage, work) in stages {
-            let Some(work) = work else { continue };
+        let recorded = stages.into_iter().try_for_each(|(stage, work)| {
+            let Some(work) = work else { return Ok(()) };
             let work = if has_tree { &work[..] } else { &[] };
             let own = |name| trace.get(name).or_else(|| tree.get(name));
-            engine.run(stage, work, own)?;
-        }
+            engine.run(stage, work, own)
+        });
+        // If the second stage fails, the recorded first one still uses the trace's buffers.
         engine.frames.pending.push(trace);
-        Ok(())
+        recorded
     }
 
     /// Returns the inputs of [`shaders::MODULE`]: parameters, nodes, triangle records and range. Returns `None` if the
