@@ -24,7 +24,7 @@ pub enum BackendError {
     /// The operation exceeds a limit of the device.
     #[error("{what} needs {need}, the limit is {limit}")]
     Limit {
-        /// The object that could not be created.
+        /// What exceeds the limit: for example a buffer, a kernel or the rays of a query.
         what: String,
         /// Required amount.
         need: u64,

@@ -17,7 +17,8 @@
 //! [`FRAMES_IN_FLIGHT`] submissions are unfinished at any time; a further `submit` blocks until the oldest has
 //! finished.
 //!
-//! Only `load`, `submit`, [`Backend::wait`], [`Backend::take_hits`] and [`Backend::pixels`] wait for submissions to finish.
+//! `load`, `submit`, [`Backend::wait`], [`Backend::take_hits`] and [`Backend::pixels`] wait for submissions to finish. With
+//! wgpu, so do [`Backend::load_palette`], the first `rebuild` and the first `request_positions`, because they upload data.
 //! Other methods may wait for memory that they reuse, for key frames or for the compilation of kernels.
 //!
 //! A submission's report and traces remain available until [`FRAMES_IN_FLIGHT`] later submissions with traces have been
