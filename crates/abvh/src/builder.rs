@@ -10,7 +10,7 @@ const MOST_THREADS: usize = 4096;
 /// Configures and creates a [`Tracer`](crate::Tracer).
 #[derive(Clone, Debug)]
 pub struct TracerBuilder {
-    device: Device,
+    pub(crate) device: Device,
     /// `None` leaves the choice to [`TracerBuilder::policy`].
     update: Option<Update>,
     intersector: Intersector,

@@ -46,10 +46,13 @@ pub(crate) struct Numbering {
 }
 
 impl Numbering {
-    fn mesh_of(&self, triangle: u32) -> (MeshId, u32) {
+    /// Returns the mesh of a triangle and its index there. Returns `None` for an index that the scene does not have, as
+    /// results in a buffer of the program may contain.
+    fn mesh_of(&self, triangle: u32) -> Option<(MeshId, u32)> {
         let triangle = triangle as usize;
         let mesh = self.starts.partition_point(|&first| first <= triangle) - 1;
-        (self.ids[mesh], (triangle - self.starts[mesh]) as u32)
+        let id = *self.ids.get(mesh)?;
+        Some((id, (triangle - self.starts[mesh]) as u32))
     }
 }
 
@@ -95,7 +98,7 @@ impl Hits {
     #[must_use]
     pub fn closest(&self, ray: usize) -> Option<Hit> {
         let hit = self.in_scene().get(ray).filter(|hit| hit.is_hit())?;
-        let (mesh, triangle) = self.0.numbering.mesh_of(hit.triangle);
+        let (mesh, triangle) = self.0.numbering.mesh_of(hit.triangle)?;
         Some(Hit {
             mesh,
             triangle,
@@ -144,5 +147,25 @@ impl Hits {
 impl fmt::Debug for Hits {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "Hits of {} rays", self.len())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Mesh, Scene};
+
+    #[test]
+    fn foreign_triangles_have_no_mesh() {
+        let mut scene = Scene::new();
+        let mut add =
+            |triangles| scene.add(Mesh::fixed(&[[0.0; 3]], &vec![[0; 3]; triangles]).unwrap());
+        let ids = vec![add(2), add(4)];
+        let second = ids[1];
+        let starts = vec![0, 2, 6];
+        let numbering = Numbering { starts, ids };
+        assert_eq!(numbering.mesh_of(5), Some((second, 3)));
+        assert_eq!(numbering.mesh_of(6), None);
+        assert_eq!(numbering.mesh_of(u32::MAX - 1), None);
     }
 }

@@ -94,9 +94,14 @@ impl JoinedScene {
         self.animation.is_streamed()
     }
 
-    /// Returns the newest vertices that were passed to the animation.
+    /// Returns the newest vertices that were passed to the animation, or the first key frame if steps move no mesh.
     pub(crate) fn newest(&self) -> Result<KeyFrame> {
-        let last = self.animation.key_count() - 1;
+        let is_streamed = self.is_streamed();
+        let last = if is_streamed {
+            self.animation.key_count() - 1
+        } else {
+            0
+        };
         self.animation.key(last).map_err(Error::of_reading)
     }
 
@@ -206,7 +211,7 @@ impl JoinedScene {
             self.blend(time)?;
         }
         self.blended = Some(time);
-        if std::mem::replace(&mut self.is_pushed, true) {
+        if self.is_pushed {
             return Ok(self.animation.end());
         }
         let last = self.newest()?;
@@ -220,6 +225,7 @@ impl JoinedScene {
             None => copy_of(&self.next, backend)?,
         };
         self.is_fresh = self.meshes.iter().map(|m| m.motion.is_fixed()).collect();
+        self.is_pushed = true;
         let pushed = self
             .animation
             .push(std::mem::replace(&mut self.next, spare));

@@ -207,6 +207,9 @@ impl ResidentScene {
             return each
                 .try_for_each(|(ids, queries)| self.submit_and_record_results(time, ids, queries));
         }
+        // The wait below would fail for a step whose encoder was dropped.
+        #[cfg(feature = "wgpu")]
+        self.abandon_dropped();
         while self.in_flight.len() >= self.driver.max_in_flight(queries) {
             self.finish()?;
         }

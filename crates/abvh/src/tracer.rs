@@ -162,9 +162,11 @@ impl TracerBuilder {
     ///
     /// # Errors
     /// [`Error::Unsupported`](crate::Error::Unsupported), [`Error::Device`](crate::Error::Device).
-    pub fn build_in_place_of(self, former: Tracer, scene: Scene) -> Result<Tracer> {
+    pub fn build_in_place_of(mut self, former: Tracer, scene: Scene) -> Result<Tracer> {
         let former = former.state.into_inner();
         let former = former.unwrap_or_else(PoisonError::into_inner);
+        // A replacement opens this device again.
+        self.device = former.tracer_builder.device.clone();
         self.load(former.current.driver.into_backend(), scene)
     }
 

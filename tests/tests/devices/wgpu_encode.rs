@@ -243,6 +243,14 @@ pub(crate) fn tracer_recovers_from_dropped_commands() {
     discard_steps(&mut tracer, 1);
     tracer.commit(replacement).unwrap();
     see(&mut tracer, 3.0);
+    // Both encoders are dropped after both steps.
+    let encode = |tracer: &mut Tracer| {
+        let mut commands = own.device.create_command_encoder(&Default::default());
+        tracer.step(0.0).encode(&mut commands).unwrap();
+        commands
+    };
+    drop([encode(&mut tracer), encode(&mut tracer)]);
+    see(&mut tracer, 4.0);
     discard_steps(&mut tracer, 2);
     let mut tracer = builder().build_in_place_of(tracer, scene).unwrap();
     tracer.warm_up(0.0).unwrap();

@@ -69,6 +69,10 @@ const PROPERTIES: [(&str, Property); 29] = [
 const OWN: &[(&str, (&str, Property))] = &[
     ("cpu", ("traces_on_a_caller_backend", frames::on_backend)),
     ("wgpu", ("replaces_meshes_on_caller_device", replace::own)),
+    (
+        "cpu",
+        ("replaces_meshes_after_build_in_place", replace::in_place),
+    ),
     #[cfg(target_os = "linux")]
     ("cpu", ("scene_beyond_memory_is_refused", memory::refused)),
 ];

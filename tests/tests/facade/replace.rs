@@ -294,6 +294,19 @@ pub(crate) fn own(_: &Device) {
     assert_eq!(firsts, [0, mesh, mesh + grown + mesh]);
 }
 
+/// The second tracer keeps the device of the first one, whatever its own builder says.
+pub(crate) fn in_place(_: &Device) {
+    let points = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    let mesh = || Mesh::fixed(&points, &[[0, 1, 2]]).unwrap();
+    let mut scene = Scene::new();
+    let id = scene.add(mesh());
+    let builder = || Tracer::builder().threads(1);
+    let former = builder().device(Device::CpuRef).build(scene.clone());
+    let mut tracer = builder().build_in_place_of(former.unwrap(), scene).unwrap();
+    let replacement = tracer.replace(id, mesh()).unwrap();
+    tracer.commit(replacement).unwrap();
+}
+
 pub(crate) fn dropped(device: &Device) {
     let sources = MeshSources::new();
     let (scene, ids) = sources.scene(sources.target(false, Kind::Keys));
