@@ -176,7 +176,10 @@ fn lent_rays<D: GpuDevice>(gpu: &mut D, query: &Query<'_>) -> Result<Option<Lent
     if !matches!(query.rays, Rays::OnDevice(_)) {
         return Ok(None);
     }
+    let bytes = (query.rays.count() * size_of::<Ray>()) as u64;
+    // If an earlier query failed, its buffers may still be there.
     let lent = gpu.lent().rays.pop_front();
+    let lent = lent.filter(|lent| D::size(&lent.rays).bytes >= bytes);
     let refused = || BackendError::no_rays_on_device(gpu.info().device.backend);
     lent.ok_or_else(refused).map(Some)
 }
