@@ -257,11 +257,15 @@ impl Driver {
         recording.number += 1;
     }
 
-    /// Submits the recorded stages of a frame that failed after its positions were recorded. Otherwise the next frame could adopt no tree,
-    /// because [`Backend::adopt`] panics if commands are not submitted.
+    /// Submits the recorded stages of a frame that failed after its positions were recorded. Otherwise the next frame
+    /// could adopt no tree, because [`Backend::adopt`] panics if commands are not submitted.
     fn submit_refused(&mut self) -> Result<(), PipelineError> {
-        if std::mem::take(&mut self.recording.is_refused) {
-            self.backend.submit()?;
+        if std::mem::take(&mut self.recording.is_refused)
+            && let Err(e) = self.backend.submit()
+        {
+            // Requested positions do not arrive.
+            self.trees.next.advance(Event::FramesDropped);
+            return Err(e.into());
         }
         Ok(())
     }
