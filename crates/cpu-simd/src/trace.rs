@@ -85,7 +85,8 @@ impl<'a, T: ClosestSearch> WideTracer<'a, T> {
     /// Converts the hits of a packet. `back` is the factor from the packet's distances to units of the caller's rays.
     #[inline(always)]
     fn unpack<I: Isa>(&self, hits: &PacketHits<I::Packet>, back: I::Packet) -> LaneAnswers {
-        let t = hits.t.mul(back).store();
+        // If a negative `t` underflows, it becomes +0, as for single rays.
+        let t = hits.t.mul(back).add(I::Packet::splat(0.0)).store();
         let (u, v) = (hits.u.store(), hits.v.store());
         let mut answers = LaneAnswers::NOTHING;
         for (lane, &t) in t.as_ref().iter().enumerate() {

@@ -29,7 +29,11 @@ fn main() -> ExitCode {
 type Test = (&'static str, fn(Box<dyn Backend>) -> Box<dyn Backend>);
 
 /// Tests of every device. Each returns the backend for the next test.
-const OF_DEVICES: [Test; 5] = [
+const OF_DEVICES: [Test; 6] = [
+    (
+        "distances_that_underflow_are_positive",
+        rounding::underflowing_distances,
+    ),
     (
         "shadows_ignore_overflowing_edges",
         rounding::overflowing_edges,

@@ -8,6 +8,29 @@ use geom::{Animation, Camera, Point, Ray};
 use integration::stage::{LoadedBackend, separate_triangles};
 use std::sync::Arc;
 
+/// A triangle just behind the start of equal rays, which a host traces as a packet. The distance underflows to zero.
+pub(crate) fn underflowing_distances(backend: Box<dyn Backend>) -> Box<dyn Backend> {
+    let (size, depth) = ((-60_f32).exp2(), (-91_f32).exp2());
+    let corners = [
+        [-size, -size, -depth],
+        [size, -size, -depth],
+        [0.0, size, -depth],
+    ];
+    let animation = separate_triangles(vec![corners.to_vec()]);
+    let ray = Ray {
+        origin: [0.0; 3],
+        t_min: -1.0,
+        direction: [0.0, 0.0, 60_f32.exp2()],
+        t_max: 1.0,
+    };
+    let mut stage = LoadedBackend::over(backend, &animation, Intersector::Watertight);
+    stage.adopt_tree_at(0.0);
+    for hit in stage.closest(0.0, &[ray; 16]).closest {
+        assert_eq!((hit.triangle, hit.t.to_bits()), (0, 0));
+    }
+    stage.into_backend()
+}
+
 /// The edges of the first triangle overflow. The second one blocks the light, but not the ray.
 pub(crate) fn overflowing_edges(backend: Box<dyn Backend>) -> Box<dyn Backend> {
     let wall = [[3e38, -3e38, -1e38], [3e38, 3e38, -1e38], [3e38, 0.0, 2e38]];
