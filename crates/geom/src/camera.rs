@@ -77,7 +77,12 @@ impl Camera {
         } = pose;
         let [from, to, up] = [eye, target, up].map(|p| p.map(f64::from));
         let forward = unit(std::array::from_fn(|i| to[i] - from[i]))?;
-        let right = unit(cross(forward, unit(up)?))?;
+        let side = cross(forward, unit(up)?);
+        // The cross product of parallel unit vectors is at most its rounding error.
+        if side.iter().all(|x| x.abs() < 4.0 * f64::EPSILON) {
+            return None;
+        }
+        let right = unit(side)?;
         let up = cross(right, forward);
         if !(fov_degrees > 0.0 && fov_degrees < 180.0) || width == 0 || height == 0 {
             return None;
@@ -162,6 +167,7 @@ mod tests {
             CameraPose::new([1.0; 3], [1.0; 3]),
             CameraPose::new([0.0; 3], [0.0, 1.0, 0.0]),
             ahead.with_up([0.0, 0.0, -2.0]),
+            CameraPose::new([0.0; 3], [1.0, 2.0, 5.0]).with_up([3.0, 6.0, 15.0]),
             ahead.with_fov(f32::NAN),
         ] {
             assert!(Camera::look_at(pose, [8, 8]).is_none(), "{pose:?}");
