@@ -119,8 +119,7 @@ impl ConformSettings {
 
     /// Returns the command that reproduces a disagreement.
     fn command(&self, found: &Disagreement) -> String {
-        let adapter = self.test.adapter.as_deref();
-        let adapter = adapter.map_or(String::new(), |a| format!(" --adapter '{a}'"));
+        let adapter = self.test.adapter_option();
         let (backend, options) = (found.backend, found.options());
         format!("abvh conform --backend {backend}{adapter} {options}")
     }

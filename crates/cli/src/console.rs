@@ -22,7 +22,7 @@ pub(crate) fn print(text: &str) -> Result<(), CliError> {
 
 pub(crate) fn print_json(value: &impl serde::Serialize) -> Result<(), CliError> {
     let text = serde_json::to_string_pretty(value).map_err(CliError::failed)?;
-    print(&format!("{text}\n"))
+    print(&format!("{}\n", plain_json(&text)))
 }
 
 /// Returns the width of the terminal on standard output: `COLUMNS` if set, else the terminal's own value. Returns
@@ -60,10 +60,31 @@ fn is_unseen(c: char) -> bool {
     )
 }
 
+/// Returns whether a character could control the terminal or is invisible.
+fn needs_escape(c: char) -> bool {
+    c.is_control() || is_unseen(c)
+}
+
+/// Escapes the same characters of JSON text as [`plain`], except line breaks. The escapes of [`plain`] are invalid in
+/// JSON.
+fn plain_json(json: &str) -> String {
+    let mut escaped = String::with_capacity(json.len());
+    for c in json.chars() {
+        if needs_escape(c) && c != '\n' {
+            for unit in c.encode_utf16(&mut [0; 2]) {
+                escaped += &format!("\\u{unit:04x}");
+            }
+        } else {
+            escaped.push(c);
+        }
+    }
+    escaped
+}
+
 /// Escapes control characters and invisible characters, except those in `kept`. Names and values can come from
 /// untrusted sources, and terminals execute control sequences.
 pub(crate) fn plain<'a>(text: &'a str, kept: &[char]) -> Cow<'a, str> {
-    let is_escaped = |c: char| (c.is_control() || is_unseen(c)) && !kept.contains(&c);
+    let is_escaped = |c: char| needs_escape(c) && !kept.contains(&c);
     if !text.contains(is_escaped) {
         return Cow::Borrowed(text);
     }
@@ -144,5 +165,14 @@ mod tests {
         let spelt = "a\\u{202e}jbo\\u{200b}.\\u{2028}\\u{feff}x\\u{2066}";
         assert_eq!(plain(name, &['\n']), spelt);
         assert!(matches!(plain("مرحبا שלום", &[]), Cow::Borrowed(_)));
+    }
+
+    #[test]
+    fn json_remains_valid() {
+        let names = ["\u{200d}\u{ad}.obj", "\u{7f}\u{9b}\u{e0041}", "a\nb é\\"];
+        let text = plain_json(&serde_json::to_string_pretty(&names).unwrap());
+        assert!(matches!(plain(&text, &['\n']), Cow::Borrowed(_)), "{text}");
+        let read: Vec<String> = serde_json::from_str(&text).unwrap();
+        assert_eq!(read, names);
     }
 }

@@ -33,7 +33,8 @@ impl<'a> CommandFiles<'a> {
             return Ok(());
         }
         for scene in scenes {
-            let files = scene::files(scene)?.into_iter();
+            // Outside files are protected even if they are not read.
+            let files = scene::files(scene, true)?.into_iter();
             self.read.extend(files.map(|file| ("SCENE", file)));
         }
         self.check_apart()?;
@@ -98,11 +99,12 @@ fn regular_path(file: &Path) -> Option<PathBuf> {
     (!is_special).then(|| absolute(file))
 }
 
-/// Returns the absolute path of a file. Resolves symbolic links in the file or, if it does not exist, in its folder.
+/// Returns the absolute path of a file, which may not exist. Resolves symbolic links.
 pub(crate) fn absolute(file: &Path) -> PathBuf {
     if let Ok(whole) = fs::canonicalize(file) {
         return whole;
     }
+    let file = &output::follow_links(file);
     let folder = host::parent(file);
     let absolute = || std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
     let folder = fs::canonicalize(folder).unwrap_or_else(|_| absolute());

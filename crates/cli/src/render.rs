@@ -21,7 +21,7 @@ use crate::tracer_settings::{TracerSettings, Workload};
 use abvh::Tracer;
 use abvh::frames::{Frame, FrameRecord, OutputSelection};
 use clap::Args;
-use files::FrameFiles;
+use files::{FrameFiles, NewFolders};
 use frame_writer::{FrameContext, FrameLog, FrameWriter};
 use output::{SCHEMA, Video, VideoFiles};
 use resume::{DividedFrames, EarlierRun, RunPlan};
@@ -111,6 +111,12 @@ impl RunCommand for RenderSettings {
             return finish_empty_shard(self, earlier, &files, &scene, &plan);
         }
         let lit_camera = self.camera.aim(&scene)?;
+        // Declared before the video, whose unfinished file must be removed before its folder.
+        let mut new_folders = NewFolders::default();
+        if files.has_video {
+            // The video may be in a new output folder.
+            files.create_folders(&mut new_folders)?;
+        }
         // The encoder starts while the device is opened.
         let videos = VideoFiles {
             encoded: self.video.as_deref(),
@@ -131,13 +137,8 @@ impl RunCommand for RenderSettings {
         let on_device = tracer.prepare_frames(lit_camera.view(), wanted)?;
         // If the host shades, it needs the hits of each frame. They count towards the memory limit of the frame writer.
         wanted.hits |= wanted.pixels && !on_device;
-        let new_folders = files.create_folders()?;
-        self.write_rays(&scene, &lit_camera).inspect_err(|_| {
-            // The run ends here, so remove the folders that it created.
-            for folder in &new_folders {
-                let _ = std::fs::remove_dir(folder);
-            }
-        })?;
+        files.create_folders(&mut new_folders)?;
+        self.write_rays(&scene, &lit_camera)?;
         let DividedFrames { done, todo } = earlier.divide(frames, &files);
         let stats = statistics_of(self, &scene, &setup);
         let mut journals = earlier.begin(self, &plan, &stats)?;
@@ -186,6 +187,11 @@ impl RenderSettings {
 
     /// Fails if an output would overwrite an input or another output, or cannot be written.
     fn check_files(&self) -> Result<(), CliError> {
+        let outputs = [&self.stats, &self.y4m].map(Option::as_deref);
+        if outputs == [Some(Path::new("-")); 2] {
+            let message = "--stats - and --y4m - cannot share standard output";
+            return Err(CliError::invalid(message));
+        }
         let pictures = (!self.no_images).then(|| ("--out", self.out.clone()));
         let hits = self.hits.clone().map(|dir| ("--hits", dir));
         let files = CommandFiles {
@@ -276,7 +282,8 @@ fn finish_empty_shard(
     scene: &Scene,
     plan: &RunPlan,
 ) -> Result<(), CliError> {
-    files.create_folders()?;
+    let mut new_folders = NewFolders::default();
+    files.create_folders(&mut new_folders)?;
     earlier.begin(settings, plan, &Value::Null)?;
     let scene = scene_source::scene_facts(scene);
     let stats = json!({ "schema": SCHEMA, "version": VERSION, "scene": scene });

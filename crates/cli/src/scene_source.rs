@@ -20,7 +20,7 @@ pub(crate) struct SceneSettings {
     pub(crate) clip: Option<String>,
     /// Let a scene's files refer to files outside its folder (mtllib of OBJ, URIs of glTF)
     #[arg(long)]
-    allow_outside: bool,
+    pub(crate) allow_outside: bool,
     /// Subtract the scene's centre in double precision before coordinates are rounded to single precision. Points and
     /// rays on the command line and in files are still given in the scene's original coordinates
     #[arg(long)]

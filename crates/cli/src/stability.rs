@@ -58,6 +58,7 @@ impl RunCommand for StabilitySettings {
         intersectors.retain(|intersector| self.intersector.contains(intersector));
         let report = StabilityReport {
             tested,
+            adapter_option: self.test.adapter_option(),
             seed: self.seed,
             rays: self.rays,
             rows: self.measure(&intersectors, &mut backends)?,
@@ -132,6 +133,9 @@ impl StabilitySettings {
 struct StabilityReport {
     #[serde(flatten)]
     tested: TestedBackends,
+    /// `--adapter` of the commands that reproduce failures, or empty.
+    #[serde(skip)]
+    adapter_option: String,
     seed: u64,
     /// Number of rays of each family.
     rays: u32,
@@ -244,8 +248,9 @@ impl StabilityReport {
         });
         let out = out.collect::<Vec<_>>().join("; ");
         let (family, seed, rays) = (row.cell.family, self.seed, self.rays);
+        let adapter = &self.adapter_option;
         format!(
-            "{backend} {intersector} {family}: {out}\n    abvh stability --backend {backend} --intersector {intersector} --seed {seed} --rays {rays}\n"
+            "{backend} {intersector} {family}: {out}\n    abvh stability --backend {backend}{adapter} --intersector {intersector} --seed {seed} --rays {rays}\n"
         )
     }
 }
@@ -281,6 +286,7 @@ mod tests {
         ];
         let cell = StabilityCell::new(Family::Edges, by, counts, Arithmetic::IEEE);
         StabilityReport {
+            adapter_option: " --adapter 'y'".to_owned(),
             seed: 9,
             rays: 2000,
             rows: vec![StabilityRow {
@@ -301,7 +307,7 @@ mod tests {
         let text = bad.text(&Intersector::ALL) + &bad.tables("x", &Intersector::ALL);
         for part in [
             "x exact edges: wrong 1 of 2,000 (0.050%), expected none; leaks 2 of 1,000 (0.200%), expected none\n",
-            "\n    abvh stability --backend x --intersector exact --seed 9 --rays 2000\n",
+            "\n    abvh stability --backend x --adapter 'y' --intersector exact --seed 9 --rays 2000\n",
             "WORSE 0.050% 1",
             "WORSE 0.200% 2, 0",
         ] {

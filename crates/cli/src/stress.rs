@@ -145,6 +145,7 @@ struct SubmittedStep {
 
 impl<'a> StreamedMotion<'a> {
     fn new(animation: &'a Animation, poses: usize, rays: FrameRays<'a>) -> Result<Self, CliError> {
+        check_poses(poses, animation.vertex_count())?;
         let last = (poses - 1).max(1) as f64;
         let pose = |i: usize| -> Result<Vec<Point>, CliError> {
             let time = animation.end() * i as f64 / last;
@@ -202,6 +203,17 @@ impl<'a> StreamedMotion<'a> {
         })?;
         self.checked().map(|pose| tracer.hits(pose)).collect()
     }
+}
+
+/// Refuses poses that exceed the host's free memory.
+fn check_poses(poses: usize, vertices: usize) -> Result<(), CliError> {
+    let pose_bytes = (vertices as u64).saturating_mul(size_of::<Point>() as u64);
+    let checked = host::check_memory(pose_bytes.saturating_mul(poses as u64));
+    checked.map_err(|e| {
+        CliError::invalid(format!(
+            "--poses {poses} of {vertices} vertices: {e}; use fewer poses"
+        ))
+    })
 }
 
 /// A tracer whose only mesh is streamed.
@@ -343,5 +355,18 @@ impl StressRun {
             checked,
             wrong,
         })
+    }
+}
+
+// On other systems the free memory is unknown.
+#[cfg(all(test, target_os = "linux"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn poses_must_fit_in_memory() {
+        assert!(check_poses(2, 3).is_ok());
+        let refused = check_poses(100_000, 1 << 40).unwrap_err();
+        assert!(matches!(refused, CliError::InvalidRequest(why) if why.contains("--poses")));
     }
 }

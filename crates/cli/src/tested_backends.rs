@@ -96,6 +96,12 @@ pub(crate) struct OpenedBackends {
 }
 
 impl TestSettings {
+    /// Returns `--adapter` for a command that reproduces a result, after a space, or nothing if it is not set.
+    pub(crate) fn adapter_option(&self) -> String {
+        let adapter = self.adapter.as_deref();
+        adapter.map_or(String::new(), |a| format!(" --adapter '{a}'"))
+    }
+
     /// Opens the named backends. `auto` stands for all available backends except the reference.
     pub(crate) fn open(&self) -> Result<OpenedBackends, CliError> {
         let (mut backends, mut absent) = (Vec::new(), Vec::new());

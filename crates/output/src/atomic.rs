@@ -182,12 +182,26 @@ fn is_pipe(_: &Path) -> io::Result<bool> {
 /// Returns the regular file, existing or new, that a path leads to. Returns `None` for a device, a pipe or a socket.
 fn plain_target(path: &Path) -> io::Result<Option<PathBuf>> {
     match fs::metadata(path) {
-        Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(Some(path.to_owned())),
+        Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(Some(follow_links(path))),
         Err(e) => Err(e),
         Ok(m) if m.is_dir() => Err(io::ErrorKind::IsADirectory.into()),
         Ok(m) if m.is_file() => fs::canonicalize(path).map(Some),
         Ok(_) => Ok(None),
     }
+}
+
+/// Follows symbolic links at `path`, even if the last one leads to no file. Stops after 40 links, like Linux, because
+/// links can form a cycle.
+#[must_use]
+pub fn follow_links(path: &Path) -> PathBuf {
+    let mut target = path.to_owned();
+    for _ in 0..40 {
+        match fs::read_link(&target) {
+            Ok(next) => target = host::parent(&target).join(next),
+            Err(_) => break,
+        }
+    }
+    target
 }
 
 /// Removes temporary files of killed runs in `dir`: those that no living process has locked.
@@ -334,6 +348,12 @@ mod tests {
         write_whole(&link, b"new").unwrap();
         assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
         assert_eq!(fs::read(&file).unwrap(), b"new");
+        let [dangling, absent] = ["dangling", "absent"].map(|n| dir.path().join(n));
+        symlink("absent", &dangling).unwrap();
+        check_writable(&dangling).unwrap();
+        write_whole(&dangling, b"new").unwrap();
+        assert!(fs::symlink_metadata(&dangling).unwrap().is_symlink());
+        assert_eq!(fs::read(&absent).unwrap(), b"new");
         remove_special_file(&link).unwrap();
         remove_special_file(&file).unwrap();
         write_whole(&link, b"newer").unwrap();

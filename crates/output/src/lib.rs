@@ -15,8 +15,8 @@ mod stats;
 mod video;
 
 pub use atomic::{
-    OutputError, check_dir, check_writable, prepare_dir, remove_special_file, remove_unfinished,
-    write_whole, write_with,
+    OutputError, check_dir, check_writable, follow_links, prepare_dir, remove_special_file,
+    remove_unfinished, write_whole, write_with,
 };
 pub use hits::{HitArrays, write_any_hits};
 pub use journal::{

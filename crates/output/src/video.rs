@@ -61,8 +61,7 @@ impl<F: AsRef<VideoPlanes> + Send + 'static> Video<F> {
         }
         let (frames, receiver) = channel();
         let [width, height] = size.map(|n| n as usize);
-        // The frame rate has a resolution of 0.001 per second.
-        let rate = y4m::Ratio::new((fps * 1000.0).round() as usize, 1000);
+        let rate = frame_rate(fps);
         let header = move || y4m::encode(width, height, rate);
         let thread = thread::Builder::new().spawn(move || write(&receiver, sinks, &header));
         let thread =
@@ -101,6 +100,11 @@ impl<F: AsRef<VideoPlanes> + Send + 'static> Video<F> {
         let ended = self.thread.take().map_or(Ok(Ok(())), JoinHandle::join);
         ended.unwrap_or_else(|e| std::panic::resume_unwind(e))
     }
+}
+
+/// Returns the frame rate with a resolution of 0.001 per second. It is at least 0.001, because 0 is no valid rate.
+fn frame_rate(fps: f64) -> y4m::Ratio {
+    y4m::Ratio::new((fps * 1000.0).round().max(1.0) as usize, 1000)
 }
 
 fn write<F: AsRef<VideoPlanes>>(
@@ -242,6 +246,9 @@ impl Encoder {
             ),
             _ => OutputError(format!("--video: ffmpeg cannot be started: {e}")),
         };
+        // `ffmpeg` takes a relative path that begins with `-` as an option, and text before a `:` as a protocol. The
+        // path of a pipe is relative if the user gives it so.
+        let file = std::path::absolute(file).map_err(cannot)?;
         let complaints = tempfile::tempfile().map_err(cannot)?;
         let mut child = Command::new("ffmpeg")
             .args("-loglevel error -y -f yuv4mpegpipe -i pipe:0".split(' '))
@@ -289,5 +296,18 @@ impl Drop for Encoder {
     fn drop(&mut self) {
         let _ = self.child.kill();
         let _ = self.child.wait();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frame_rate_is_positive() {
+        for (fps, expected) in [(0.0004, 1), (0.001, 1), (23.976, 23_976)] {
+            let rate = frame_rate(fps);
+            assert_eq!((rate.num, rate.den), (expected, 1000), "{fps}");
+        }
     }
 }

@@ -14,70 +14,89 @@ use std::path::{Path, PathBuf};
 /// Returns all files that determine the content of the scene `spec`: key frames, materials and buffers.
 ///
 /// The list is sorted and has no duplicates. Demos have no files. Fails if an input does not exist, but a glob may have
-/// no match. Missing material libraries and buffers are not listed.
-pub fn files(spec: &str) -> Result<Vec<PathBuf>> {
-    let mut all = Vec::new();
+/// no match. Material libraries and buffers are listed only if they exist and can be opened. Unless `allow_outside` is
+/// set, those outside their scene's folder are not listed, because [`open`](crate::open) does not read them.
+pub fn files(spec: &str, allow_outside: bool) -> Result<Vec<PathBuf>> {
+    let mut list = FileList {
+        allow_outside,
+        all: Vec::new(),
+    };
     for input in inputs(spec, &exists)? {
         if !input.spec.starts_with("demo:") {
-            of_input(input.spec, &mut all)?;
+            list.add_input(input.spec)?;
         }
     }
-    all.sort();
-    all.dedup();
-    Ok(all)
+    list.all.sort();
+    list.all.dedup();
+    Ok(list.all)
 }
 
-fn of_input(spec: &str, all: &mut Vec<PathBuf>) -> Result<()> {
-    let path = &path(spec);
-    match fs::metadata(path) {
-        Ok(metadata) if metadata.is_dir() => in_folder(path, all),
-        Ok(_) => with_companions(path, all),
-        Err(_) if is_pattern(spec) => {
-            let files = matches(spec)?.filter_map(Result::ok);
-            let mut files = files.filter(|f| f.is_file());
-            files.try_for_each(|f| with_companions(&f, all))
+/// Files found so far.
+struct FileList {
+    allow_outside: bool,
+    all: Vec<PathBuf>,
+}
+
+impl FileList {
+    fn add_input(&mut self, spec: &str) -> Result<()> {
+        let path = &path(spec);
+        match fs::metadata(path) {
+            Ok(metadata) if metadata.is_dir() => self.add_folder(path),
+            Ok(_) => self.add_with_companions(path),
+            Err(_) if is_pattern(spec) => {
+                let files = matches(spec)?.filter_map(Result::ok);
+                let mut files = files.filter(|f| f.is_file());
+                files.try_for_each(|f| self.add_with_companions(&f))
+            }
+            Err(e) => Err(SceneError::unreadable(path, e)),
         }
-        Err(e) => Err(SceneError::unreadable(path, e)),
+    }
+
+    fn add_folder(&mut self, folder: &Path) -> Result<()> {
+        for file in entries(folder)?.into_iter().filter(|f| f.is_file()) {
+            if matches!(extension(&file).as_str(), "obj" | "ply") {
+                self.add_with_companions(&file)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds a file and the files that it refers to.
+    fn add_with_companions(&mut self, file: &Path) -> Result<()> {
+        let unreadable = |e| SceneError::unreadable(file, e);
+        self.all.push(file.to_owned());
+        if !file.is_file() {
+            return Ok(());
+        }
+        let folder = Folder::of(file, self.allow_outside);
+        let mut names = match extension(file).as_str() {
+            "obj" => {
+                let statements = material_statements(file).map_err(unreadable)?;
+                let names = statements.iter().map(|text| library_names(&folder, text));
+                names.flatten().collect()
+            }
+            "gltf" | "glb" => buffer_files(file).map_err(unreadable)?,
+            _ => Vec::new(),
+        };
+        names.retain(|name| folder.permitted(name).is_ok());
+        let folder = file.parent().unwrap_or(Path::new(""));
+        let files = names.iter().map(|name| folder.join(name));
+        // A library that cannot be opened does not affect the scene.
+        self.all.extend(files.filter(|f| host::open(f).is_ok()));
+        Ok(())
     }
 }
 
-fn in_folder(folder: &Path, all: &mut Vec<PathBuf>) -> Result<()> {
-    for file in entries(folder)?.into_iter().filter(|f| f.is_file()) {
-        if matches!(extension(&file).as_str(), "obj" | "ply") {
-            with_companions(&file, all)?;
-        }
-    }
-    Ok(())
-}
-
-/// Adds a file and the files that it refers to.
-fn with_companions(file: &Path, all: &mut Vec<PathBuf>) -> Result<()> {
-    let unreadable = |e| SceneError::unreadable(file, e);
-    all.push(file.to_owned());
-    if !file.is_file() {
-        return Ok(());
-    }
-    let folder = Folder::of(file, true);
-    let names = match extension(file).as_str() {
-        "obj" => {
-            let statements = material_statements(file).map_err(unreadable)?;
-            let names = statements.iter().map(|text| library_names(&folder, text));
-            names.flatten().collect()
-        }
-        "gltf" | "glb" => buffer_files(file).map_err(unreadable)?,
-        _ => Vec::new(),
-    };
-    let folder = file.parent().unwrap_or(Path::new(""));
-    all.extend(names.iter().map(|n| folder.join(n)).filter(|f| f.is_file()));
-    Ok(())
-}
-
-/// Returns the text after each `mtllib`. Splits lines as the OBJ reader does, but does not join continued lines.
+/// Returns the text after each `mtllib`. Splits lines and skips a byte order mark as the OBJ reader does, but does not
+/// join continued lines.
 fn material_statements(obj: &Path) -> std::io::Result<Vec<String>> {
     let mut names = Vec::new();
-    for part in BufReader::new(fs::File::open(obj)?).split(b'\n') {
+    let parts = BufReader::new(fs::File::open(obj)?).split(b'\n');
+    for (i, part) in parts.enumerate() {
         let part = part?;
-        let found = lines(&part).filter_map(|line| {
+        let unmarked = part.strip_prefix("\u{feff}".as_bytes());
+        let text = unmarked.filter(|_| i == 0).unwrap_or(&part);
+        let found = lines(text).filter_map(|line| {
             let rest = line.trim_ascii_start().strip_prefix(b"mtllib")?;
             rest.first()
                 .is_some_and(u8::is_ascii_whitespace)
@@ -107,6 +126,7 @@ mod tests {
         let g = put("g.gltf", buffers);
         let d = put("d e.bin", "");
         let name = |p: &Path| p.display().to_string();
+        let files = |spec: &str| files(spec, false);
         let folder = files(&name(&dir.path().join("a"))).unwrap();
         assert_eq!(folder, [&a, &b, &x, &y].map(PathBuf::clone));
         assert_eq!(files(&name(&a)).unwrap(), [a, x]);
@@ -120,16 +140,29 @@ mod tests {
     fn finds_referenced_files_like_the_readers() {
         let dir = tempfile::tempdir().unwrap();
         let put = |name: &str, bytes: &[u8]| put(&dir, name, bytes);
-        let listed = |file: &Path| files(&file.display().to_string()).unwrap();
+        let listed = |file: &Path| files(&file.display().to_string(), false).unwrap();
         let [x, y] = ["a/x.mtl", "a/y.mtl"].map(|name| put(name, b""));
         let spaces = put("two words.mtl", b"");
         let obj = put("b.obj", b"mtllib a/x.mtl a\\y.mtl\nmtllib two words.mtl\n");
-        assert_eq!(listed(&obj), [x, y, obj.clone(), spaces]);
+        assert_eq!(listed(&obj), [x.clone(), y, obj.clone(), spaces]);
+        let marked = put("c.obj", "\u{feff}mtllib a/x.mtl\n".as_bytes());
+        assert_eq!(listed(&marked), [x, marked.clone()]);
         let json = br#"{"asset":{"version":"2.0"},"buffers":[{"byteLength":4,"uri":"d%20e.bin"}]}"#;
         let word = |n: usize| (n as u32).to_le_bytes();
         let header = [*b"glTF", word(2), word(20 + json.len()), word(json.len())].concat();
         let buffer = put("d e.bin", b"");
         let glb = put("g.glb", &[&header[..], b"JSON", json].concat());
         assert_eq!(listed(&glb), [buffer, glb.clone()]);
+    }
+
+    #[test]
+    fn outside_files_require_permission() {
+        let dir = tempfile::tempdir().unwrap();
+        put(&dir, "out.mtl", "");
+        let obj = put(&dir, "a/1.obj", "mtllib ../out.mtl\n");
+        let spec = obj.display().to_string();
+        let outside = dir.path().join("a/../out.mtl");
+        assert_eq!(files(&spec, false).unwrap(), std::slice::from_ref(&obj));
+        assert_eq!(files(&spec, true).unwrap(), [outside, obj]);
     }
 }

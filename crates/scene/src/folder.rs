@@ -29,19 +29,27 @@ impl Folder {
     /// Reads a regular file by its name relative to the folder.
     ///
     /// # Errors
-    /// Returns the errors of [`host::read`]. Returns [`ErrorKind::PermissionDenied`] if the file, after links are
-    /// resolved, is outside the folder and `allow_outside` is not set.
+    /// Returns the errors of [`Self::permitted`] and [`host::read`].
     pub(crate) fn read(&self, name: &str) -> io::Result<Vec<u8>> {
+        host::read(&self.permitted(name)?)
+    }
+
+    /// Returns the path of the file with this name relative to the folder.
+    ///
+    /// # Errors
+    /// Returns [`ErrorKind::PermissionDenied`] if the file, after links are resolved, is outside the folder and
+    /// `allow_outside` is not set.
+    pub(crate) fn permitted(&self, name: &str) -> io::Result<PathBuf> {
         let path = self.path(name);
         if self.allow_outside {
-            return host::read(&path);
+            return Ok(path);
         }
         let (file, folder) = (fs::canonicalize(&path)?, fs::canonicalize(&self.folder)?);
         if !file.starts_with(&folder) {
             let message = "it is outside the scene's folder; --allow-outside permits it";
             return Err(io::Error::new(ErrorKind::PermissionDenied, message));
         }
-        host::read(&file)
+        Ok(file)
     }
 }
 

@@ -62,6 +62,7 @@ fn different_run(sandbox: &Sandbox) {
         ("--frames 4", "frames"),
         ("--frames 3 --intersector exact", "intersector"),
         ("--frames 3 --light 1,2,3", "light"),
+        ("--frames 3 --allow-outside", "allow-outside"),
     ] {
         for resume in ["", "--resume"] {
             let words = format!("{SMALL} {words} {resume} --out o");
@@ -119,6 +120,10 @@ fn finished(sandbox: &Sandbox) {
     // A run without frames left does not open its device.
     let elsewhere = words.replace("--backend cpu", "--backend vulkan --adapter none");
     sandbox.run_ok(&format!("{elsewhere} --resume"));
+    // An existing file may contain the rays of another run.
+    sandbox.write("r.npy", "stale");
+    sandbox.run_ok(&format!("{words} --resume --rays-out r.npy"));
+    assert!(sandbox.read("r.npy").starts_with(b"\x93NUMPY"));
     // Endless files are refused before they are compared with the previous run's.
     if cfg!(unix) {
         let says = ["/dev/zero", "a device is not a regular file"];
@@ -157,6 +162,10 @@ fn empty_shard(sandbox: &Sandbox) {
         assert!(is_told == [1, 2, 4].contains(&i), "{}", run.stdout);
     };
     shard(1, "o");
+    let resumed =
+        "render in --size 32x24 --frames 2 --quiet --backend cpu --shard 1/5 --out o --resume";
+    let (_, stats) = sandbox.run_json(resumed, "--stats");
+    assert!(stats["scene"]["triangles"] == 2, "{stats}");
     shard(1, "apart");
     sandbox.run("merge o").fails(1, &["2 of 2", "0, 1"]);
     shard(3, "o");
@@ -243,6 +252,8 @@ fn overwritten_inputs(sandbox: &Sandbox) {
     }
     let here = "render frame_1.obj --backend cpu --frames 1 --out .";
     sandbox.assert_refused(here, &["may overwrite", "which is read"]);
+    let both = format!("{render} --stats - --y4m -");
+    sandbox.assert_refused(&both, &["--stats", "--y4m", "standard output"]);
     // Output folders only claim file names of their own pattern, and one device file may receive several outputs.
     let beside = "--rays-out r.npy --stats o/stats.json --y4m frame_0000.y4m";
     sandbox.run_ok(&format!("{render} {beside}"));
@@ -266,9 +277,12 @@ fn invalid_runs(sandbox: &Sandbox) {
         "--out new/deep --frames 0..900",
         "--out new --stats no/such/s.json",
         "--out new --hits file/h",
-        "--out new --adapter 99 --backend vulkan",
     ] {
         sandbox.assert_refused(&format!("{SMALL} {words}"), &[]);
+    }
+    let elsewhere = SMALL.replace("--backend cpu", "--backend vulkan --adapter 99");
+    for words in ["--out new", "--out new/deep --y4m new/deep/a.y4m"] {
+        sandbox.assert_refused(&format!("{elsewhere} {words}"), &[]);
     }
     if cfg!(target_os = "linux") {
         let run = sandbox.run(&format!("{SMALL} --out new/deep --rays-out /dev/full"));

@@ -14,6 +14,8 @@ pub(crate) fn trials() -> Vec<Trial> {
         trial("video::encoder_receives_frames_in_order", encoded),
         #[cfg(unix)]
         trial("video::failed_encoder_leaves_no_video", fails),
+        #[cfg(unix)]
+        trial("video::signal_outranks_interrupted_encoder", interrupted),
     ]
 }
 
@@ -46,6 +48,11 @@ fn raw(sandbox: &Sandbox) {
         }
     }
     assert!(decoder.read_frame().is_err());
+    // The video may be in an output folder that the run creates.
+    sandbox.run_ok(&format!(
+        "{RUN} --fps 12.5 --out new/deep --y4m new/deep/a.y4m"
+    ));
+    assert!(sandbox.read("new/deep/a.y4m") == file);
     // `--y4m -` writes the video to standard output, and messages to standard error.
     let words = format!("{RUN} --no-images --fps 12.5 --y4m -");
     let output = integration::program::run_where(sandbox.path(), words.split(' '), &[]);
@@ -139,4 +146,16 @@ fn fails(sandbox: &Sandbox) {
         run.fails(1, &[says]);
         assert!(sandbox.files().iter().all(|file| file.starts_with("bin")));
     }
+}
+
+/// Interrupts the run and the encoder after the last frame, as Ctrl-C on a terminal does.
+#[cfg(unix)]
+fn interrupted(sandbox: &Sandbox) {
+    // The encoder fails before the grace period ends the run, one second after the signal.
+    let script = "cat > \"$last\"; kill -INT $PPID; sleep 0.3; exit 255";
+    let path = encoder(sandbox, script);
+    let words = format!("{RUN} --no-images --video a.webm");
+    let run = sandbox.run_where(&words, &[("PATH", &path)]);
+    assert_eq!(run.code, Some(130), "{}", run.stderr);
+    assert!(sandbox.files().iter().all(|file| file.starts_with("bin")));
 }

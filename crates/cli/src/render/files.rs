@@ -14,6 +14,20 @@ pub(super) struct FrameFiles {
     pub(super) has_video: bool,
 }
 
+/// Folders that the run created, each after its parent. Dropping them removes the empty ones, so that a run that fails
+/// before it writes files leaves no folder.
+#[derive(Debug, Default)]
+pub(super) struct NewFolders(Vec<PathBuf>);
+
+impl Drop for NewFolders {
+    fn drop(&mut self) {
+        for folder in self.0.iter().rev() {
+            // Fails harmlessly for a folder that contains files.
+            let _ = std::fs::remove_dir(folder);
+        }
+    }
+}
+
 impl FrameFiles {
     /// Returns the outputs of a run. If the two folders are one folder under two names, both get the first name.
     pub(super) fn of(settings: &RenderSettings) -> Self {
@@ -30,15 +44,16 @@ impl FrameFiles {
         }
     }
 
-    /// Creates the folders and their parents. Returns the created folders, each before its parent.
-    pub(super) fn create_folders(&self) -> Result<Vec<PathBuf>, CliError> {
-        let mut all = Vec::new();
+    /// Creates the folders and their parents, and adds those that did not exist to `new_folders`.
+    pub(super) fn create_folders(&self, new_folders: &mut NewFolders) -> Result<(), CliError> {
         for dir in self.folders() {
             let above = dir.ancestors().filter(|d| !d.as_os_str().is_empty());
-            all.extend(above.take_while(|d| !d.exists()).map(Path::to_owned));
+            let missing: Vec<_> = above.take_while(|d| !d.exists()).collect();
+            let parents_first = missing.into_iter().rev().map(Path::to_owned);
+            new_folders.0.extend(parents_first);
             output::prepare_dir(&dir).map_err(CliError::invalid)?;
         }
-        Ok(all)
+        Ok(())
     }
 
     pub(super) fn folders(&self) -> Vec<PathBuf> {

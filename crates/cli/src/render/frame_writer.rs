@@ -146,11 +146,17 @@ impl<'a> FrameWriter<'a> {
         Ok(())
     }
 
-    /// Returns the rows of all frames, in any order. Fails if files of a frame could not be written.
+    /// Returns the rows of all frames, in any order. Fails if files of a frame or the video could not be written.
     pub(super) fn finish(self) -> Result<Vec<FrameRecord>, CliError> {
-        self.check()?;
-        let video = self.lock().video.take();
-        video.map_or(Ok(()), Video::finish)?;
+        let ended = self.check().and_then(|()| {
+            let video = self.lock().video.take();
+            video.map_or(Ok(()), Video::finish).map_err(CliError::from)
+        });
+        if ended.is_err() {
+            // On a terminal, Ctrl-C also interrupts the encoder. Report the signal, not the encoder's failure.
+            signals::check()?;
+        }
+        ended?;
         Ok(std::mem::take(&mut self.lock().rows))
     }
 

@@ -87,22 +87,24 @@ impl EarlierRun {
         row.cloned()
     }
 
-    /// Returns the rows of all frames if the run resumes and is complete, so that nothing needs to be loaded.
+    /// Returns the rows of all frames if the run resumes and is complete, so that nothing needs to be loaded. Returns
+    /// `None` for an empty shard, because its statistics describe the scene.
     pub(super) fn finished(
         &self,
         settings: &RenderSettings,
         files: &FrameFiles,
     ) -> Result<Option<Vec<FrameRecord>>, CliError> {
-        let rays = settings.rays_out.as_ref();
         let Some(found) = self.manifest.as_ref().filter(|_| settings.resume) else {
             return Ok(None);
         };
-        if files.has_video || rays.is_some_and(|file| !file.exists()) {
+        // The journal does not describe the video and the rays, so they are written again.
+        if files.has_video || settings.rays_out.is_some() {
             return Ok(None);
         }
         let all = all_frames(settings, found.key_frames)?;
         let frames = self.divide(frame_list::of_shard(&all, settings.shard), files);
-        Ok(frames.todo.is_empty().then_some(frames.done))
+        let is_complete = frames.todo.is_empty() && !frames.done.is_empty();
+        Ok(is_complete.then_some(frames.done))
     }
 
     /// Returns the statistics of the earlier run without its frames.
@@ -149,7 +151,7 @@ pub(super) fn all_frames(
 
 /// Returns the manifest of a run over a motion with `key_frames` key frames.
 pub(super) fn manifest(settings: &RenderSettings, key_frames: usize) -> Result<Manifest, CliError> {
-    let files = scene::files(&settings.scene)?;
+    let files = scene::files(&settings.scene, settings.source.allow_outside)?;
     // The name is recorded for demos, which have no files, and for joined or placed inputs, because it contains their
     // placements. Other scenes are identified by the digests of their files, so their folder may change.
     let is_placed = settings.scene.contains(['+', '@']);
@@ -179,6 +181,10 @@ fn other_options(settings: &RenderSettings, key_frames: usize) -> BTreeMap<Strin
         ("frames", frames_value(settings, key_frames)),
         ("intersector", json!(tracer.intersector.name())),
     ];
+    // Decides whether material libraries outside the folder are read, so it affects colours.
+    if source.allow_outside {
+        all.push(("allow-outside", json!(true)));
+    }
     if source.recentre {
         all.push(("recentre", json!(true)));
     }
