@@ -29,7 +29,11 @@ fn main() -> ExitCode {
 type Test = (&'static str, fn(Box<dyn Backend>) -> Box<dyn Backend>);
 
 /// Tests of every device. Each returns the backend for the next test.
-const OF_DEVICES: [Test; 6] = [
+const OF_DEVICES: [Test; 7] = [
+    (
+        "infinite_lights_cast_no_shadow_of_extreme_rays",
+        rounding::infinite_light,
+    ),
     (
         "distances_that_underflow_are_positive",
         rounding::underflowing_distances,

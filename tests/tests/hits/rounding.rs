@@ -31,6 +31,23 @@ pub(crate) fn underflowing_distances(backend: Box<dyn Backend>) -> Box<dyn Backe
     stage.into_backend()
 }
 
+/// An infinite light above two triangles. The ray is extreme, because it starts far away.
+pub(crate) fn infinite_light(backend: Box<dyn Backend>) -> Box<dyn Backend> {
+    let wall = [[0.0, -1.0, -1.0], [0.0, 2.0, -1.0], [0.0, 0.5, 3.0]];
+    let ceiling = [[-1.0, 2.5, -1.0], [1.0, 2.5, -1.0], [0.0, 2.5, 3.0]];
+    let animation = separate_triangles(vec![[wall, ceiling].concat()]);
+    let ray = Ray::new([2e12, 0.5, 0.0], [-1.0, 0.0, 0.0]);
+    let mut stage = LoadedBackend::over(backend, &animation, Intersector::Watertight);
+    stage.adopt_tree_at(0.0);
+    for y in [f32::INFINITY, f32::NAN] {
+        let light = [0.0, y, 0.0];
+        let kind = QueryKind::ClosestAndShadow { light };
+        let hits = stage.trace(0.0, Rays::List(&[ray]), kind);
+        assert_eq!((hits.closest[0].triangle, hits.blocked[0]), (0, 0));
+    }
+    stage.into_backend()
+}
+
 /// The edges of the first triangle overflow. The second one blocks the light, but not the ray.
 pub(crate) fn overflowing_edges(backend: Box<dyn Backend>) -> Box<dyn Backend> {
     let wall = [[3e38, -3e38, -1e38], [3e38, 3e38, -1e38], [3e38, 0.0, 2e38]];

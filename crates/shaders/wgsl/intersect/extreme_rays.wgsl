@@ -6,7 +6,7 @@ import package::geometry::range::{is_measured_extreme, makes_rays_extreme};
 import package::geometry::ray::MISS;
 import package::geometry::record::NO_TRIANGLE;
 import package::geometry::triangle::points_of;
-import package::geometry::units::{is_extreme, scale_bits};
+import package::geometry::units::{is_extreme, is_finite, scale_bits};
 import package::intersect::extreme::{any_extreme_hit, closest_extreme_hit};
 import package::intersect::line::{prepare_line, set_line, store_corners, store_determinant};
 import package::lib::buffers::{counts, hits, occluded};
@@ -100,7 +100,7 @@ fn is_in_extreme_shadow(origin: vec3<u32>, direction: vec3<u32>, hit: vec4<u32>)
         start[i] = add_saturated(point.at[i], offset);
         shadow_direction[i] = soft_add(bitcast<u32>(scale_bits(light[i], -1)), negate(bitcast<u32>(scale_bits(start[i], -1))));
     }
-    if all((shadow_direction & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u)) { return false; }
+    if !is_finite(shadow_direction) || all((shadow_direction & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u)) { return false; }
     // t is in (0, 2), because the direction is half the vector to the light.
     set_line(start, shadow_direction, 0u, 0x40000000u, 0);
     return any_extreme_hit(hit.w);
