@@ -57,6 +57,20 @@ pub(crate) fn cost_persists_until_next_refit(backend: &mut dyn Subject) {
     assert!(first.sah_cost.is_some() && told(&report(backend)) == told(&first));
 }
 
+/// The second refit has no treelet to process.
+pub(crate) fn cost_persists_between_equal_key_frames(backend: &mut dyn Subject) {
+    let moving = swarm(1000);
+    let key = moving.all_keys().unwrap()[0].to_vec();
+    let animation = Animation::new(vec![key.clone(), key], moving.triangles().to_vec());
+    let animation = Arc::new(animation.unwrap());
+    open(backend, &animation);
+    let [first, second] = [0.0, 0.5].map(|time| {
+        interpolate_and_refit(backend, &animation, time);
+        report(backend).sah_cost
+    });
+    assert!(first.is_some() && second == first, "{first:?} {second:?}");
+}
+
 /// The swarm without motion, except for a few of its triangles, which are close together.
 fn resting() -> Arc<Animation> {
     let swarm = swarm(share(200_000) as u32);

@@ -91,6 +91,7 @@ const SHARED: &[Test] = named![
     frames::shading_requires_a_palette,
     geometry::submission_accepts_many_stages,
     geometry::cost_persists_until_next_refit,
+    geometry::cost_persists_between_equal_key_frames,
     geometry::trees_of_any_shape_have_the_references_hits_and_boxes,
     geometry::large_trees_match_reference_boxes,
 ];

@@ -63,7 +63,9 @@ impl TreeProgress {
 
     /// Reports that the dispatches of [`Self::preprocess`] were recorded for `tree`.
     pub fn preprocessed(&mut self, tree: &Shape) {
-        self.has_refitted_all_levels = refits_all_levels(tree);
+        let moving = tree.moving.as_ref().filter(|_| self.has_records);
+        let has_run = levels(tree, moving).iter().any(|level| !level.is_empty());
+        self.has_refitted_all_levels = refits_all_levels(tree) && has_run;
         self.has_records = true;
     }
 
@@ -106,13 +108,13 @@ impl TreeProgress {
     /// exist, they only cover moving treelets.
     ///
     /// Each treelet has its own sum of areas. The workgroup that computes the root box adds all sums and stores the
-    /// total in a word of the counts. If there is only one level, a dispatch only adds the sums. Treelets that are
-    /// skipped keep their sums.
+    /// total in a word of the counts. If there is only one level or nothing moves, a dispatch only adds the sums.
+    /// Treelets that are skipped keep their sums.
     fn boxes(&self, params: Params, tree: &Shape) -> Vec<Work> {
         let moving = tree.moving.as_ref().filter(|_| self.has_boxes);
         let levels = levels(tree, moving);
         let (all, counter) = (tree.treelet_count(), self.sum_counter());
-        if levels.len() < 2 {
+        if levels.len() < 2 || levels.iter().all(Range::is_empty) {
             return vec![sum(params, all, counter)];
         }
         let own = |level| TreeletsParams {
@@ -274,5 +276,27 @@ mod tests {
             ("refit_treelets", 508, 1, 94, 1),
         ];
         assert_eq!(summaries(&work), listed);
+    }
+
+    #[test]
+    fn refits_sum_the_cost_if_nothing_moves() {
+        let tree = Shape {
+            leaf_count: 20_000,
+            treelets: vec![0..90, 90..93, 93..94],
+            moving: Some(MovingShape {
+                levels: vec![500..500, 500..500, 500..500],
+                degenerate_elsewhere: 0,
+            }),
+            ..Shape::default()
+        };
+        let (mut progress, params) = (TreeProgress::default(), Params::default());
+        progress.preprocessed(&tree);
+        assert!(progress.refit(params, &tree).is_empty());
+        progress.refitted();
+        progress.submitted();
+        progress.preprocessed(&tree);
+        let work = progress.refit(params, &tree);
+        let entries: Vec<_> = work.iter().map(|w| w.kernel.entry).collect();
+        assert_eq!(entries, ["sum_costs"]);
     }
 }
