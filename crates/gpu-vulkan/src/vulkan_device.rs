@@ -336,14 +336,18 @@ impl GpuDevice for VulkanDevice {
         count: usize,
         mut each: impl FnMut(usize, &[T]),
     ) -> Result<()> {
-        let begun = read_parts::<T>(count)
-            .map(|part| Ok((self.begin_read(from, part.bytes.clone())?, part)));
-        let begun: Result<Vec<_>> = begun.collect();
-        if begun.is_err() {
-            // The failed read drops the buffers of the copies that it has started, so wait for the copies.
-            self.readback.wait()?;
+        let mut begun = Vec::new();
+        for part in read_parts::<T>(count) {
+            match self.begin_read(from, part.bytes.clone()) {
+                Ok(copy) => begun.push((copy, part)),
+                Err(e) => {
+                    // The started copies write to buffers that are dropped below.
+                    self.readback.wait()?;
+                    return Err(e);
+                }
+            }
         }
-        for (copy, part) in begun? {
+        for (copy, part) in begun {
             self.readback.done.wait(copy.done_at)?;
             each(part.first, copy.buffer.read(part.count));
             self.spare_readbacks.push(copy.buffer);
