@@ -39,8 +39,10 @@ impl BufferPoints {
             let Some(PointsSource { buffer, offset, .. }) = source else {
                 continue;
             };
-            let is_bindable =
-                buffer.usage().contains(BufferUsages::STORAGE) && buffer.size() <= largest;
+            // A binding covers the whole buffer, and its size must be a multiple of 4.
+            let is_bindable = buffer.usage().contains(BufferUsages::STORAGE)
+                && buffer.size() <= largest
+                && buffer.size().is_multiple_of(4);
             let list = if is_bindable {
                 &mut *copies
             } else {

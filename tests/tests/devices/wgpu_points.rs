@@ -8,7 +8,7 @@ use crate::scenes::camera;
 use crate::wgpu_lent::{filled, own_device};
 use abvh::own_device::{OwnDevice, required_limits};
 use abvh::{Device, Error, MeshId, Point, Query, Source, Step, Tracer, Update};
-use wgpu::{Buffer, BufferUsages};
+use wgpu::{Buffer, BufferDescriptor, BufferUsages};
 
 /// Usage of each sheet's vertex buffer. The first can only be copied by commands, the second by a kernel.
 const USAGES: [BufferUsages; 2] = [
@@ -82,6 +82,19 @@ pub(crate) fn unsuitable_vertex_buffer_is_an_error() {
     assert!(matches!(ask(stored.slice(12..)), Err(Error::Misuse(_))));
     assert!(matches!(ask(buffer.slice(2..4802)), Err(Error::Misuse(_))));
     ask(buffer.slice(12..)).unwrap();
+    // No storage binding can cover this buffer, so it is copied by a command.
+    let bytes = buffer.size() - 12;
+    let odd = caller.device.device.create_buffer(&BufferDescriptor {
+        label: None,
+        size: bytes + 2,
+        usage: BufferUsages::STORAGE | BufferUsages::COPY_SRC,
+        mapped_at_creation: false,
+    });
+    let mut step = caller.tracer.step(0.0);
+    step.vertices(mesh, Source::Wgpu(odd.slice(..bytes)))
+        .unwrap();
+    step.trace(&camera(), Query::Closest).unwrap();
+    step.submit().unwrap();
     for usage in USAGES {
         let foreign = SheetsOnCallerDevice::open(Update::Async).buffer(&sheet(0.0), usage);
         // The trace or the submission detects another device's buffer. Later steps are not affected.
