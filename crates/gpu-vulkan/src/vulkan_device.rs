@@ -64,7 +64,7 @@ pub struct VulkanDevice {
     in_use: Pool<Box<dyn Send>>,
     spares: Spares<HostPoints>,
     /// Copies of positions that `take_positions` has not returned yet, by the submission that requested them.
-    copies: BTreeMap<Ticket, ReadbackCopy>,
+    copies: BTreeMap<Ticket, Result<ReadbackCopy>>,
     /// Timeline value of the upload that fills an external result buffer with misses, because no kernel traces a scene
     /// without a tree. The next submission waits for it. 0 if there is no such upload.
     results_at: u64,
@@ -190,7 +190,7 @@ impl VulkanDevice {
         let upload_value = upload_value.filter(|&value| value > 0);
         let upload_value = upload_value.map(|value| self.upload.done.at(value));
         let overwritten = recording.overwrites;
-        let overwritten = overwritten.and_then(|ticket| self.copies.get(&ticket));
+        let overwritten = overwritten.and_then(|ticket| self.copies.get(&ticket)?.as_ref().ok());
         let overwritten = overwritten.map(|copy| self.readback.done.at(copy.done_at));
         let after = upload_value.into_iter().chain(overwritten);
         let after: Vec<SemaphoreValue> = after.chain(self.external.waits.iter().copied()).collect();
@@ -212,8 +212,9 @@ impl VulkanDevice {
         self.external.waits.clear();
         self.submitted = ticket.0;
         let (uploads, submissions) = (&self.upload.done, &self.done);
-        self.in_use
-            .prune(|last| has_ended(uploads, submissions, last, false))
+        // The submission runs already. The next call reports a lost device.
+        let _ = (self.in_use).prune(|last| has_ended(uploads, submissions, last, false));
+        Ok(())
     }
 }
 
@@ -381,8 +382,10 @@ impl GpuDevice for VulkanDevice {
             let copy = BufferCopy::between(positions.from.vk, buffer.vk);
             let copy = copy.range(0..positions.bytes, 0);
             let ready = self.first_part.at(ticket.0);
-            let done_at = self.readback.start(&copy, &[ready])?;
-            self.copies.insert(ticket, ReadbackCopy { buffer, done_at });
+            // The submission runs already, so an error is returned with the positions.
+            let started = self.readback.start(&copy, &[ready]);
+            let copy = started.map(|done_at| ReadbackCopy { buffer, done_at });
+            self.copies.insert(ticket, copy);
         }
         Ok(())
     }
@@ -391,8 +394,8 @@ impl GpuDevice for VulkanDevice {
         match work {
             PendingWork::Submission(ticket) => self.done.has_reached(ticket.0),
             PendingWork::Positions(ticket) => match self.copies.get(&ticket) {
-                Some(copy) => self.readback.done.has_reached(copy.done_at),
-                None => Ok(true),
+                Some(Ok(copy)) => self.readback.done.has_reached(copy.done_at),
+                Some(Err(_)) | None => Ok(true),
             },
             PendingWork::Use(last) => has_ended(&self.upload.done, &self.done, last, false),
         }
@@ -419,7 +422,7 @@ impl GpuDevice for VulkanDevice {
 
     fn take_positions(&mut self, ticket: Ticket, vertices: usize) -> Result<Snapshot> {
         let copy = self.copies.remove(&ticket);
-        let buffer = copy.expect("the submission copies positions").buffer;
+        let buffer = copy.expect("the submission copies positions")?.buffer;
         let count = vertices;
         Ok(self.spares.lend(HostPoints { buffer, count }))
     }

@@ -1,7 +1,7 @@
 //! Reads positions back from the backend, for trees that are not built from key frames.
 
 use super::Driver;
-use super::next_tree::NextTreeState;
+use super::next_tree::{Event, NextTreeState};
 use crate::error::PipelineError;
 use crate::tree_builder::{BuildInput, Observed, Vertices, pose_between};
 use backend::{Query, Snapshot};
@@ -74,8 +74,14 @@ impl Driver {
     /// Starts the build that waits for positions, once all have arrived or the scene is at rest.
     pub(super) fn poll_read_back(&mut self) -> Result<(), PipelineError> {
         let waits = matches!(self.trees.next, NextTreeState::Requested(..));
-        if waits && let Some((_, positions)) = self.backend.take_positions()? {
-            self.take_read_back(positions)?;
+        if waits {
+            let arrived = self.backend.take_positions().inspect_err(|_| {
+                // Requests the positions again.
+                self.trees.next.advance(Event::FramesDropped);
+            });
+            if let Some((_, positions)) = arrived? {
+                self.take_read_back(positions)?;
+            }
         }
         let NextTreeState::Requested(request, observation) = &mut self.trees.next else {
             return Ok(());
