@@ -152,6 +152,18 @@ pub(crate) fn unreadable(device: &Device) {
         }
         fail_and_go_on(&demo, pool::tracer(scene, device), &fails, device);
     }
+    // The first tree is built for later times, but this frame needs only the first key frame.
+    let is_gone = Arc::new(AtomicBool::new(false));
+    let (keys, gone) = (demo.keys.clone(), Arc::clone(&is_gone));
+    let read = move |key: usize| match key > 0 && gone.load(Ordering::Relaxed) {
+        true => Err("it is gone"),
+        false => Ok(keys[key].clone()),
+    };
+    let mesh = Mesh::sequence(demo.keys.len(), 4, read, &demo.triangles);
+    let mut tracer = pool::tracer(scene_of([mesh.unwrap()]).0, device);
+    is_gone.store(true, Ordering::Relaxed);
+    let traced = tracer.step(0.0).trace(&demo.rays, Query::Closest);
+    assert!(traced.is_ok(), "{traced:?}");
     let shrinks = |key: usize| Ok::<_, Error>(vec![[0.0; 3]; 5 - key]);
     let none = |_: usize| Err::<Vec<Point>, _>("nothing there");
     let made = [

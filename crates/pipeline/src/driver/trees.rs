@@ -223,7 +223,11 @@ impl Driver {
         if let Some([a, b]) = swept_times {
             request.target_time = f64::midpoint(a, b);
         }
-        let built = self.build_now(request, swept_times.map(|times| self.poses(times)))?;
+        let mut built = self.build_now(request, swept_times.map(|times| self.poses(times)))?;
+        if built.is_err() && swept_times.is_some() {
+            // A key frame of a later time may be unreadable. The frame itself does not need it.
+            built = self.build_now(self.request(FIRST, pose), None)?;
+        }
         let tree = built.map_err(PipelineError::FirstTree)?;
         self.predictor.observe_first_build(tree.built.total_time);
         self.adopt(tree)
