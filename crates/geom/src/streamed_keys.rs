@@ -88,8 +88,12 @@ impl StreamedKeys {
     ) -> CoordinateRange {
         self.known_range(key).unwrap_or_else(|| {
             let range = range_of(&self.get(key));
-            if let Some(key) = lock(&self.state).find(key) {
-                key.range = Some(range);
+            let mut state = lock(&self.state);
+            // The range of a dropped key frame is not stored, because `find` returns another one.
+            if key + state.kept.len() > state.last
+                && let Some(found) = state.find(key)
+            {
+                found.range = Some(range);
             }
             range
         })
