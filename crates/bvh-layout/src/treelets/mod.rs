@@ -5,7 +5,7 @@ mod fill;
 mod wide;
 
 use crate::Moving;
-use bvh_build::BinaryTree;
+use bvh_build::{BinaryTree, MAX_DEPTH};
 use bytemuck::{Pod, Zeroable};
 use cut::Cut;
 use geom::StaticParts;
@@ -153,8 +153,13 @@ impl Treelets {
     pub const ENTRY_WORDS: usize = size_of::<Treelet>() / 4;
 
     /// Creates the treelets of a binary tree, in the rayon pool that the caller installed.
+    ///
+    /// # Panics
+    /// If the tree is deeper than [`MAX_DEPTH`].
     #[must_use]
     pub fn of(tree: &BinaryTree) -> Self {
+        let is_deep = tree.depth(MAX_DEPTH) > MAX_DEPTH;
+        assert!(!is_deep, "the tree is deeper than {MAX_DEPTH}");
         Self::of_in(tree, &mut Scratch::default(), Vec::new())
     }
 
