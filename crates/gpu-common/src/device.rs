@@ -192,7 +192,8 @@ pub type RecordingOf<D> =
 ///
 /// Only `upload`, `read`, `finish`, `unload`, `wait` and the methods that reuse memory (`staging`, `send`) may block.
 /// They wait for work of this scene. With wgpu, `upload`, `wait` without a use, and `unload` wait for all submissions.
-/// Submissions run in order, and recorded work reads the results of earlier recorded work. If copies run on separate queues, the device synchronizes them with the submissions that need them.
+/// Submissions run in order, and recorded work reads the results of earlier recorded work. If copies run on separate
+/// queues, the device synchronizes them with the submissions that need them.
 pub trait GpuDevice: Send + Sized + 'static {
     /// A buffer. No unfinished submission and no recording may use a buffer that is dropped.
     type Buffer: Send + 'static;
