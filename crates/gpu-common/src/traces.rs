@@ -176,10 +176,18 @@ fn lent_rays<D: GpuDevice>(gpu: &mut D, query: &Query<'_>) -> Result<Option<Lent
     if !matches!(query.rays, Rays::OnDevice(_)) {
         return Ok(None);
     }
-    let bytes = (query.rays.count() * size_of::<Ray>()) as u64;
+    let result_bytes = match query.kind {
+        QueryKind::Any => size_of::<u32>(),
+        _ => size_of::<Hit>(),
+    };
+    let count = query.rays.count();
+    let fits = |buffer: &D::Buffer, each: usize| D::size(buffer).bytes >= (count * each) as u64;
     // If an earlier query failed, its buffers may still be there.
     let lent = gpu.lent().rays.pop_front();
-    let lent = lent.filter(|lent| D::size(&lent.rays).bytes >= bytes);
+    let lent = lent.filter(|lent| {
+        let results = lent.results.as_ref();
+        fits(&lent.rays, size_of::<Ray>()) && results.is_none_or(|r| fits(r, result_bytes))
+    });
     let refused = || BackendError::no_rays_on_device(gpu.info().device.backend);
     lent.ok_or_else(refused).map(Some)
 }
