@@ -96,13 +96,12 @@ impl JoinedScene {
 
     /// Returns the newest vertices that were passed to the animation, or the first key frame if steps move no mesh.
     pub(crate) fn newest(&self) -> Result<KeyFrame> {
-        let is_streamed = self.is_streamed();
-        let last = if is_streamed {
+        let key = if self.is_streamed() {
             self.animation.key_count() - 1
         } else {
             0
         };
-        self.animation.key(last).map_err(Error::of_reading)
+        self.animation.key(key).map_err(Error::of_reading)
     }
 
     /// Copies vertices from another scene, for all meshes that steps move. The scenes differ in mesh `replaced` only.
