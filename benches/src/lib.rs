@@ -1,7 +1,7 @@
 //! Shared code of the benchmarks: meshes, rays, and other crates behind one trait.
 //!
 //! Every group names a mesh and its number of triangles. All functions in a group use the same triangles or rays. The
-//! comments on the stages in `benches/stages.rs` say where their work differs.
+//! comments on the stages in `benches/stages.rs` state where their work differs.
 
 mod mesh;
 mod ours;

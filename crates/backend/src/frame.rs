@@ -84,7 +84,7 @@ pub struct StageTimes {
     /// Tree build on the device, except for triangle records and boxes of leaves.
     #[serde(serialize_with = "rounded")]
     pub rebuild_ms: Option<f64>,
-    /// Computation of the remaining boxes of inner nodes. On GPUs, also of those of a candidate tree.
+    /// Computation of the remaining boxes of inner nodes. On GPUs, includes those of a candidate tree.
     #[serde(serialize_with = "rounded")]
     pub refit_ms: Option<f64>,
     /// Trace of the primary or given rays. Includes shadow rays if one kernel traces both.

@@ -39,10 +39,10 @@
 //!
 //! # Trees
 //!
-//! A tree contains exactly the *live* triangles of the animation ([`geom::Animation::is_live`]): those whose vertices are
-//! finite in at least one key frame, or all triangles of a streamed animation. Its generation must be positive and higher than the
-//! previous one. [`Backend::adopt`] panics if recorded work is not submitted yet. Work recorded afterwards uses the new
-//! tree, and submitted work keeps the old one.
+//! A tree contains exactly the *live* triangles of the animation ([`geom::Animation::is_live`]): those whose vertices
+//! are finite in at least one key frame, or all triangles of a streamed animation. Its generation must be positive and
+//! higher than the previous one. [`Backend::adopt`] panics if recorded work is not submitted yet. Work recorded
+//! afterwards uses the new tree, and submitted work keeps the old one.
 //!
 //! Large trees take time to reach a device. The builder thread therefore writes the tree through a [`TreeWriter`], and
 //! the frame loop (`pipeline::Driver`) adopts it once [`Backend::upload_tree`] returns `true`. No frame waits for the copy.

@@ -294,7 +294,7 @@ pub(crate) fn own(_: &Device) {
     assert_eq!(firsts, [0, mesh, mesh + grown + mesh]);
 }
 
-/// The second tracer keeps the device of the first one, whatever its own builder says.
+/// The second tracer keeps the device of the first one and ignores that of its own builder.
 pub(crate) fn in_place(_: &Device) {
     let points = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
     let mesh = || Mesh::fixed(&points, &[[0, 1, 2]]).unwrap();

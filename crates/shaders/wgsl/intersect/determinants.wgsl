@@ -11,8 +11,8 @@ import package::lib::fixed::{
 };
 import package::lib::integers::{INTERSECTIONS_OFFSET, words};
 
-// A decision on a triangle. `t` is rounded once, as bits. The exact t is N / D * 2^exponent, unless `is_long` is 1: then the numbers
-// exceed 192 bits.
+// A decision on a triangle. `t` is rounded once, as bits. The exact t is N / D * 2^exponent. If `is_long` is 1, the numbers exceed
+// 192 bits, and N and D are not stored.
 struct CandidateResult { is_hit: u32, is_long: u32, triangle: u32, exponent: i32, t: u32 }
 
 struct FixedTriangle { fits: bool, unit: i32, a: Int64x3, b: Int64x3, c: Int64x3 }
@@ -114,8 +114,8 @@ fn candidate_after(list: u32, count: u32) -> u32 {
     return candidate;
 }
 
-// Decides the first four candidates of `list`, and stores the results in `candidate_results`. The ray's line must be set. Longer
-// integers are stored in slot `slot`. All invocations of the workgroup must call it.
+// Decides the first four candidates of `list`, and stores the results in `candidate_results`. The ray's line must be set. May
+// overwrite the intersection in slot `slot`. All invocations of the workgroup must call it.
 fn decide_candidates(list: u32, slot: u32, local: u32) {
     let side = local & 3u;
     let candidate = candidate_after(list, (local / 4u) % 4u);

@@ -54,8 +54,8 @@ fn accept_if_first(triangle: u32, intersection: ExactIntersection, t: u32) -> bo
 // The first hit so far, as it is written: t and both weights are rounded once.
 var<private> first_hit: vec4<u32>;
 
-// Updates the first hit with four results, from index `at` on. Returns false if intersections that are not stored would have to be
-// compared.
+// Updates the first hit with four results, from index `at` on. Returns false if two hits have the same rounded t and one of their
+// intersections is not stored.
 fn accept_results(at: u32) -> bool {
     var is_decided = true;
     for (var k = at; k < at + 4u; k += 1u) {

@@ -21,8 +21,8 @@ fn intersect_within_limits(corners: array<vec3<u32>, 3>, slot: u32) -> ExactInte
 // One number of an intersection, rounded once to a float, as bits. If `is_hit` is false, the line misses the triangle.
 struct RoundedQuotient { is_hit: bool, bits: u32 }
 
-// Intersects the line with a closed triangle, at any t. Rounds t, or the weight of the second or third corner if `side` is 1 or 2.
-// Stores numbers in slot 0 or 1.
+// Intersects the line with a closed triangle, at any t. Rounds t, or the weight of the second or third corner if `side` is 1
+// or 2. Overwrites the intersection in slot 0 or 1.
 fn round_long_quotient(corners: array<vec3<u32>, 3>, side: u32, slot: u32) -> RoundedQuotient {
     prepare_line();
     var quotient = intersect_exactly(corners, slot, false);

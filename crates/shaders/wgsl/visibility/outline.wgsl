@@ -65,7 +65,7 @@ fn near_limit(max_distance: f32) -> f32 { return 64.0 * PROJECTION_ERROR * max_d
 
 // Returns whether a triangle is certainly beyond one side of the picture. Also correct for a triangle that reaches behind
 // the eye: points there are not visible. For points in front of it, the sign of `across` or `down` (column or row times
-// depth) tells the side.
+// depth) is the side.
 @if(!WATERTIGHT)
 fn is_triangle_outside(x: vec3<f32>, y: vec3<f32>, z: vec3<f32>, depths: vec3<f32>, max_distance: f32) -> bool {
     let across = params.column.x * x + params.column.y * y + params.column.z * z;
