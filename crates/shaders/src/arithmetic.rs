@@ -23,7 +23,8 @@ pub struct Traits {
 /// Expected number of iterations of the self-test's loop.
 const ITERATIONS: u32 = 100_000;
 
-/// Operand quadruples: moderate exponents, near cancellation, halfway mantissas, exponents far apart, equal products.
+/// Operand quadruples: moderate exponents, near cancellation, halfway mantissas, exponents far apart, equal products, and
+/// quotients down to `2^-120`.
 pub fn operands() -> Vec<[f32; 4]> {
     let mut state = 0x9E37_79B9_7F4A_7C15_u64;
     let mut next = move || {
@@ -48,13 +49,15 @@ pub fn operands() -> Vec<[f32; 4]> {
     let step = |x: f32, by: i32| f32::from_bits(x.to_bits().wrapping_add_signed(by));
     let quadruple = |i: usize| {
         let (a, b, c, d) = (number(40), number(40), number(40), number(40));
-        match i % 6 {
+        let far = f32::exp2(40.0);
+        match i % 7 {
             0 => [a, b, c, d],
             1 => [a, b, -step(a, 1), step(b, -1)],
             2 => [a, b, b, a],
             3 => [a, b, -a, step(b, 1)],
             4 => [a, step(a, 2), step(a, 1), step(a, 1)],
-            _ => [a, number(2), c, number(2)],
+            5 => [a, number(2), c, number(2)],
+            _ => [a / far, b * far, c, d],
         }
     };
     (0..4096).map(quadruple).collect()

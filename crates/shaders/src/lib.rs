@@ -1,6 +1,7 @@
 //! All WGSL kernels, compiled and reflected at build time.
 //!
-//! Each kernel comes in two forms that give the same bits as `cpu-ref`. The first is SPIR-V whose additions, subtractions
+//! Each kernel comes in two forms. Both give the same bits as `cpu-ref`, except for textbook intersectors and areas of
+//! boxes. The first is SPIR-V whose additions, subtractions
 //! and multiplications are decorated NoContraction. The second is WGSL with arithmetic that a compiler cannot see through,
 //! for hosts that cannot load SPIR-V.
 //!
@@ -69,7 +70,7 @@ pub struct Kernel {
     pub bindings: &'static [Binding],
 }
 
-/// A kernel in two forms that give the same bits.
+/// A kernel in two forms.
 #[derive(Clone, Copy, Debug)]
 pub struct Code {
     /// WGSL with opaque arithmetic.

@@ -59,13 +59,14 @@ fn divide(a: f32, b: f32) -> f32 { return divide_by(a, divisor(b)); }
 fn divide_by(a: f32, by: Divisor) -> f32 {
     let exponent_a = (bitcast<u32>(a) >> 23u) & 255u;
     let exponent_b = (bitcast<u32>(by.value) >> 23u) & 255u;
-    // Both operands are between 2^-60 and 2^61.
-    if exponent_a - 67u <= 120u && exponent_b - 67u <= 120u { return divide_normal(a, by); }
+    // Both operands are between 2^-60 and 2^61, and the quotient is above 2^-101.
+    if exponent_a - 67u <= 120u && exponent_b - 67u <= 120u && exponent_a + 100u >= exponent_b { return divide_normal(a, by); }
     return divide_special_range(bitcast<u32>(a), bitcast<u32>(by.value));
 }
 
-// Divides operands between 2^-60 and 2^61. After one correction, the quotient is one of the two floats next to a / b. A second
-// exact remainder selects between them, since no quotient is half way between two floats.
+// Divides operands between 2^-60 and 2^61 whose quotient is above 2^-101, so that no part underflows. After one correction, the
+// quotient is one of the two floats next to a / b. A second exact remainder selects between them, since no quotient is half way
+// between two floats.
 fn divide_normal(a: f32, by: Divisor) -> f32 {
     let guess = mul(a, by.inverse);
     let quotient = add(guess, mul(division_remainder(a, guess, by), by.inverse));

@@ -96,7 +96,7 @@ struct AnswerParams {
 }
 
 struct Params {
-    // Camera: see geom::Camera. `width` is 0 for explicit rays.
+    // Camera: see geom::Camera. `width` is 0 for explicit rays. For `collapse_non_finite`, `eye` is the replacement point.
     eye: vec3<f32>,
     width: u32,
     corner: vec3<f32>,

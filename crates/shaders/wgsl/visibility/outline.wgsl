@@ -3,6 +3,7 @@
 import package::geometry::ray::{MAX_DISTANCE, max_component, min_component};
 import package::geometry::record::{corners_of, is_unhittable};
 import package::lib::buffers::records;
+import package::lib::double_float::sub_each;
 import package::lib::params::params;
 
 // The buffer `pixel_coverage` for packets, in rows of 16 bytes. First come the lanes of the wide tree, one row each. From
@@ -210,9 +211,8 @@ fn loose_last_pixel(p: Projected, size: u32) -> i32 {
     return i32(clamp(floor(max_component(p.at + p.error_bound) + params.pixel_margin), -1.0, f32(size) - 1.0));
 }
 
-// Returns the difference of each coordinate and the next one. Not named `loose_…`, because the error bounds require that
-// each difference is rounded exactly once: a driver must not fuse it with other operations.
-fn to_next(at: vec3<f32>) -> vec3<f32> { return at.yzx - at; }
+// Returns the difference of each coordinate and the next one, rounded exactly once, as the error bounds require.
+fn to_next(at: vec3<f32>) -> vec3<f32> { return sub_each(at.yzx, at); }
 
 // Moving the corners by their error bounds and the pixels by the margin moves the interior by at most the sum. Edges that are
 // nearly level do not bound rows. If the area may be zero, the orientation is unknown and no edge is used.
