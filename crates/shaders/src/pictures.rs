@@ -158,6 +158,11 @@ mod tests {
             ..usual
         };
         assert!(!are_packets_faster(&no_wide_tree, Packets::BySubgroups));
+        let too_many_triangles = params(1_600_000, [3840, 2160]);
+        assert!(!are_packets_faster(
+            &too_many_triangles,
+            Packets::BySubgroups
+        ));
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Sizes and offsets that a host needs to run kernels on a tree and on its moving treelets.
 
 use crate::{Params, rebuild};
-use bvh_layout::Treelets;
+use bvh_layout::{Treelets, WideTree};
 use geom::{Animation, StaticParts};
 use std::ops::Range;
 
@@ -62,7 +62,9 @@ impl Shape {
     #[must_use]
     pub fn expected(leaves: u32) -> Self {
         let mut params = params_of(leaves);
-        (params.wide_lanes, params.wide_root) = (leaves, 1);
+        if leaves as usize <= WideTree::MOST_TRIANGLES {
+            (params.wide_lanes, params.wide_root) = (leaves, 1);
+        }
         Self {
             params,
             leaf_count: leaves,
