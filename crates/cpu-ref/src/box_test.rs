@@ -14,7 +14,7 @@ pub const PAD: f32 = 17.0 / 16_777_216.0;
 pub const MAX_PADDING_DISTANCE: f32 = f32::from_bits((127 + 80) << 23);
 /// Lower bound of `D`, `2^-38`. Coordinates that were flushed to zero are negligible relative to this.
 pub const MIN_PADDING_DISTANCE: f32 = f32::from_bits((127 - 38) << 23);
-/// For distances below this, `2^60`, every product of the watertight test is finite. Used by `cpu-simd`.
+/// For distances below this, `2^60`, every edge function of the watertight test is finite. Used by `cpu-simd`.
 pub const MAX_FINITE_PRODUCT_DISTANCE: f32 = f32::from_bits((127 + 60) << 23);
 
 /// A ray, prepared for the box test.

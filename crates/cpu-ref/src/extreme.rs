@@ -139,7 +139,7 @@ impl<'a> ExtremeSearch<'a> {
 }
 
 /// A scaled box, converted to the scene's units. It also contains the original positions of points with coordinates
-/// that scaling flushed to zero.
+/// that scaling flushed to zero or turned into infinity.
 struct WideBox {
     min: [f64; 3],
     max: [f64; 3],
@@ -152,8 +152,9 @@ impl WideBox {
         let plane = |x: f32, if_zero: f64| unit * if x == 0.0 { if_zero } else { f64::from(x) };
         let least = (-64.0_f64).exp2();
         Self {
-            min: scaled.min.map(|x| plane(x, -least)),
-            max: scaled.max.map(|x| plane(x, least)),
+            // An infinite coordinate represents one that is beyond `f32::MAX` scaled units.
+            min: scaled.min.map(|x| plane(x.min(f32::MAX), -least)),
+            max: scaled.max.map(|x| plane(x.max(-f32::MAX), least)),
         }
     }
 

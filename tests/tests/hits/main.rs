@@ -1,4 +1,5 @@
-//! Compares hits of every intersector on whole scenes with exact answers.
+//! Compares hits of `exact` and `watertight` with exact answers, on whole scenes and hard rays. Also tests the limits
+//! of rays with `woop` and `moller-trumbore`.
 
 mod exact;
 mod hard;
@@ -29,7 +30,7 @@ fn main() -> ExitCode {
 type Test = (&'static str, fn(Box<dyn Backend>) -> Box<dyn Backend>);
 
 /// Tests of every device. Each returns the backend for the next test.
-const OF_DEVICES: [Test; 7] = [
+const OF_DEVICES: [Test; 8] = [
     (
         "infinite_lights_cast_no_shadow_of_extreme_rays",
         rounding::infinite_light,
@@ -41,6 +42,10 @@ const OF_DEVICES: [Test; 7] = [
     (
         "shadows_ignore_overflowing_edges",
         rounding::overflowing_edges,
+    ),
+    (
+        "overflow_by_scaling_loses_no_hit",
+        rounding::overflow_by_scaling,
     ),
     (
         "boxes_near_the_origin_lose_no_exact_hit",

@@ -74,6 +74,30 @@ pub(crate) fn overflowing_edges(backend: Box<dyn Backend>) -> Box<dyn Backend> {
     stage.into_backend()
 }
 
+/// The first key frame is so small that scaled coordinates of the second one are infinite.
+pub(crate) fn overflow_by_scaling(mut backend: Box<dyn Backend>) -> Box<dyn Backend> {
+    for signs in [vec![1.0], vec![-1.0], vec![1.0, -1.0]] {
+        let triangles: Vec<_> = [[0, 1, 2], [3, 4, 5]][..signs.len()].to_vec();
+        let count = 3 * signs.len();
+        let first = vec![[1e-40, 0.0, 0.0]; count];
+        let animation = Animation::streamed(first, &vec![false; count], triangles);
+        let animation = Arc::new(animation.unwrap());
+        let mut stage = LoadedBackend::over(backend, &animation, Intersector::Watertight);
+        stage.adopt_tree_at(0.0);
+        let corners =
+            |sign: &f32| [[8.0, 0.0], [9.0, 0.0], [8.0, 1.0]].map(|[x, y]| [sign * x, y, 0.0]);
+        let second: Vec<Point> = signs.iter().flat_map(corners).collect();
+        let time = animation.push(second).unwrap();
+        let ray = |sign: &f32| Ray::new([sign * 8.25, 0.25, -1.0], [0.0, 0.0, 1.0]);
+        let rays: Vec<Ray> = signs.iter().map(ray).collect();
+        for hit in stage.closest(time, &rays).closest {
+            assert_eq!([hit.t, hit.u, hit.v], [1.0, 0.25, 0.25], "{signs:?}");
+        }
+        backend = stage.into_backend();
+    }
+    backend
+}
+
 /// Keeps the scene's scale at 1, away from all rays.
 const FAR: [Point; 3] = [[1.0, 5.0, 5.0], [1.0, 6.0, 5.0], [1.0, 5.0, 6.0]];
 

@@ -3,8 +3,8 @@
 import package::build::costs::sum_of_group;
 import package::build::interpolate::{blend, blend_native, needs_exact_blend};
 import package::build::treelet::{
-    ENTRY_WORDS, LEAF_COUNT_IN_ENTRY, LEAVES_OFFSET, inner_word, load_treelet, merge_boxes, refit_treelet, store_box,
-    store_leaf_reference, treelet_nodes, treelet_of_dispatch, write_treelet,
+    ENTRY_WORDS, LEAF_COUNT_IN_ENTRY, LEAVES_OFFSET, high_of, inner_word, load_treelet, low_of, merge_boxes, refit_treelet,
+    store_box, store_leaf_reference, treelet_of_dispatch, write_treelet,
 };
 import package::build::treelet_refit::{finish_and_refit_parents, prefetch_parent};
 import package::geometry::node::{LEAF, TWO_TRIANGLES};
@@ -169,12 +169,15 @@ fn write_leaf(local: u32, leaf: u32, triangle: u32) -> bool {
     return !surely_has_area(corners.a, corners.b, corners.c, a, b, c);
 }
 
+// Returns whether a box is empty. Scaling may turn a coordinate into infinity, so one of the two values does not suffice.
+fn is_empty_box(index: u32) -> bool { return low_of(index).x == EMPTY_LOW && high_of(index).x == EMPTY_HIGH; }
+
 // Merges a triangle's leaf with the next one's. Its traversal reference only includes triangles that a ray can hit.
 fn merge_leaf_pair(local: u32, leaf: u32) -> f32 {
     let first = LEAVES_OFFSET + local;
-    if treelet_nodes[first] == EMPTY_LOW {
-        store_leaf_reference(local, select(LEAF | (leaf + 1u), LEAF | leaf, treelet_nodes[first + 1u] == EMPTY_LOW));
-    } else if treelet_nodes[first + 1u] != EMPTY_LOW {
+    if is_empty_box(first) {
+        store_leaf_reference(local, select(LEAF | (leaf + 1u), LEAF | leaf, is_empty_box(first + 1u)));
+    } else if !is_empty_box(first + 1u) {
         store_leaf_reference(local, LEAF | TWO_TRIANGLES | leaf);
     }
     return merge_boxes(first, first, first + 1u);

@@ -4,7 +4,7 @@ import package::geometry::node::{LEAF, NO_NODE, child_row, first_triangle_of, se
 import package::geometry::ray::{MISS, are_negative, each_away_from_zero};
 import package::geometry::record::NO_TRIANGLE;
 import package::geometry::triangle::points_of;
-import package::geometry::units::{bits_from_ordered, ordered, power_of_two, scale_bits, scale_point};
+import package::geometry::units::{bits_from_ordered, is_finite, ordered, power_of_two, scale_bits, scale_point};
 import package::intersect::line::{
     ExactIntersection, compare_intersections, intersect_exactly, is_within_limits, line, prepare_line,
 };
@@ -52,7 +52,9 @@ fn prepare_coarse_filter() {
 // zero may represent a coordinate below 2^-64, which is replaced by zero.
 fn may_hit_box(low: vec3<u32>, high: vec3<u32>, bound: u32) -> bool {
     // An empty box.
-    if low.x == 0x7f800000u { return false; }
+    if low.x == 0x7f800000u && high.x == 0xff800000u { return false; }
+    // Scaling turned a coordinate into infinity.
+    if !(is_finite(low) && is_finite(high)) { return true; }
     let k = params.scale_exponent;
     var field = max_exponent_field(NO_FIELD, line.origin, 0);
     field = max_exponent_field(max_exponent_field(field, low, k), high, k);
