@@ -48,7 +48,7 @@ impl ClosestSearch for ExactFilter {
             other: NEVER,
             place: NOWHERE,
         };
-        let node_ray = NodeRay::<I::Eight>::new(ray, tree.spread);
+        let node_ray = NodeRay::<I::Eight>::new(ray, tree.own_padding);
         walk::<I>(tree, &node_ray, stack, &mut closest);
         PlacedHit {
             hit: Hit::MISS,

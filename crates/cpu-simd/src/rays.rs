@@ -180,8 +180,9 @@ impl<L: Lanes> PreparedRays<L> {
         let inverse = each!(i => L::splat(1.0).div(d[i].abs().max(L::splat(MIN_DIRECTION))));
         let negative = each!(i => d[i].less(L::splat(0.0)));
         let signed = each!(i => inverse[i].replace(negative[i], inverse[i].neg()));
-        // `starts` overflows only if the origin is so far away that `plane - origin` rounds to `-origin` for every plane.
-        // The box test then multiplies the same numbers, so its products overflow too.
+        // At extreme moments, `starts` is unused. At others, it overflows only if the origin is so far away that
+        // `plane - origin` rounds to `-origin` for every plane. The box test then multiplies the same numbers, so its
+        // products overflow too.
         let starts = each!(i => {
             let from = origin[i].mul(signed[i]).neg();
             let wide = L::splat(INNER[0]).mul(farthest).add(L::splat(INNER[1]).mul(origin[i].abs()));

@@ -80,7 +80,7 @@ pub(crate) fn closest<I: Isa, T: LaneTest>(
             is_open: false,
         },
     };
-    let node_ray = NodeRay::<I::Eight>::new(ray, tree.spread);
+    let node_ray = NodeRay::<I::Eight>::new(ray, tree.own_padding);
     walk::<I>(tree, &node_ray, stack, &mut closest);
     closest.best
 }
@@ -97,7 +97,10 @@ pub(crate) fn any<I: Isa, T: AnyHitTest>(
     stack: &mut TraversalStack,
 ) -> AnyHits {
     let mut open = 0;
-    let (links, node_ray) = (&mut stack.links, NodeRay::<I::Eight>::new(ray, tree.spread));
+    let (links, node_ray) = (
+        &mut stack.links,
+        NodeRay::<I::Eight>::new(ray, tree.own_padding),
+    );
     let (mut len, mut link, bound) = (0, Link::ROOT, ray.t_max());
     loop {
         if link.is_block() {

@@ -405,14 +405,14 @@ const PAUSE: u32 = 7;
 
 impl PacketHistory {
     /// Creates a packet of a group's rays. Returns `None` during a pause, if the rays cannot form a packet, or if the
-    /// tree is `spread`, since packets pad every box as much as the root box.
+    /// tree uses `own_padding`, since packets pad every box as much as the root box.
     #[inline(always)]
     fn packet<I: Isa>(
         &mut self,
         group: &PreparedRays<I::Packet>,
         tree: &Bvh8,
     ) -> Option<PacketOf<I>> {
-        let tries = self.pause == 0 && !tree.spread;
+        let tries = self.pause == 0 && !tree.own_padding;
         self.pause = self.pause.saturating_sub(1);
         if tries { RayPacket::of(group) } else { None }
     }

@@ -137,8 +137,9 @@ pub(crate) struct Bvh8 {
     pub(crate) triangle_data: Vec<BlockTriangleData>,
     /// The root box, in scaled units.
     pub(crate) root: Aabb,
-    /// [`geom::CoordinateRange::spread`] as of the last preprocess: set if coordinates differ much in size.
-    pub(crate) spread: bool,
+    /// Set if inner boxes are padded by their own distance instead of the root box's (see [`cpu_ref::PAD`]), as of the
+    /// last preprocess.
+    pub(crate) own_padding: bool,
     /// The triangle test.
     pub(crate) intersector: Intersector,
     /// The instruction set to trace with.
@@ -153,7 +154,7 @@ impl Bvh8 {
             blocks: Vec::new(),
             triangle_data: Vec::new(),
             root: Aabb::EMPTY,
-            spread: false,
+            own_padding: false,
             intersector: Intersector::Watertight,
             instruction_set,
         }

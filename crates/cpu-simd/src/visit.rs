@@ -56,7 +56,7 @@ impl VectorWork for Traversal<'_, '_> {
             ray: TriangleRay::<I::Eight>::single(&ray),
             visitor: self.visitor,
         };
-        let ray = NodeRay::<I::Eight>::new(&ray, self.tree.spread);
+        let ray = NodeRay::<I::Eight>::new(&ray, self.tree.own_padding);
         walk::<I>(self.tree, &ray, &mut TraversalStack::default(), &mut each)
     }
 }

@@ -92,17 +92,17 @@ pub(crate) struct NodeRay<L> {
     t_max: f32,
     /// Origin of the ray.
     origin: [L; 3],
-    /// Set if the padding is computed from each box instead of the root box. See [`geom::CoordinateRange::spread`].
-    spread: bool,
+    /// Set if the padding is computed from each box instead of the root box. See [`Bvh8::own_padding`].
+    own_padding: bool,
 }
 
 impl<L: Lanes> NodeRay<L> {
     #[inline(always)]
-    pub(crate) fn new(ray: &OneRay<'_, impl Lanes>, spread: bool) -> Self {
+    pub(crate) fn new(ray: &OneRay<'_, impl Lanes>, own_padding: bool) -> Self {
         let group = ray.group;
         Self {
             origin: each!(i => L::splat(ray.at(&group.origin[i]))),
-            spread,
+            own_padding,
             inverse: each!(i => L::splat(ray.at(&group.inverse[i]))),
             starts: each!(i => {
                 let [near, far] = &group.starts[i];
@@ -146,7 +146,7 @@ impl<L: Eight> BoxTest<L> for NodeRay<L> {
             [L::load(&sides[near % 2]), L::load(&sides[(near + 1) % 2])]
         });
         let [n, f] = [0, 1];
-        let t = if self.spread {
+        let t = if self.own_padding {
             self.spans_with_own_padding(at)
         } else {
             each!(axis => {

@@ -274,6 +274,29 @@ proptest! {
     }
 }
 
+/// The third key frame prevents scaling. In the others, products of coordinates with `1 / d` overflow.
+#[test]
+fn distant_triangles_of_unscaled_scenes_are_hit() {
+    let (far, wide) = (2.0_f32.powi(68), 2.0_f32.powi(48));
+    let distant = vec![[far, 0.0, 0.0], [far + wide, 0.0, 0.0], [far, 1.0, 0.0]];
+    let outlying = vec![[1.0; 3], [1e6, 0.0, 0.0], [1.0; 3]];
+    let keys = vec![distant.clone(), distant, outlying];
+    let animation = Arc::new(Animation::new(keys, vec![[0, 1, 2]]).unwrap());
+    assert_eq!(animation.scale_exponent(), 0);
+    let tree = tree_at(&animation, 0.7);
+    let ray = Ray::new([far + 0.25 * wide, 0.25, -1.0], [0.0, 0.0, 1.0]);
+    for intersector in Intersector::ALL {
+        for instruction_set in InstructionSet::all() {
+            let subject = open_at(instruction_set, Some(1)).unwrap();
+            let mut subject = ready(subject, &animation, intersector, &tree);
+            let rays = Rays::List(std::slice::from_ref(&ray));
+            let traced = trace_and_wait(&mut subject, rays, QueryKind::Closest).unwrap();
+            let t = traced.hits.closest[0].t;
+            assert_eq!(t, 1.0, "{instruction_set:?} {intersector}");
+        }
+    }
+}
+
 #[test]
 fn prebuilt_blocks_do_not_change_hits() {
     let animation = ball(1.0);

@@ -53,7 +53,7 @@ struct Meet<'a, R: Lanes> {
     ray: &'a OneRay<'a, R>,
     planes: BoxPlanes,
     /// Set if the padding of a box is computed from that box instead of the root box.
-    spread: bool,
+    own_padding: bool,
 }
 
 impl<R: Lanes> VectorWork for Meet<'_, R> {
@@ -61,7 +61,7 @@ impl<R: Lanes> VectorWork for Meet<'_, R> {
 
     #[inline(always)]
     fn run<I: Isa>(self) -> (u32, [f32; LANES]) {
-        let node_ray = NodeRay::<I::Eight>::new(self.ray, self.spread);
+        let node_ray = NodeRay::<I::Eight>::new(self.ray, self.own_padding);
         let met = node_ray.meet(&self.planes, f32::INFINITY);
         (met.lanes, met.entry.store())
     }
@@ -80,11 +80,11 @@ fn check(
     let kinds = InstructionSet::all()
         .into_iter()
         .flat_map(|instruction_set| [(instruction_set, false), (instruction_set, true)]);
-    for (instruction_set, spread) in kinds {
+    for (instruction_set, own_padding) in kinds {
         let meet = Meet {
             ray,
             planes,
-            spread,
+            own_padding,
         };
         let (lanes, entries) = instruction_set.run(meet);
         prop_assert_eq!(lanes & !(1 << lane), 0, "empty lanes are never met");
