@@ -100,6 +100,8 @@ impl Animation {
 
     /// Returns key frame `key`, counted from 0. Blocks while the key frame is read.
     ///
+    /// In a [streamed](Self::streamed) animation, the oldest pushed key frame that is kept replaces a dropped one.
+    ///
     /// # Errors
     /// The key frame cannot be read. Key frames held in memory never fail.
     ///
@@ -107,6 +109,15 @@ impl Animation {
     /// If all key frames are in memory and `key` is not less than their number.
     pub fn key(&self, key: usize) -> Result<KeyFrame, KeyFrameError> {
         self.keys.get(key)
+    }
+
+    /// Returns the two key frames that `pose` blends, or `None` if the animation is not [streamed](Self::streamed). The
+    /// caller can keep them after the animation has dropped them.
+    pub fn streamed_keys(&self, pose: Pose) -> Option<[KeyFrame; 2]> {
+        let KeyFrames::Streamed(keys) = &self.keys else {
+            return None;
+        };
+        Some([0, 1].map(|after| keys.get(pose.key as usize + after)))
     }
 
     /// Returns all key frames, or `None` if they are not all in memory.
@@ -118,6 +129,8 @@ impl Animation {
     }
 
     /// Returns all key frames, and reads those that are not in memory.
+    ///
+    /// In a [streamed](Self::streamed) animation, the oldest pushed key frame that is kept replaces each dropped one.
     ///
     /// # Errors
     /// A key frame cannot be read.

@@ -5,7 +5,8 @@ use crate::{Point, Ray};
 /// Pinhole camera: ray (x, y) has direction `corner + (x + 0.5) * across + (y + 0.5) * down`.
 ///
 /// Row 0 is the top of the image. Directions are not normalised, because devices may round square roots and divisions
-/// differently.
+/// differently. Devices may treat subnormal numbers as zero. So components of the vectors should be zero or at least
+/// `2^-60` in magnitude, as those of [`Camera::look_at`] are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
     /// Origin of every ray.

@@ -8,6 +8,8 @@ use std::sync::{Arc, Condvar, Mutex, PoisonError};
 
 /// Number of key frames of the window that look-ahead leaves to other requests.
 const SPARE: usize = 2;
+/// Maximum number of key frames that look-ahead announces. An announcement takes quadratic time.
+const MOST_AHEAD: usize = 128;
 
 /// A window over a sequence of key frames, which follows playback.
 ///
@@ -95,11 +97,12 @@ impl KeyWindow {
         }
     }
 
-    /// Starts to read key frames in the given order, as far as the capacity allows.
+    /// Starts to read key frames in the given order, as far as the capacity allows. Ignores all after the first
+    /// [`MOST_AHEAD`].
     pub(crate) fn look_ahead(&self, keys: impl IntoIterator<Item = usize>) {
         let mut upcoming = Vec::new();
         for key in keys {
-            if upcoming.len() == self.capacity {
+            if upcoming.len() == self.capacity.min(MOST_AHEAD) {
                 break;
             }
             if !upcoming.contains(&key) {
@@ -225,6 +228,14 @@ mod tests {
         drop(window);
         let reads = source.load(Ordering::Relaxed);
         assert!(reads <= 80 + FEW, "{reads}");
+    }
+
+    #[test]
+    fn look_ahead_is_limited_in_large_windows() {
+        let first = Arc::new(vec![[0.0; 3]].into());
+        let window = KeyWindow::new(Arc::new(|_| Ok(vec![[0.0; 3]])), first, 999, 999).unwrap();
+        window.look_ahead(1..999);
+        assert_eq!(lock(&window.shared.state).upcoming.len(), MOST_AHEAD);
     }
 
     #[test]

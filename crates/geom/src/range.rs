@@ -68,7 +68,7 @@ impl CoordinateRange {
             extreme: sizes.largest > to_scene_units(Self::FAR, scale_exponent),
             tiny: sizes.second_smallest < to_scene_units(TINY, scale_exponent),
             spread: sizes.largest > sizes.typical * SPREAD,
-            clearance: sizes.typical * CLEARANCE,
+            clearance: (sizes.typical * CLEARANCE).min(f32::MAX),
         }
     }
 
@@ -153,12 +153,13 @@ pub(crate) mod tests {
 
     #[test]
     fn uniform_scale_is_always_ordinary() {
-        for e in [-120, -60, -3, 0, 20, 40, 100] {
+        for e in [-120, -60, -3, 0, 20, 40, 100, 126] {
             let by = 2.0_f32.powi(e);
             let key: Vec<Point> = cloud(0.5).iter().map(|p| p.map(|x| x * by)).collect();
             let (_, range) = range(&[key], 0.0);
             let found = [range.extreme, range.tiny, range.spread];
             assert_eq!(found, [false; 3], "2^{e}");
+            assert!(range.clearance.is_finite(), "2^{e}");
         }
     }
 

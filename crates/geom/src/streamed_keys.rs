@@ -66,8 +66,8 @@ impl StreamedKeys {
         Arc::into_inner(dropped.swap_remove(free))
     }
 
-    /// Returns a key frame, or the oldest that is kept if `key` was dropped. Only tree builds request dropped key
-    /// frames, and hits do not depend on the positions of a build.
+    /// Returns a key frame, or the oldest that is kept if `key` was dropped. Callers request key frames before they are
+    /// dropped.
     pub(crate) fn get(&self, key: usize) -> KeyFrame {
         let found = lock(&self.state)
             .find(key)

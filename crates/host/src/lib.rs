@@ -32,13 +32,18 @@ pub struct FreeMemory {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{} of memory are needed, {} are free ({})", Size(*need), Size(free.bytes), free.by)]
 pub struct InsufficientMemory {
-    /// Requested bytes.
+    /// Bytes that must be free. For small requests, more than were requested: see [`check_memory`].
     pub need: u64,
     /// Free memory.
     pub free: FreeMemory,
 }
 
 /// Checks that `need` bytes can be allocated. Always succeeds if the free memory is unknown.
+///
+/// The free memory is queried once per MiB of small requests, those of at most 1 MiB. Then 4 MiB must be free.
+///
+/// # Errors
+/// Returns an error if the memory is not free. For a small request, it names 4 MiB instead of `need`.
 pub fn check_memory(need: u64) -> Result<(), InsufficientMemory> {
     // Small requests are checked together, because the query takes longer than the allocation.
     const SMALL: u64 = 1 << 20;
