@@ -37,6 +37,14 @@ impl DeviceVertices {
         self.lost.values_mut().for_each(|lost| *lost = true);
     }
 
+    /// Marks those vertices as lost that are lost in another scene, whose meshes have the same indices.
+    #[cfg(feature = "wgpu")]
+    pub(crate) fn copy_lost(&mut self, other: &Self) {
+        for (mesh, lost) in &mut self.lost {
+            *lost = other.lost.get(mesh) == Some(&true);
+        }
+    }
+
     /// Returns an error while lost vertices are not replaced.
     pub(crate) fn check(&self, meshes: &[Mesh]) -> Result<()> {
         let Some((mesh, _)) = self.lost.iter().find(|(_, lost)| **lost) else {

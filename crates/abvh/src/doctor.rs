@@ -25,6 +25,13 @@ pub struct Problem {
     pub fix: String,
 }
 
+impl Problem {
+    fn new(what: String, fix: &str) -> Self {
+        let fix = fix.to_owned();
+        Self { what, fix }
+    }
+}
+
 /// Checks if a GPU can be used on this machine. If not, returns the problems and how to fix them. On Linux, this covers
 /// the drivers of NVIDIA and Mesa. Lists adapters and opens the device files of GPUs, but creates no device.
 #[must_use]
@@ -45,8 +52,8 @@ const FOLDERS: [&str; 6] = [
 const NVIDIA_NODE: &str = "/dev/nvidiactl";
 const NODES: &str = "/dev/dri";
 
-/// Names of the adapters and whether each is a GPU, or the error of listing them.
-type Adapters = Result<Vec<(String, bool)>, String>;
+/// Names of the adapters and whether each is a GPU, or the reason why they cannot be listed.
+type Adapters = Result<Vec<(String, bool)>, Problem>;
 
 /// Returns the device files of GPUs, and whether this process may open them.
 fn nodes() -> Vec<(PathBuf, bool)> {
@@ -69,7 +76,7 @@ fn has_nvidia_library() -> bool {
     files.any(|file| file.exists())
 }
 
-/// Diagnoses a machine from its list of adapters, or the error of listing them, and from the driver's files.
+/// Diagnoses a machine from its list of adapters, or the reason why there is none, and from the driver's files.
 fn diagnose(adapters: &Adapters, nodes: &[(PathBuf, bool)], has_nvidia_library: bool) -> Diagnosis {
     let listed = |gpus: bool| -> Vec<String> {
         let listed = adapters.as_deref().unwrap_or_default().iter();
@@ -80,15 +87,9 @@ fn diagnose(adapters: &Adapters, nodes: &[(PathBuf, bool)], has_nvidia_library: 
     if !gpus.is_empty() {
         return Diagnosis { gpus, problems };
     }
-    let mut say = |what: String, fix: &str| {
-        let fix = fix.to_owned();
-        problems.push(Problem { what, fix });
-    };
+    let mut say = |what: String, fix: &str| problems.push(Problem::new(what, fix));
     match adapters {
-        Err(why) => say(
-            why.clone(),
-            "install a Vulkan loader and driver (Debian: libvulkan1 and mesa-vulkan-drivers, or NVIDIA's driver)",
-        ),
+        Err(problem) => say(problem.what.clone(), &problem.fix),
         Ok(_) => say(
             format!(
                 "no GPU is listed, only drivers on the host's cores: {}",
@@ -121,16 +122,31 @@ fn diagnose(adapters: &Adapters, nodes: &[(PathBuf, bool)], has_nvidia_library: 
 
 fn adapters() -> Adapters {
     let finds_gpus = |entry: &&BackendEntry<'_>| entry.kinds.contains(&DeviceKind::Gpu);
-    let all: Vec<Adapters> = BACKENDS.iter().filter(finds_gpus).map(listed).collect();
+    first_with_gpu(BACKENDS.iter().filter(finds_gpus).map(listed).collect())
+}
+
+/// Returns the adapters of the first backend that has a GPU, or else of the first backend.
+fn first_with_gpu(all: Vec<Adapters>) -> Adapters {
     let has_gpu = |found: &Adapters| found.as_ref().is_ok_and(|all| all.iter().any(|a| a.1));
     let at = all.iter().position(has_gpu).unwrap_or(0);
     let found = all.into_iter().nth(at);
-    found.unwrap_or_else(|| Err("this program was built without vulkan and wgpu".to_owned()))
+    found.unwrap_or_else(|| {
+        let what = "this program was built without vulkan and wgpu".to_owned();
+        Err(Problem::new(
+            what,
+            "build it with the feature `vulkan` or `wgpu`",
+        ))
+    })
 }
 
 fn listed(entry: &BackendEntry<'_>) -> Adapters {
-    let all = entry.adapters().map_err(|e| e.to_string())?.into_iter();
-    Ok(all.map(|a| (a.name, a.kind == DeviceKind::Gpu)).collect())
+    let fix = "install a Vulkan loader and driver (Debian: libvulkan1 and mesa-vulkan-drivers, or NVIDIA's driver)";
+    let all = entry.adapters();
+    let all = all.map_err(|e| Problem::new(e.to_string(), fix))?;
+    Ok(all
+        .into_iter()
+        .map(|a| (a.name, a.kind == DeviceKind::Gpu))
+        .collect())
 }
 
 #[cfg(test)]
@@ -153,7 +169,7 @@ mod tests {
 
     #[test]
     fn each_problem_suggests_its_fix() {
-        let none = || Err("no Vulkan loader".to_owned());
+        let none = || Err(Problem::new("no Vulkan loader".to_owned(), "install one"));
         let software = || Ok(vec![("llvmpipe".to_owned(), false)]);
         let (nvidia, render) = ("/dev/nvidiactl", "/dev/dri/renderD128");
         let capabilities = "NVIDIA_DRIVER_CAPABILITIES=graphics,compute";
@@ -167,7 +183,8 @@ mod tests {
                 &[(render, false)],
                 "renderD128 may not be used by this user",
             ),
-            (none(), &[(render, true)], "mesa-vulkan-drivers"),
+            (none(), &[(render, true)], "no Vulkan loader -> install one"),
+            (first_with_gpu(Vec::new()), &[], "feature `vulkan`"),
         ] {
             let found = problems(adapters, nodes, false);
             assert!(found.contains(says), "{found}");

@@ -5,6 +5,7 @@ use crate::loaded::ResidentScene;
 use crate::{Error, Query, QueryId, Ray, Result, Step, Tracer};
 use backend::Rays;
 use geom::copy_in_parallel;
+use gpu_common::GpuDevice;
 use gpu_vulkan::external::ExternalMemory;
 use gpu_vulkan::memory::Buffer;
 use gpu_vulkan::timeline::Timeline;
@@ -116,7 +117,8 @@ impl Step<'_> {
     ///
     /// # Errors
     /// [`Error::TooLate`] after a query. [`Error::Misuse`] if the semaphore belongs to another device, or if `signal`
-    /// is not above `wait`, the semaphore's value and the signals of earlier steps.
+    /// is not above `wait`, the semaphore's value and the signals of earlier steps, or exceeds the semaphore's value by
+    /// more than the device allows.
     pub fn synchronize(
         &mut self,
         semaphore: &ExternalSemaphore,
@@ -138,6 +140,11 @@ impl Step<'_> {
     /// device.
     pub fn trace_external(&mut self, rays: ExternalRays<'_>, query: Query) -> Result<QueryId> {
         rays.lend(self.tracer.current.exporter()?, query)?;
-        self.trace(Rays::OnDevice(rays.count), query)
+        let traced = self.trace(Rays::OnDevice(rays.count), query);
+        if traced.is_err() {
+            // Otherwise a later query could trace these rays.
+            self.tracer.current.exporter()?.lent().rays.clear();
+        }
+        traced
     }
 }

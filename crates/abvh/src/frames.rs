@@ -110,7 +110,7 @@ impl Tracer {
         for (i, &frame) in frames.iter().enumerate() {
             let times = frames[i..].iter().map(|frame| clamp_time(frame.time));
             current.joined.look_ahead(times.take(LOOK_AHEAD));
-            current.submit_in_flight(clamp_time(frame.time), &[query])?;
+            current.submit(clamp_time(frame.time), &[query])?;
             if let Some(oldest) = (i + 1).checked_sub(most) {
                 finish(current, frames[oldest])?;
             }

@@ -282,6 +282,15 @@ fn is_streamed(meshes: &[Mesh]) -> bool {
     all.any(|motion| motion.is_moved_by_steps() || is_joined_animation(motion))
 }
 
+/// Returns the number of key frames, each of all vertices, that the joined animation holds from the start.
+pub(crate) fn key_count(meshes: &[Mesh]) -> usize {
+    if is_streamed(meshes) {
+        return 1;
+    }
+    let each = meshes.iter().map(|mesh| mesh.motion.key_count());
+    each.max().unwrap_or(1)
+}
+
 /// Creates one animation of all meshes. `triangles` holds vertex indices among the vertices of all meshes.
 fn joined(meshes: &[Mesh], triangles: Vec<[u32; 3]>) -> Result<Animation> {
     let motions = || meshes.iter().map(|mesh| &*mesh.motion);
@@ -291,7 +300,7 @@ fn joined(meshes: &[Mesh], triangles: Vec<[u32; 3]>) -> Result<Animation> {
         let first = motions().flat_map(MeshMotion::first).copied().collect();
         return Animation::streamed(first, &marks, triangles).map_err(Error::of_keys);
     }
-    let keys = motions().map(MeshMotion::key_count).max().unwrap_or(1);
+    let keys = key_count(meshes);
     let frame = |key| (motions().flat_map(|motion| motion.key(key)).copied()).collect();
     let frames = (0..keys).map(frame).collect();
     Animation::new(frames, triangles).map_err(Error::of_keys)

@@ -1,7 +1,7 @@
 //! A scene loaded on a device, with its trees, submissions and results.
 
 use crate::hits::SharedHitsPool;
-use crate::joined::JoinedScene;
+use crate::joined::{JoinedScene, key_count};
 use crate::mesh::Colour;
 use crate::query::{QueryId, StepId};
 use crate::{Error, Hits, Mesh, Point, Ray, Result, Statistics, Update};
@@ -50,8 +50,6 @@ pub(crate) struct ResidentScene {
     trees_before: u64,
     /// Statistics after the last finished query of this scene or of an earlier one.
     pub(crate) last: Option<Statistics>,
-    /// Submissions that are not known to be done, oldest first.
-    pub(crate) in_flight: VecDeque<Ticket>,
     /// Results that are available, oldest first.
     pub(crate) results: VecDeque<QueryResult>,
     /// Memory of hits whose handles were all dropped.
@@ -102,7 +100,6 @@ impl ResidentScene {
             traced_forms: Vec::new(),
             trees_before: 0,
             last: None,
-            in_flight: VecDeque::new(),
             results: VecDeque::new(),
             pool: SharedHitsPool::default(),
             host_colours: None,
@@ -210,10 +207,10 @@ impl ResidentScene {
         // The wait below would fail for a step whose encoder was dropped.
         #[cfg(feature = "wgpu")]
         self.abandon_dropped();
-        while self.in_flight.len() >= self.driver.max_in_flight(queries) {
+        while self.driver.in_flight().len() >= self.driver.max_in_flight(queries) {
             self.finish()?;
         }
-        let submitted = self.submit_in_flight(time, queries).inspect_err(|_| {
+        let submitted = self.submit(time, queries).inspect_err(|_| {
             // A backend keeps the report of a submission only for a limited number of later submissions, and refused
             // ones count too. So wait for all submissions now, before their reports are dropped.
             let _ = self.finish_all();
@@ -234,18 +231,17 @@ impl ResidentScene {
         Ok(())
     }
 
-    /// Submits queries in one submission and adds it to `in_flight`. Does not record where their results will be.
-    pub(crate) fn submit_in_flight(&mut self, time: f64, queries: &[Query<'_>]) -> Result<Ticket> {
+    /// Submits queries in one submission and notes their forms. Does not record where their results will be.
+    pub(crate) fn submit(&mut self, time: f64, queries: &[Query<'_>]) -> Result<Ticket> {
         let ticket = self.submit_to_driver(time, queries)?;
         queries.iter().for_each(|&query| self.note(query));
-        self.in_flight.push_back(ticket);
         Ok(ticket)
     }
 
-    /// Passes the changes of meshes to the driver and submits queries. Does not add the submission to `in_flight`.
+    /// Passes the changes of meshes to the driver and submits queries.
     fn submit_to_driver(&mut self, time: f64, queries: &[Query<'_>]) -> Result<Ticket> {
         #[cfg(feature = "wgpu")]
-        self.abandon_dropped();
+        self.finish_encoded()?;
         #[cfg(any(feature = "vulkan", feature = "wgpu"))]
         {
             self.joined.on_device.check(&self.joined.meshes)?;
@@ -302,7 +298,7 @@ impl ResidentScene {
         if !self.results.iter().any(|result| result.ticket == ticket) {
             return Err(Error::NoResult);
         }
-        while self.in_flight.contains(&ticket) {
+        while self.driver.in_flight().any(|other| other == ticket) {
             self.finish()?;
         }
         Ok(())
@@ -312,7 +308,7 @@ impl ResidentScene {
     pub(crate) fn finish_all(&mut self) -> Result<()> {
         #[cfg(feature = "wgpu")]
         self.abandon_dropped();
-        while !self.in_flight.is_empty() {
+        while self.driver.in_flight().next().is_some() {
             self.finish()?;
         }
         Ok(())
@@ -330,7 +326,6 @@ impl ResidentScene {
         selection: OutputSelection,
         outputs: &mut FrameOutputs,
     ) -> Result<FrameRecord> {
-        self.in_flight.pop_front();
         let finished = self.driver.finish(selection, outputs);
         let record = finished.map_err(Error::of_driver)?.ok_or(Error::NoResult)?;
         self.last = Some(self.statistics(&record));
@@ -418,11 +413,12 @@ pub(crate) fn no_wgpu() -> Error {
 /// Returns an error if the scene needs more memory than the system has, because a build cannot report a failed
 /// allocation.
 fn check_memory(meshes: &[Mesh]) -> Result<()> {
-    let points = |mesh: &Mesh| mesh.motion.key_count() * mesh.vertex_count();
-    let points = meshes.iter().map(points).sum::<usize>();
+    let vertices = meshes.iter().map(Mesh::vertex_count).sum::<usize>();
     let triangles = meshes.iter().map(Mesh::triangle_count).sum::<usize>();
-    let bytes = points * size_of::<Point>() + triangles * size_of::<[u32; 3]>();
-    let bytes = pipeline::trees_and_rays_bytes(triangles, 0).saturating_add(bytes as u64);
+    let points = key_count(meshes).saturating_mul(vertices);
+    let bytes = points.saturating_mul(size_of::<Point>()) as u64;
+    let bytes = bytes.saturating_add((triangles * size_of::<[u32; 3]>()) as u64);
+    let bytes = bytes.saturating_add(pipeline::trees_and_rays_bytes(triangles, 0));
     host::check_memory(bytes).map_err(|e| Error::OutOfMemory(e.to_string()))
 }
 

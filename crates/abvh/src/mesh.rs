@@ -100,11 +100,12 @@ impl Mesh {
     /// several threads, and must return the same positions each time. All key frames are read once before the first
     /// step, to find the vertices that never move. Time is measured as for [`Mesh::keyframes`].
     ///
-    /// If the scene has no other mesh, the device blends the key frames, and also holds about `window` key frames.
+    /// If a GPU traces and the scene has no other mesh, the GPU blends the key frames. It holds at most six of them.
     /// Otherwise the host blends them.
     ///
     /// # Errors
-    /// As for [`Mesh::keyframes`]. [`Error::KeyFrame`] with the message of `read`, also from later steps.
+    /// [`Error::Mesh`] without key frames, or as for [`Mesh::fixed`]. [`Error::KeyFrame`] if the numbers of vertices
+    /// differ, or with the message of `read`, also from later steps.
     pub fn sequence<E: Display>(
         keys: usize,
         window: usize,

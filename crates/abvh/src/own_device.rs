@@ -13,7 +13,7 @@
 use crate::joined::JoinedScene;
 use crate::{Device, Error, Query, Ray, Result, Scene};
 use backend::Backend;
-use gpu_wgpu::from_device;
+use gpu_wgpu::{WgpuDevice, from_device};
 pub use gpu_wgpu::{required_features, useful_features};
 /// The version of wgpu that the library uses.
 pub use wgpu;
@@ -69,7 +69,7 @@ pub struct RayBuffers<'a> {
 }
 
 impl RayBuffers<'_> {
-    pub(crate) fn check(&self, query: Query) -> Result<()> {
+    pub(crate) fn check(&self, query: Query, gpu: &WgpuDevice) -> Result<()> {
         use wgpu::BufferUsages as Usage;
         Error::check_separate(self.results != Some(self.rays))?;
         let rays = (self.rays, size_of::<Ray>(), Usage::STORAGE);
@@ -78,10 +78,11 @@ impl RayBuffers<'_> {
         for (buffer, bytes, usage) in [rays].into_iter().chain(self.results.map(results)) {
             let is_large = (bytes as u64)
                 .checked_mul(self.count as u64)
-                .is_some_and(|all| all <= buffer.size());
+                .is_some_and(|all| all <= gpu.bindable_bytes(buffer));
             if !is_large || !buffer.usage().contains(usage) {
                 let why = format!(
-                    "a buffer of {} rays or results needs {bytes} bytes per element and the usage {usage:?}",
+                    "a buffer of {} rays or results needs {bytes} bytes per element, within the limit \
+                     max_storage_buffer_binding_size, and the usage {usage:?}",
                     self.count
                 );
                 return Err(Error::Misuse(why));

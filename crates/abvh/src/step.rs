@@ -147,7 +147,8 @@ impl Step<'_> {
     ///
     /// # Errors
     /// [`Error::KeyFrame`] if a key frame cannot be read. [`Error::Unsupported`] for more rays than the device can
-    /// trace. [`Error::Device`].
+    /// trace. [`Error::Misuse`] if an earlier step was encoded and its commands are not submitted yet.
+    /// [`Error::Device`].
     pub fn trace<'r>(&mut self, rays: impl Into<Rays<'r>>, query: Query) -> Result<QueryId> {
         let rays = rays.into();
         if let Rays::Camera(camera) = rays {
@@ -215,7 +216,12 @@ impl Step<'_> {
         }
         let ids: Vec<_> = self.deferred.iter().map(|query| query.id).collect();
         let queries: Vec<_> = self.deferred.iter().map(DeferredQuery::query).collect();
-        current.submit_and_record_results(self.time, &ids, &queries)
+        let submitted = current.submit_and_record_results(self.time, &ids, &queries);
+        #[cfg(feature = "wgpu")]
+        if submitted.is_err() {
+            current.drop_rays();
+        }
+        submitted
     }
 }
 

@@ -13,6 +13,8 @@ impl ResidentScene {
         mesh: MeshId,
         from: wgpu::BufferSlice<'_>,
     ) -> Result<()> {
+        // These vertices are not lost with encoders that were dropped before.
+        self.abandon_dropped();
         let index = mesh.index();
         let expected = self.joined.range_of(index).len() * size_of::<Point>();
         Error::check_count(mesh, "bytes", expected, from.size() as usize)?;
@@ -39,10 +41,22 @@ impl ResidentScene {
         let dropped = dropped.unwrap_or_default();
         if let Some(&first) = dropped.first() {
             self.driver.abandon(&dropped);
-            self.in_flight.retain(|ticket| !dropped.contains(ticket));
             self.results.retain(|result| result.ticket < first);
             self.joined.on_device.mark_lost();
         }
+    }
+
+    /// Waits for encoded steps, unless the next step is encoded too. Otherwise it would run before them.
+    ///
+    /// # Errors
+    /// [`Error::Misuse`] if the program has not submitted them.
+    pub(crate) fn finish_encoded(&mut self) -> Result<()> {
+        self.abandon_dropped();
+        let backend = self.wgpu();
+        if backend.is_some_and(|backend| backend.gpu().overtakes_encoded()) {
+            self.finish_all()?;
+        }
+        Ok(())
     }
 
     /// Passes the ray buffers of the queries that will be traced next to the backend, in the order of the queries.
@@ -54,6 +68,13 @@ impl ResidentScene {
         let lent: Vec<_> = lent.collect();
         if let Some(backend) = self.wgpu().filter(|_| !lent.is_empty()) {
             backend.gpu_mut().set_ray_buffers(lent);
+        }
+    }
+
+    /// Drops the ray buffers of queries that failed. Otherwise a later query could trace them.
+    pub(crate) fn drop_rays(&mut self) {
+        if let Some(backend) = self.wgpu() {
+            backend.gpu_mut().set_ray_buffers(Vec::new());
         }
     }
 
@@ -94,13 +115,8 @@ impl ResidentScene {
 
     /// Takes over, from `before`, the vertices that only the device has. The scenes differ in mesh `replaced` only.
     pub(crate) fn take_wgpu_vertices(&mut self, before: &mut Self, replaced: usize) -> Result<()> {
-        before.abandon_dropped();
-        let backend = before.wgpu();
-        if backend.is_some_and(|backend| backend.gpu().has_encoded()) {
-            // Encoded commands may write these vertices. This waits for them, and returns an error if the program has
-            // not submitted them.
-            before.finish_all()?;
-        }
+        // Encoded commands may write these vertices.
+        before.finish_encoded()?;
         for mesh in (0..self.joined.meshes.len()).filter(|&mesh| mesh != replaced) {
             let run = before.joined.range_of(mesh);
             let Some(backend) = before.wgpu() else {
@@ -112,10 +128,7 @@ impl ResidentScene {
                 self.set_points(mesh, points.buffer.slice(points.offset..end))?;
             }
         }
-        let joined = &before.joined;
-        if joined.on_device.check(&joined.meshes).is_err() {
-            self.joined.on_device.mark_lost();
-        }
+        self.joined.on_device.copy_lost(&before.joined.on_device);
         Ok(())
     }
 }
@@ -125,10 +138,11 @@ impl Step<'_> {
     /// submitted, and they are not copied to the host.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] on other devices. [`Error::Misuse`] if a buffer is too small or lacks a usage.
+    /// [`Error::Unsupported`] on other devices. [`Error::Misuse`] if a buffer is too small or lacks a usage, or if rays
+    /// or results exceed the device's `max_storage_buffer_binding_size`.
     pub fn trace_buffers(&mut self, buffers: RayBuffers<'_>, query: Query) -> Result<QueryId> {
-        buffers.check(query)?;
-        self.tracer.current.wgpu().ok_or_else(no_wgpu)?;
+        let backend = self.tracer.current.wgpu().ok_or_else(no_wgpu)?;
+        buffers.check(query, backend.gpu())?;
         let count = buffers.count;
         let buffers = LentRays {
             rays: buffers.rays.clone(),
@@ -143,10 +157,13 @@ impl Step<'_> {
     ///
     /// A step without queries updates the scene for the program's shaders ([`shader_module`](crate::shader_module)).
     ///
-    /// The program must submit encoded steps in their order. Until it submits this step, [`Tracer::hits`] of this step
-    /// fails, and at most one more step can be encoded. If the encoder or its commands are dropped instead, this step has
-    /// no results, nor do later steps that were begun before the drop. Vertices that only the device had are then lost,
-    /// and steps return [`Error::VerticesLost`] until they are passed again.
+    /// The program must submit encoded steps in their order. A step that is not encoded waits on the host for all encoded
+    /// steps, and returns [`Error::Misuse`] while one of them is not submitted.
+    ///
+    /// Until the program submits this step, [`Tracer::hits`] of this step fails, and at most one more step can be
+    /// encoded. If the encoder or its commands are dropped instead, this step has no results, nor do later steps that
+    /// were begun before the drop. Vertices that only the device had are then lost, and steps return
+    /// [`Error::VerticesLost`] until they are passed again.
     ///
     /// wgpu validates commands only when the encoder is finished. It may refuse them, for example because the encoder
     /// belongs to another device or has an open pass. Then the first call that waits for this step, such as
@@ -167,8 +184,8 @@ impl Step<'_> {
             self.defer(DeferredRays::Empty, Query::Any);
         }
         self.tracer.current.check_encode(&self.deferred)?;
-        self.tracer.current.lend_encoder(encoder)?;
-        let begun = self.begin_deferred();
+        let lent = self.tracer.current.lend_encoder(encoder);
+        let begun = lent.and_then(|()| self.begin_deferred());
         self.tracer.current.return_encoder(encoder);
         begun?;
         Ok(self.end())

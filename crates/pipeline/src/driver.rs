@@ -219,8 +219,8 @@ impl Driver {
         recorded?;
         let ticket = self.backend.submit()?;
         self.trees.next.submitted(ticket);
-        self.poll_builder()?;
         self.push_pending(ticket);
+        self.poll_builder_after_frame();
         Ok(ticket)
     }
 

@@ -18,6 +18,8 @@ const DEVICE_TREE_BYTES: u64 = 176;
 const DEVICE_REBUILD_BYTES: u64 = 260;
 /// Bytes per triangle of a candidate tree: its nodes, lists and triangle data.
 const CANDIDATE_BYTES: u64 = 130;
+/// Maximum number of key frames on a device if the host does not hold all: see `docs/design/key-frames.md`.
+const DEVICE_KEYS: usize = 6;
 /// Bytes of device buffers whose size is constant.
 const DEVICE_BASE_BYTES: u64 = 1 << 20;
 /// Constant part of the memory that `exact` needs for undecided rays, in bytes.
@@ -43,7 +45,8 @@ impl ExpectedMemory {
         options: &DriverOptions,
         rays: usize,
     ) -> Self {
-        let keys = keys_bytes(animation);
+        let kept = animation.window().unwrap_or(animation.key_count());
+        let keys = keys_bytes(animation, kept);
         let trees = trees_and_rays_bytes(animation.triangle_count(), rays);
         // With adoption by cost, a candidate tree exists in addition to the current one.
         let candidate = if options.update.adopts_by_cost() {
@@ -63,9 +66,9 @@ impl ExpectedMemory {
     }
 }
 
-fn keys_bytes(animation: &Animation) -> u64 {
-    let kept = animation.window().unwrap_or(animation.key_count());
-    (kept * animation.vertex_count() * size_of::<Point>()) as u64
+/// Returns the bytes of `count` key frames.
+fn keys_bytes(animation: &Animation, count: usize) -> u64 {
+    (count * animation.vertex_count() * size_of::<Point>()) as u64
 }
 
 /// Returns the bytes on the host for trees over `triangles` triangles and for the results of `rays` rays.
@@ -79,8 +82,11 @@ fn device_bytes(animation: &Animation, options: &DriverOptions, rays: usize) -> 
     const POINT: u64 = size_of::<Point>() as u64;
     let vertices = animation.vertex_count() as u64;
     let triangles = animation.triangle_count() as u64;
+    let kept = animation
+        .window()
+        .map_or(animation.key_count(), |_| DEVICE_KEYS);
     // Positions of two frames, the list of moving vertices, and the triangles' indices.
-    let scene = keys_bytes(animation) + vertices * (2 * POINT + 4) + triangles * 12;
+    let scene = keys_bytes(animation, kept) + vertices * (2 * POINT + 4) + triangles * 12;
     let tree = if options.update.builds_on_device() {
         DEVICE_REBUILD_BYTES
     } else {
@@ -137,6 +143,30 @@ impl Threads {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::sync::Arc;
+
+    #[test]
+    fn devices_hold_few_paged_key_frames() {
+        const VERTICES: usize = 3000;
+        let options = DriverOptions {
+            intersector: Intersector::Watertight,
+            update: Policy::Refit,
+            time_range: [0.0, 99.0],
+            predict: true,
+        };
+        let [few, many] = [8, 50].map(|window| {
+            let paged = Animation::paged(
+                Arc::new(|_| Ok(vec![[0.0; 3]; VERTICES])),
+                100,
+                window,
+                vec![[0, 1, 2]],
+            );
+            ExpectedMemory::of(&paged.unwrap(), DeviceKind::Gpu, &options, 0)
+        });
+        let key_frame = (VERTICES * size_of::<Point>()) as u64;
+        assert_eq!(many.host_bytes - few.host_bytes, 42 * key_frame);
+        assert_eq!(many.device_bytes, few.device_bytes);
+    }
 
     #[test]
     fn cores_are_shared_for_concurrent_builds() {

@@ -146,7 +146,7 @@ impl TreeBuilder {
         let observed = input.observed.take().map(|seen| self.store(seen));
         let source = &PoseSource {
             animation,
-            observed,
+            frames: observed.or(input.key_frames.take()),
         };
         let gave_up_extrapolation = self.check_extrapolation(source, &mut input, times)?;
         let is_compared = input.is_compared && self.has_all_triangles_of(animation);

@@ -4,18 +4,33 @@ use abvh::{Device, Error, Mesh, Scene, Tracer};
 use std::env;
 use std::process::{self, Command};
 
-/// Set for the child process that builds such a scene.
+/// Set for the child process that builds such a scene: one of [`KINDS`].
 const CHILD: &str = "ABVH_TEST_BUILD_A_LARGE_SCENE";
+const KINDS: [&str; 2] = ["triangles", "key frames"];
+
+/// Returns one mesh of many triangles, or a mesh of many vertices and another of many key frames.
+fn meshes(kind: &str) -> Vec<Mesh> {
+    let points = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    let meshes = if kind == KINDS[0] {
+        vec![Mesh::fixed(&points, &vec![[0, 1, 2]; 4_000_000])]
+    } else {
+        vec![
+            Mesh::fixed(&vec![[0.0; 3]; 100_000], &[]),
+            Mesh::keyframes(vec![points.to_vec(); 1000], &[[0, 1, 2]]),
+        ]
+    };
+    meshes.into_iter().map(Result::unwrap).collect()
+}
 
 /// Builds the scene and exits if this is the child process.
 pub(crate) fn child() {
-    if env::var_os(CHILD).is_none() {
+    let Ok(kind) = env::var(CHILD) else {
         return;
-    }
-    let points = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-    let mesh = Mesh::fixed(&points, &vec![[0, 1, 2]; 4_000_000]).unwrap();
+    };
     let mut scene = Scene::new();
-    scene.add(mesh);
+    for mesh in meshes(&kind) {
+        scene.add(mesh);
+    }
     let built = Tracer::builder()
         .device(Device::Cpu)
         .threads(2)
@@ -29,9 +44,11 @@ pub(crate) fn child() {
 
 /// Checks that a process with little address space gets an error. An unhandled failed allocation would abort it.
 pub(crate) fn refused(_: &Device) {
-    let mut shell = Command::new("sh");
-    shell.args(["-c", "ulimit -v 700000 && exec \"$0\""]);
-    let program = shell.arg(env::current_exe().unwrap()).env(CHILD, "1");
-    let ended = program.output().unwrap();
-    assert!(ended.status.success(), "{ended:?}");
+    for kind in KINDS {
+        let mut shell = Command::new("sh");
+        shell.args(["-c", "ulimit -v 700000 && exec \"$0\""]);
+        let program = shell.arg(env::current_exe().unwrap()).env(CHILD, kind);
+        let ended = program.output().unwrap();
+        assert!(ended.status.success(), "{kind}: {ended:?}");
+    }
 }

@@ -79,9 +79,11 @@
 //!
 //! # All hits along a ray
 //!
-//! A ray that continues with `t_min` equal to the reported `t` never hits the same triangle again. With `Exact`, this
-//! loop visits all hits in the order of their exact `t`. It skips only triangles that report the same `t` as the
-//! previous hit, such as the second triangle at a shared edge.
+//! With `Exact`, a ray that continues with `t_min` equal to the reported `t` never hits the same triangle again. With
+//! other intersectors, the same holds unless `t` is subnormal (between `-2^-126` and `2^-126`).
+//!
+//! With `Exact`, this loop visits all hits in the order of their exact `t`. It skips only triangles that report the
+//! same `t` as the previous hit, such as the second triangle at a shared edge.
 //!
 //! ```
 //! use abvh::{Device, Intersector, Mesh, Query, Ray, Scene, Tracer};

@@ -12,8 +12,7 @@ pub(super) struct Request {
     pub(super) frame: u64,
     /// Time of the requesting frame, in key frames.
     pub(super) time: f64,
-    /// Pose that the tree is requested for. If the build observes two frames, the tree is built for positions
-    /// extrapolated to `target_time` instead.
+    /// Pose that the tree is requested for.
     pub(super) pose: Pose,
     /// Middle of the expected time of use, in key frames.
     pub(super) target_time: f64,
@@ -27,8 +26,17 @@ pub(super) struct Request {
 pub(super) struct Observation {
     /// Positions of the requesting frame, until those of the second frame arrive.
     pub(super) first: Option<Snapshot>,
-    /// Time of the second frame, in key frames; `None` before it begins.
-    pub(super) second_time: Option<f64>,
+    /// The second frame; `None` before it begins.
+    pub(super) second: Option<SecondFrame>,
+}
+
+/// The second frame of an observation.
+#[derive(Clone, Copy)]
+pub(super) struct SecondFrame {
+    /// Number of frames begun before it.
+    pub(super) number: u64,
+    /// Its time, in key frames.
+    pub(super) time: f64,
 }
 
 /// A finished tree that is neither adopted nor rejected yet.
@@ -108,7 +116,7 @@ pub(super) enum NextTreeState {
     /// The tree is adopted at the next frame boundary.
     Accepted(CandidateTree),
     /// The tree is dropped at the next frame boundary. Contains the pose at which an evaluation found it no cheaper than
-    /// the current tree, if that is the reason.
+    /// the current tree, or the pose of its request if it could not be uploaded. `None` if it was superseded.
     Rejected(CandidateTree, Option<Pose>),
 }
 
@@ -129,11 +137,14 @@ pub(super) enum Event {
     BecameDue,
     /// A newer tree would arrive before this one is due.
     Superseded,
+    /// The device has no memory for the tree.
+    UploadFailed,
     EvaluationRecorded(Evaluation),
     Evaluated(Verdict),
     /// The frame that was being recorded failed.
     FrameFailed,
-    /// Submitted frames never ran, so their read-backs and boxes do not exist.
+    /// Submitted frames never ran, so their read-backs and boxes do not exist. Or a requested tree lacks its positions
+    /// or staging memory.
     FramesDropped,
 }
 
@@ -163,6 +174,10 @@ impl NextTreeState {
             | (Self::Building { .. }, Event::BuildFailed) => Self::Idle,
             (Self::Waiting(tree), Event::BecameDue) => Self::Due(tree),
             (Self::Waiting(tree), Event::Superseded) => Self::Rejected(tree, None),
+            (Self::Waiting(tree), Event::UploadFailed) => {
+                let pose = tree.request.pose;
+                Self::Rejected(tree, Some(pose))
+            }
             (Self::Waiting(tree) | Self::Due(tree), Event::Admitted) => Self::Accepted(tree),
             (Self::Due(tree), Event::EvaluationRecorded(evaluation)) => {
                 Self::Evaluating(tree, evaluation)
@@ -306,7 +321,7 @@ mod tests {
     type Row = (&'static str, fn() -> Event, &'static str);
 
     const STATES: &str = "irbwdesax";
-    const TABLE: [Row; 13] = [
+    const TABLE: [Row; 14] = [
         ("requested", || Event::Requested(request()), "rrbwdesax"),
         (
             "started",
@@ -320,6 +335,7 @@ mod tests {
         ("admitted", || Event::Admitted, "irbaaesax"),
         ("due", || Event::BecameDue, "irbddesax"),
         ("superseded", || Event::Superseded, "irbxdesax"),
+        ("upload failed", || Event::UploadFailed, "irbxdesax"),
         (
             "recorded",
             || Event::EvaluationRecorded(evaluation(None)),

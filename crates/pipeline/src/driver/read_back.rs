@@ -1,7 +1,7 @@
 //! Reads positions back from the backend, for trees that are not built from key frames.
 
 use super::Driver;
-use super::next_tree::{Event, NextTreeState};
+use super::next_tree::{Event, NextTreeState, SecondFrame};
 use crate::error::PipelineError;
 use crate::tree_builder::{BuildInput, Observed, Vertices, pose_between};
 use backend::{Query, Snapshot};
@@ -62,11 +62,16 @@ impl Driver {
         let NextTreeState::Requested(request, observation) = &mut self.trees.next else {
             return false;
         };
-        let is_first = request.frame == self.recording.number;
-        let has_second = observation.second_time.is_some();
+        let number = self.recording.number;
+        let is_first = request.frame == number;
+        // If a frame fails before it is submitted, the next one has the same number and requests the positions again.
+        let has_second = observation
+            .second
+            .is_some_and(|second| second.number != number);
         let is_second = observes_two_frames && moved && !is_first && !has_second;
         if is_second {
-            observation.second_time = Some(self.recording.record.frame.time);
+            let time = self.recording.record.frame.time;
+            observation.second = Some(SecondFrame { number, time });
         }
         is_first || is_second
     }
@@ -88,7 +93,7 @@ impl Driver {
         };
         let is_at_rest = self.recording.number - request.frame > AT_REST;
         if is_at_rest
-            && observation.second_time.is_none()
+            && observation.second.is_none()
             && let Some(positions) = observation.first.take()
         {
             self.start_build(BuildInput::of(Vertices::ReadBack(positions)))?;
@@ -105,12 +110,14 @@ impl Driver {
         let NextTreeState::Requested(request, observation) = &mut self.trees.next else {
             return Ok(());
         };
-        let seen = observation.first.take().zip(observation.second_time);
-        let Some((earlier, second_time)) = seen else {
+        let seen = observation.first.take().zip(observation.second);
+        let Some((earlier, second)) = seen else {
             observation.first = Some(positions);
             return Ok(());
         };
-        let times = [request.time, second_time];
+        // The tree is built for this time, not for the requesting frame.
+        request.pose = self.animation.pose(request.target_time);
+        let times = [request.time, second.time];
         let at = |time| pose_between(times, time);
         let input = BuildInput {
             swept_poses: Some(request.swept_times.map(at)),

@@ -80,21 +80,22 @@ impl Driver {
     /// reuses the previous memory of `outputs`. Returns `None` if no frame is in flight.
     ///
     /// # Errors
-    /// Those of the backend.
+    /// Those of the backend. If the wait fails, the frame stays in flight, and the next call waits for it again.
     pub fn finish(
         &mut self,
         selection: OutputSelection,
         outputs: &mut FrameOutputs,
     ) -> Result<Option<FrameRecord>, PipelineError> {
-        let Some(pending) = self.pending.pop_front() else {
+        let Some(oldest) = self.in_flight().next() else {
             return Ok(None);
         };
         let wait_started = Instant::now();
-        let report = self.backend.wait(pending.ticket)?;
+        let report = self.backend.wait(oldest)?;
         let waited = wait_started.elapsed();
+        let pending = self.pending.pop_front().expect("a frame is in flight");
         self.process_costs(pending.ticket, &report);
         self.fetch(pending.ticket, selection, outputs)?;
-        self.poll_builder()?;
+        self.poll_builder_after_frame();
         let mut record = pending.record;
         record.wall_ms += ms(waited);
         record.device_memory = self.backend.memory().held;
@@ -105,6 +106,11 @@ impl Driver {
         });
         record.complete(report);
         Ok(Some(record))
+    }
+
+    /// Returns the tickets of the frames in flight, oldest first.
+    pub fn in_flight(&self) -> impl ExactSizeIterator<Item = Ticket> {
+        self.pending.iter().map(|frame| frame.ticket)
     }
 
     /// Returns how many frames with these queries may be in flight, including the next one to [begin](Self::begin).

@@ -9,7 +9,7 @@ use crate::tree_builder::tests::{apart, row};
 use crate::tree_builder::{BuildInput, Built, TreeBuilder, Vertices};
 use backend::{QueryKind, Rays};
 use bvh_build::{BinaryTree, BuildError, Cancel};
-use fake::{Fake, Gate, Log};
+use fake::{Failure, Fake, Gate, Log};
 use geom::{Camera, CameraPose};
 use std::ops::Deref;
 use std::sync::{LazyLock, Mutex};
@@ -202,7 +202,10 @@ fn frames_continue_after_a_failed_stage() {
     let animation = drifting(40);
     for failing in 0..20 {
         let mut fake = Fake::new(Some(0));
-        fake.preprocess_fails_in = Some(failing);
+        fake.failure = Some(Failure {
+            call: "preprocess",
+            after: failing,
+        });
         let mut driver = driver(fake, &animation, (Policy::Async, false)).unwrap();
         let mut failed = 0;
         for index in 0..40 {
@@ -216,6 +219,55 @@ fn frames_continue_after_a_failed_stage() {
             }
         }
         assert_eq!(failed, 1);
+    }
+}
+
+#[test]
+fn first_tree_gets_a_new_generation_if_its_adoption_failed() {
+    let mut fake = Fake::new(Some(0));
+    fake.failure = Some(Failure {
+        call: "adopt",
+        after: 0,
+    });
+    let log = Arc::clone(&fake.log);
+    let mut driver = driver(fake, &drifting(9), (Policy::Refit, false)).unwrap();
+    let failed = [0, 1].map(|index| {
+        let time = index as f64;
+        let begun = driver.begin(Frame { index, time }, &[query(QueryKind::Closest)]);
+        begun.is_err()
+    });
+    drop(driver);
+    assert_eq!(failed, [true, false]);
+    assert_eq!(read(log).adopted, [Generation(2)]);
+}
+
+/// Renders 200 frames without prediction. Trees after the first may fail.
+fn play_with_failing_trees(fake: Fake, update: Policy) -> Run {
+    let scene = drifting(60);
+    render(fake, (&scene, (update, false)), evenly(200, &scene), |_| 1)
+}
+
+#[test]
+fn tree_is_requested_again_if_its_writer_fails() {
+    for update in [Policy::Async, Policy::Lockstep(2)] {
+        let mut fake = Fake::new(Some(0));
+        fake.failure = Some(Failure {
+            call: "tree_writer",
+            after: 0,
+        });
+        let r = play_with_failing_trees(fake, update);
+        assert!(r.log.adopted.len() > 1, "{update:?}");
+    }
+}
+
+#[test]
+fn trees_without_memory_are_rejected() {
+    for update in [Policy::Async, Policy::Lockstep(2)] {
+        let mut fake = Fake::new(Some(0));
+        fake.lacks_memory = true;
+        let r = play_with_failing_trees(fake, update);
+        assert_eq!(r.log.adopted, [Generation(1)], "{update:?}");
+        assert!(r.records.iter().any(|f| f.tree.rejected), "{update:?}");
     }
 }
 

@@ -7,7 +7,7 @@ use crate::builder_thread::BuildResult;
 use crate::error::PipelineError;
 use crate::frame::ms;
 use crate::tree_builder::{BuildInput, Built, Job, Vertices};
-use backend::{FrameReport, Generation, Ticket};
+use backend::{BackendError, FrameReport, Generation, Ticket};
 use geom::Pose;
 use std::time::Instant;
 
@@ -62,19 +62,31 @@ impl Driver {
         self.upload_next().map(drop)
     }
 
+    /// Polls the builder after a frame was submitted or has finished. An error must not discard this frame. The next
+    /// frame polls again, and returns the error if it persists.
+    pub(super) fn poll_builder_after_frame(&mut self) {
+        let _ = self.poll_builder();
+    }
+
     fn take_result(&mut self, result: BuildResult<Built>) {
         let event = result.map_or_else(|_| Event::BuildFailed, Event::BuildFinished);
         self.trees.next.advance(event);
     }
 
-    /// Uploads a finished tree while frames are rendered. Returns `false` while the upload is unfinished.
+    /// Uploads a finished tree while frames are rendered. Rejects the tree if the device has no memory for it. Returns
+    /// `false` while the upload is unfinished.
     fn upload_next(&mut self) -> Result<bool, PipelineError> {
-        match &self.trees.next {
-            NextTreeState::Waiting(tree) => {
-                let (topology, generation) = (&tree.built.topology, tree.request.generation);
-                Ok(self.backend.upload_tree(topology, generation)?)
+        let NextTreeState::Waiting(tree) = &self.trees.next else {
+            return Ok(true);
+        };
+        let (topology, generation) = (&tree.built.topology, tree.request.generation);
+        match self.backend.upload_tree(topology, generation) {
+            Err(BackendError::OutOfMemory { .. } | BackendError::Limit { .. }) => {
+                self.trees.next.advance(Event::UploadFailed);
+                self.pause_if_rejected();
+                Ok(true)
             }
-            _ => Ok(true),
+            uploaded => Ok(uploaded?),
         }
     }
 
@@ -170,10 +182,16 @@ impl Driver {
         let Some(evaluation) = self.trees.next.evaluation_in(ticket) else {
             return;
         };
-        let number = self.recording.number;
-        self.predictor.observe_evaluation(number - evaluation.frame);
+        let frames = self.recording.number - evaluation.frame;
+        self.predictor.observe_evaluation(frames);
         let verdict = Verdict::of(report, &evaluation);
         self.trees.next.advance(Event::Evaluated(verdict));
+        self.pause_if_rejected();
+    }
+
+    /// Begins a pause if the next tree was rejected just now.
+    fn pause_if_rejected(&mut self) {
+        let number = self.recording.number;
         if let NextTreeState::Rejected(tree, _) = &self.trees.next {
             let frames = number - tree.request.frame;
             self.trees.pause.rejected(number, frames);
@@ -209,6 +227,7 @@ impl Driver {
         let is_swept = self.adoption_rule().by_cost;
         let input = BuildInput {
             swept_poses: is_swept.then(|| self.poses(swept_times)),
+            key_frames: self.animation.streamed_keys(pose),
             ..BuildInput::of(Vertices::AtPose(pose))
         };
         self.start_build(input)
@@ -216,7 +235,7 @@ impl Driver {
 
     /// Builds the first tree while the first frame waits.
     fn build_first(&mut self, pose: Pose) -> Result<(), PipelineError> {
-        let mut request = self.request(FIRST, pose);
+        let mut request = self.request(self.trees.newest, pose);
         // If `async` predicts from key frames, the first tree is built for a time interval instead of one frame.
         let ahead = self.predicts() && self.adoption_rule().by_cost;
         let swept_times = self.predictor.swept_times_of_first_tree().filter(|_| ahead);
@@ -226,11 +245,12 @@ impl Driver {
         let mut built = self.build_now(request, swept_times.map(|times| self.poses(times)))?;
         if built.is_err() && swept_times.is_some() {
             // A key frame of a later time may be unreadable. The frame itself does not need it.
-            built = self.build_now(self.request(FIRST, pose), None)?;
+            built = self.build_now(self.request(self.trees.newest, pose), None)?;
         }
         let tree = built.map_err(PipelineError::FirstTree)?;
         self.predictor.observe_first_build(tree.built.total_time);
-        self.adopt(tree)
+        // The next first tree needs another generation, because the backend may have uploaded this one.
+        self.adopt(tree).inspect_err(|_| self.trees.newest.0 += 1)
     }
 
     fn request(&self, generation: Generation, pose: Pose) -> Request {
@@ -250,8 +270,11 @@ impl Driver {
             return Ok(());
         };
         input.is_compared = self.adoption_rule().by_cost;
-        let last_time = observation.second_time.unwrap_or(request.time);
-        let writer = self.backend.tree_writer(request.generation)?;
+        let last_time = observation
+            .second
+            .map_or(request.time, |second| second.time);
+        let writer = self.backend.tree_writer(request.generation);
+        let writer = writer.inspect_err(|_| self.trees.next.advance(Event::FramesDropped))?;
         self.trees.next.advance(Event::BuildStarted { last_time });
         let started = self.builder.thread.start(Job {
             input,

@@ -2,7 +2,7 @@
 
 use super::Vertices;
 use backend::{Snapshot, TreeWriter};
-use geom::{Point, Pose};
+use geom::{KeyFrame, Point, Pose};
 
 /// Vertices of a build. See [`TreeBuilder::build`](super::TreeBuilder::build).
 pub(crate) struct BuildInput {
@@ -13,6 +13,8 @@ pub(crate) struct BuildInput {
     pub(crate) swept_poses: Option<[Pose; 2]>,
     /// Positions that all poses refer to, if they do not refer to key frames.
     pub(crate) observed: Option<Observed>,
+    /// The two key frames that all poses refer to, if the animation may drop them before the build.
+    pub(crate) key_frames: Option<[KeyFrame; 2]>,
     /// Whether the tree is compared with the last one, because it is adopted only if it costs less.
     pub(crate) is_compared: bool,
 }
@@ -24,6 +26,7 @@ impl BuildInput {
             vertices,
             swept_poses: None,
             observed: None,
+            key_frames: None,
             is_compared: false,
         }
     }

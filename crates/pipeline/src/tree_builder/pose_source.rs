@@ -11,10 +11,11 @@ use std::sync::Arc;
 /// Minimum number of vertices per parallel task.
 const RUN: usize = 1 << 12;
 
-/// Source of the positions of a build: the animation's key frames, or two observed frames.
+/// Source of the positions of a build: the animation's key frames, or two given frames.
 pub(crate) struct PoseSource<'a> {
     pub(super) animation: &'a Animation,
-    pub(super) observed: Option<[KeyFrame; 2]>,
+    /// The frames that all poses blend instead of the animation's key frames.
+    pub(super) frames: Option<[KeyFrame; 2]>,
 }
 
 impl<'a> PoseSource<'a> {
@@ -22,12 +23,12 @@ impl<'a> PoseSource<'a> {
     pub(crate) fn of(animation: &'a Animation) -> Self {
         Self {
             animation,
-            observed: None,
+            frames: None,
         }
     }
 
     pub(super) fn at(&self, pose: Pose) -> Result<Moment<'a>, KeyFrameError> {
-        match &self.observed {
+        match &self.frames {
             Some(frames) => Ok(Moment::new(self.animation, pose, frames.clone())),
             None => self.animation.moment(pose),
         }

@@ -198,13 +198,13 @@ fn observed(course: &mut Course, sampled_times: [f64; 2], times: [f64; 2], targe
     let seen = sampled_times.map(sample);
     let pose = pose_between(times, target);
     let input = BuildInput {
-        vertices: Vertices::AtPose(pose),
         swept_poses: Some([pose; 2]),
         observed: Some(Observed {
             frames: seen,
             times,
         }),
         is_compared: true,
+        ..BuildInput::of(Vertices::AtPose(pose))
     };
     let Course { builder, animation } = course;
     let built = builder.build(animation, input, &Cancel::new());

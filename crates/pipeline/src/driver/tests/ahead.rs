@@ -3,6 +3,7 @@
 use super::*;
 use crate::driver::next_tree::NextTreeState;
 use crate::tree_builder::BuildStrategy;
+use std::sync::mpsc::channel;
 
 const ASYNC_PREDICTED: Config = (Policy::Async, true);
 
@@ -223,6 +224,30 @@ fn unsubmitted_evaluation_is_recorded_again() {
     assert!(fails == 1 && evaluated.windows(2).any(twice));
 }
 
+#[test]
+fn failed_wait_leaves_the_frame_in_flight() {
+    let mut fake = measuring();
+    fake.failure = Some(Failure {
+        call: "wait for an evaluation",
+        after: 0,
+    });
+    let log = Arc::clone(&fake.log);
+    let mut driver = driver(fake, &shuffled(200, 64), (Policy::Async, false)).unwrap();
+    let mut failures = 0;
+    for index in 0..199 {
+        let time = index as f64;
+        begin(&mut driver, Frame { index, time });
+        let mut outputs = FrameOutputs::default();
+        while driver.finish(OutputSelection::HITS, &mut outputs).is_err() {
+            failures += 1;
+        }
+        assert_eq!(driver.in_flight().len(), 0);
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    drop(driver);
+    assert!(failures == 1 && read(log).adopted.len() > 1);
+}
+
 /// Returns triangles at random positions with random motion.
 fn scattered(seed: u32) -> Arc<Animation> {
     let mut state = seed;
@@ -274,6 +299,86 @@ fn device_only_vertices_need_two_readbacks() {
     // The first tree uses only its own frame's vertices.
     let asked = records.iter().filter(|r| r.requested.is_some()).count();
     assert!((2 * asked..=2 * asked + 1).contains(&log.position_requests));
+    // Later trees are built for a time after their requests.
+    for adopted in records[1..].iter().filter(|r| r.tree.adopted) {
+        let is_request = |r: &&PlayedFrame| r.requested == Some(adopted.tree.generation);
+        let request = records.iter().find(is_request).unwrap();
+        assert!(moment(adopted) > request.frame.time);
+    }
+}
+
+#[test]
+fn failed_second_readback_is_repeated() {
+    let mut fake = Fake::new(Some(1));
+    // The first two read-backs are those of the first tree and of the frame that requests the second tree.
+    fake.failure = Some(Failure {
+        call: "request_positions",
+        after: 2,
+    });
+    let log = Arc::clone(&fake.log);
+    let mut driver = driver(fake, &shuffled(65, 64), ASYNC_PREDICTED).unwrap();
+    driver.forget_key_frames();
+    let mut failures = 0;
+    for index in 0..200 {
+        let time = index as f64 * 0.25;
+        let begun = driver.begin(Frame { index, time }, &[query(QueryKind::Closest)]);
+        failures += usize::from(begun.is_err());
+        let finished = driver.finish(OutputSelection::HITS, &mut FrameOutputs::default());
+        assert_eq!(finished.unwrap().is_some(), begun.is_ok());
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    drop(driver);
+    assert!(failures == 1 && read(log).adopted.len() > 1);
+}
+
+/// The builder starts only after the animation has dropped a key frame of the request.
+#[test]
+fn lockstep_builds_from_key_frames_of_the_request() {
+    let keys = shuffled(8, 64);
+    let key = |key: usize| keys.key(key).unwrap().to_vec();
+    let streamed = Animation::streamed(key(0), &[false; 3 * 64], apart(64)).unwrap();
+    let (animation, fake) = (Arc::new(streamed), Fake::new(None));
+    let (log, threads) = (Arc::clone(&fake.log), BuilderThreads::new(1).unwrap());
+    let options = DriverOptions {
+        intersector: Intersector::Watertight,
+        update: lockstep(6),
+        time_range: [0.0, f64::MAX],
+        predict: true,
+    };
+    let (scene, builders) = (Arc::clone(&animation), threads.clone());
+    let mut driver = Driver::new(Box::new(fake), scene, options, builders).unwrap();
+    let mut render = |number: usize| {
+        let time = match number {
+            0 => 0.0,
+            _ => animation.push(key(number)).unwrap(),
+        };
+        let index = number as u64;
+        let begun = begin(&mut driver, Frame { index, time });
+        finish(&mut driver, begun);
+    };
+    render(0);
+    let (release, released) = channel::<()>();
+    let (blocked, is_blocked) = channel();
+    let blocker = std::thread::spawn(move || {
+        threads.install(move || {
+            blocked.send(()).unwrap();
+            // Returns an error once `release` is dropped.
+            let _ = released.recv();
+        });
+    });
+    is_blocked.recv().unwrap();
+    // Frame 1 requests a tree, and frame 7 waits for it.
+    (1..7).for_each(&mut render);
+    drop(release);
+    render(7);
+    blocker.join().unwrap();
+    drop(driver);
+    let requested = Animation::new(vec![key(0), key(1)], apart(64)).unwrap();
+    // The tree is used from the 6th to the 11th frame after its request, so for times around 9.5.
+    let (key, alpha) = (0, 9.5);
+    let input = BuildInput::of(Vertices::AtPose(Pose { key, alpha }));
+    let expected = binary(TreeBuilder::default().build(&requested, input, &Cancel::new()));
+    assert_eq!(read(log).adopted_trees[1], expected);
 }
 
 #[test]

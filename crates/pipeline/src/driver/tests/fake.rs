@@ -2,7 +2,7 @@
 
 use backend::{
     Arithmetic, Backend, BackendError, Capabilities, Device, DeviceKind, FrameReport, Generation,
-    Hits, Intersector, Query, Result, Snapshot, Ticket, TreeFormat,
+    Hits, Intersector, Query, Result, Snapshot, Ticket, TreeFormat, TreeWriter,
 };
 use bvh_build::{BinaryTree, sah_cost};
 use bvh_layout::Topology;
@@ -48,6 +48,14 @@ impl Deref for Vertices {
     }
 }
 
+/// A call that fails once.
+pub(in crate::driver) struct Failure {
+    /// Name of the method.
+    pub(in crate::driver) call: &'static str,
+    /// Number of earlier calls of the method, which succeed.
+    pub(in crate::driver) after: usize,
+}
+
 /// Calls that the fake received, shared with the test.
 #[derive(Default)]
 pub(in crate::driver) struct Log {
@@ -90,8 +98,9 @@ pub(in crate::driver) struct Fake {
     /// Costs of a candidate and of the current tree, in the recording and per submission.
     recorded: Option<[f64; 2]>,
     costs: HashMap<Ticket, [f64; 2]>,
-    /// Number of calls of `preprocess` until one fails.
-    pub(in crate::driver) preprocess_fails_in: Option<usize>,
+    pub(in crate::driver) failure: Option<Failure>,
+    /// Whether there is no memory to upload a tree in advance.
+    pub(in crate::driver) lacks_memory: bool,
     /// Snapshots that were allocated in advance. With these, the fake allocates no memory, so it logs nothing.
     pub(in crate::driver) prepared: Option<Vec<Snapshot>>,
 }
@@ -102,6 +111,19 @@ impl Fake {
             polls,
             ..Self::default()
         }
+    }
+
+    /// Returns an error if this call is to fail.
+    fn check(&mut self, call: &str) -> Result<()> {
+        match &mut self.failure {
+            Some(failure) if failure.call == call && failure.after > 0 => failure.after -= 1,
+            Some(failure) if failure.call == call => {
+                self.failure = None;
+                return Err(BackendError::unsupported("fake", "this call"));
+            }
+            _ => (),
+        }
+        Ok(())
     }
 
     /// The cost of a tree at the pose of the recording.
@@ -148,6 +170,7 @@ impl Backend for Fake {
         assert!(!self.requests_positions, "a submission comes first");
         let live = self.animation.as_ref().unwrap().live_count();
         assert_eq!(tree.binary().leaf_count(), live);
+        self.check("adopt")?;
         self.generation = generation;
         self.fresh = (false, false);
         if self.measures {
@@ -158,6 +181,16 @@ impl Backend for Fake {
             log.adopted_trees.push(Arc::clone(tree.binary()));
         });
         Ok(())
+    }
+    fn tree_writer(&mut self, _: Generation) -> Result<Option<TreeWriter>> {
+        self.check("tree_writer").map(|()| None)
+    }
+    fn upload_tree(&mut self, _: &Topology, _: Generation) -> Result<bool> {
+        if self.lacks_memory {
+            let what = "a tree".to_owned();
+            return Err(BackendError::OutOfMemory { what, bytes: 0 });
+        }
+        Ok(true)
     }
     fn evaluate(&mut self, tree: &Topology, generation: Generation) -> Result<bool> {
         assert!(generation > self.generation, "a candidate is newer");
@@ -177,13 +210,7 @@ impl Backend for Fake {
     }
     fn preprocess(&mut self) -> Result<()> {
         assert!(self.pose.is_some() && self.generation > Generation(0));
-        if let Some(left) = &mut self.preprocess_fails_in {
-            if *left == 0 {
-                self.preprocess_fails_in = None;
-                return Err(BackendError::unsupported("fake", "this call"));
-            }
-            *left -= 1;
-        }
+        self.check("preprocess")?;
         self.fresh.0 = true;
         Ok(())
     }
@@ -213,6 +240,7 @@ impl Backend for Fake {
     }
     fn request_positions(&mut self) -> Result<()> {
         assert!(!self.requests_positions, "one request a submission");
+        self.check("request_positions")?;
         self.requests_positions = true;
         self.note(|log| log.position_requests += 1);
         Ok(())
@@ -232,6 +260,9 @@ impl Backend for Fake {
     }
     fn wait(&mut self, ticket: Ticket) -> Result<FrameReport> {
         assert!(ticket.0 <= self.ticket, "this ticket was not issued");
+        if self.costs.contains_key(&ticket) {
+            self.check("wait for an evaluation")?;
+        }
         let costs = self.costs.remove(&ticket);
         Ok(FrameReport {
             sah_cost: costs.map_or(Some(3.0), |[_, current]| Some(current)),
