@@ -77,14 +77,14 @@ pub struct StageTimes {
     #[serde(serialize_with = "rounded")]
     pub interpolate_ms: Option<f64>,
     /// Computation of triangle records and boxes of leaves from positions or from key frames. Most devices also compute
-    /// boxes of inner nodes here, up to all of them. Includes the evaluation of a candidate tree, but on GPUs not its
-    /// boxes of inner nodes.
+    /// boxes of inner nodes here, up to all of them. Includes the same work for a candidate tree. On the host, includes
+    /// its whole evaluation.
     #[serde(serialize_with = "rounded")]
     pub preprocess_ms: Option<f64>,
     /// Tree build on the device, except for triangle records and boxes of leaves.
     #[serde(serialize_with = "rounded")]
     pub rebuild_ms: Option<f64>,
-    /// Computation of the remaining boxes of inner nodes. On GPUs, includes those of a candidate tree.
+    /// Computation of the remaining boxes of inner nodes, on GPUs also of a candidate tree.
     #[serde(serialize_with = "rounded")]
     pub refit_ms: Option<f64>,
     /// Trace of the primary or given rays. Includes shadow rays if one kernel traces both.

@@ -17,9 +17,10 @@
 //! [`FRAMES_IN_FLIGHT`] submissions are unfinished at any time; a further `submit` blocks until the oldest has
 //! finished.
 //!
-//! `load`, `submit`, [`Backend::wait`], [`Backend::take_hits`] and [`Backend::pixels`] wait for submissions to finish. With
-//! wgpu, so do [`Backend::load_palette`], the first `rebuild` and the first `request_positions`, because they upload data.
-//! Other methods may wait for memory that they reuse, for key frames or for the compilation of kernels.
+//! `load`, `submit`, [`Backend::wait`], [`Backend::take_hits`] and [`Backend::pixels`] wait for submissions to finish. On
+//! devices with a single queue, such as all devices of wgpu, so do [`Backend::load_palette`], the first `rebuild` and the
+//! first `request_positions`, because they upload data. Other methods may wait for the last use of memory that they reuse,
+//! for key frames or for the compilation of kernels.
 //!
 //! A submission's report and traces remain available until [`FRAMES_IN_FLIGHT`] later submissions with traces have been
 //! submitted. [`Backend::retain_traces`] extends this. A report can be read any number of times. Hits can be taken once.
@@ -45,7 +46,8 @@
 //! afterwards uses the new tree, and submitted work keeps the old one.
 //!
 //! Large trees take time to reach a device. The builder thread therefore writes the tree through a [`TreeWriter`], and
-//! the frame loop (`pipeline::Driver`) adopts it once [`Backend::upload_tree`] returns `true`. No frame waits for the copy.
+//! the frame loop (`pipeline::Driver`) adopts it once [`Backend::upload_tree`] returns `true`. The host does not wait
+//! for the copy.
 //!
 //! # Hits
 //!

@@ -175,6 +175,15 @@ impl<D: GpuDevice> ComputeBackend<D> {
     }
 }
 
+impl<D: GpuDevice> Drop for ComputeBackend<D> {
+    fn drop(&mut self) {
+        // The engine closes the device, so drop all other buffers first. An error means that the device is lost; there
+        // is nothing to wait for.
+        let _ = self.engine.gpu.wait(None);
+        self.tree = None;
+    }
+}
+
 /// Returns the kernels that build trees for this intersector.
 fn builders(intersector: Intersector) -> impl Iterator<Item = &'static Kernel> {
     let makes = move |k: &&Kernel| k.builds_trees() && k.serves(intersector);
@@ -324,7 +333,9 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
 
     fn prepare(&mut self, query: Query<'_>, builds_trees: bool) {
         let rays = ray_source(&query);
-        let leaves = self.engine.scene().animation.live_count() as u32;
+        let animation = &self.engine.scene().animation;
+        let leaves = animation.live_count() as u32;
+        let range = animation.known_range(Pose::default());
         let shape = if builds_trees {
             Shape::built_on_device(leaves)
         } else {
@@ -332,7 +343,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         };
         let input = TraceInput {
             intersector: self.intersector,
-            params: Params::of(self.engine.scene().scale_exponent, &shape),
+            params: Params::of(animation.scale_exponent(), &shape).with_range(range),
             rays,
             kind: query.kind,
         };

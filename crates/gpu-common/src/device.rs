@@ -191,7 +191,8 @@ pub type RecordingOf<D> =
 /// A device that runs the kernels of one scene. One backend owns it, so only state shared between scenes needs a lock.
 ///
 /// Only `upload`, `read`, `finish`, `unload`, `wait` and the methods that reuse memory (`staging`, `send`) may block.
-/// They wait for work of this scene. With wgpu, `upload`, `wait` without a use, and `unload` wait for all submissions.
+/// They wait for work of this scene. If copies and submissions share a queue, as with wgpu, they also wait for earlier
+/// submissions of all scenes.
 /// Submissions run in order, and recorded work reads the results of earlier recorded work. If copies run on separate
 /// queues, the device synchronizes them with the submissions that need them.
 pub trait GpuDevice: Send + Sized + 'static {

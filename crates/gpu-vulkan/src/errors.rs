@@ -24,9 +24,11 @@ pub fn failed_for(what: &str, bytes: u64) -> impl FnOnce(vk::Result) -> BackendE
 
 /// Converts a result code of the driver's compiler into an error that names the kernel.
 pub fn refused(kernel: &str) -> impl FnOnce(vk::Result) -> BackendError + '_ {
-    move |code| match code {
-        vk::Result::ERROR_DEVICE_LOST => BackendError::DeviceLost(kernel.to_owned()),
-        _ => BackendError::NoDevice(format!("the driver rejects kernel {kernel}: {code}")),
+    move |code| match failed(kernel)(code) {
+        BackendError::Rejected { .. } => {
+            BackendError::NoDevice(format!("the driver rejects kernel {kernel}: {code}"))
+        }
+        error => error,
     }
 }
 
@@ -45,5 +47,12 @@ mod tests {
         assert!(bad.starts_with("a semaphore was rejected: "), "{bad}");
         let kernel = refused("refit")(vk::Result::ERROR_INITIALIZATION_FAILED);
         assert!(matches!(kernel, BackendError::NoDevice(_)), "{kernel}");
+        for code in [
+            vk::Result::ERROR_OUT_OF_HOST_MEMORY,
+            vk::Result::ERROR_OUT_OF_DEVICE_MEMORY,
+        ] {
+            let full = refused("refit")(code);
+            assert!(matches!(full, BackendError::OutOfMemory { .. }), "{full}");
+        }
     }
 }

@@ -130,7 +130,8 @@ impl VulkanDevice {
     /// [`VulkanDevice::signal`] then makes the timeline reach `signal`.
     ///
     /// # Errors
-    /// [`backend::BackendError::Misuse`] if the semaphore belongs to another device, or the values do not increase.
+    /// [`backend::BackendError::Misuse`] if the semaphore belongs to another device, or the values do not increase or
+    /// increase by more than the device allows.
     pub fn synchronize(&mut self, timeline: &Arc<Timeline>, wait: u64, signal: u64) -> Result<()> {
         if !Arc::ptr_eq(&timeline.gpu, &self.gpu) {
             let why = "the semaphore belongs to another device";
@@ -146,14 +147,17 @@ impl VulkanDevice {
         let signals = self.external.signals.iter();
         let earlier = signals.filter(|signal| Arc::ptr_eq(&signal.timeline, timeline));
         let earlier = earlier.map(|signal| signal.value).max().unwrap_or(0);
-        if signal <= wait.max(earlier) || timeline.has_reached(signal)? {
+        let now = timeline.value()?;
+        if signal <= wait.max(earlier).max(now) {
             let why = format!(
                 "the semaphore cannot signal {signal}: the value must exceed the awaited value, the current value and \
                  the signals of earlier steps"
             );
             return Err(BackendError::Misuse(why));
         }
-        self.external.waits.push(timeline.at(wait));
+        self.gpu.limits.admit_signal(now, signal)?;
+        // A lower value is reached already, but may differ from the current one by more than the device allows.
+        self.external.waits.push(timeline.at(wait.max(now)));
         self.external.signals.push(Signal {
             timeline: Arc::clone(timeline),
             value: signal,

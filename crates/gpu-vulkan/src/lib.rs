@@ -6,7 +6,8 @@
 //!
 //! Each frame is one submission to one compute queue. A timeline semaphore orders submissions; its values are the
 //! tickets. Trees are uploaded and vertices are read back on queues of their own if the device has them. Each of these
-//! queues has its own timeline, so that copies delay no frame:
+//! queues has its own timeline. A submission waits for the copies that it reads, and for uploads that started before them.
+//! The host does not wait for these copies:
 //!
 //! - The copy of vertices starts as soon as they are interpolated, while their frame continues.
 //! - The upload of a tree starts when the tree is built. The tree is adopted once it has arrived.

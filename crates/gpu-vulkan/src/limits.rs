@@ -23,6 +23,8 @@ pub(crate) struct DeviceLimits {
     /// `maxPerStageDescriptorStorageBuffers`.
     pub(crate) storage_buffers: u32,
     pub(crate) uniform_alignment: u64,
+    /// `maxTimelineSemaphoreValueDifference`.
+    pub(crate) timeline_difference: u64,
     /// Nanoseconds per tick of the device's clock.
     pub(crate) tick_ns: f64,
 }
@@ -30,7 +32,10 @@ pub(crate) struct DeviceLimits {
 impl DeviceLimits {
     pub(crate) fn of(instance: &VulkanInstance, device: vk::PhysicalDevice) -> Self {
         let mut p11 = vk::PhysicalDeviceVulkan11Properties::default();
-        let mut p = vk::PhysicalDeviceProperties2::default().push_next(&mut p11);
+        let mut p12 = vk::PhysicalDeviceVulkan12Properties::default();
+        let mut p = vk::PhysicalDeviceProperties2::default()
+            .push_next(&mut p11)
+            .push_next(&mut p12);
         instance.read_properties(device, &mut p);
         let l = p.properties.limits;
         let [x, y, _] = l.max_compute_work_group_count;
@@ -42,6 +47,7 @@ impl DeviceLimits {
             workgroup: invocations.min(l.max_compute_work_group_size[0]),
             storage_buffers: l.max_per_stage_descriptor_storage_buffers,
             uniform_alignment: l.min_uniform_buffer_offset_alignment.max(16),
+            timeline_difference: p12.max_timeline_semaphore_value_difference,
             tick_ns: f64::from(l.timestamp_period),
         }
     }
@@ -58,6 +64,22 @@ impl DeviceLimits {
             check_limit(|| format!("{what} (bytes, {name})"), bytes, most)?;
         }
         Ok(())
+    }
+
+    /// Checks that a timeline with value `now` can be signalled with `signal`.
+    ///
+    /// # Errors
+    /// [`BackendError::Misuse`].
+    pub(crate) fn admit_signal(&self, now: u64, signal: u64) -> Result<()> {
+        let most = self.timeline_difference;
+        if signal.saturating_sub(now) <= most {
+            return Ok(());
+        }
+        let why = format!(
+            "the semaphore cannot signal {signal}: the value must exceed the current value, {now}, by at most {most} \
+             (maxTimelineSemaphoreValueDifference)"
+        );
+        Err(BackendError::Misuse(why))
     }
 
     /// Returns the limits for kernels.
@@ -169,6 +191,7 @@ mod tests {
         workgroup: 256,
         storage_buffers: 8,
         uniform_alignment: 64,
+        timeline_difference: (1 << 31) - 1,
         tick_ns: 1.0,
     };
 
@@ -187,6 +210,16 @@ mod tests {
         let expected =
             "hits (bytes, maxMemoryAllocationSize) needs 1073741840, the limit is 1073741824";
         assert_eq!(refused.to_string(), expected);
+    }
+
+    #[test]
+    fn distant_signal_is_misuse() {
+        assert_eq!(LIMITS.admit_signal(5, (1 << 31) + 4), Ok(()));
+        let refused = LIMITS.admit_signal(5, (1 << 31) + 5);
+        assert!(
+            matches!(refused, Err(BackendError::Misuse(_))),
+            "{refused:?}"
+        );
     }
 
     #[test]

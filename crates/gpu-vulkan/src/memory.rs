@@ -39,7 +39,7 @@ enum BufferMemory {
     /// Imported host pages.
     Host(HostMemory),
     /// Memory that another interface shares.
-    External(#[expect(dead_code, reason = "keeps the memory alive")] Arc<ExternalMemory>),
+    External(Arc<ExternalMemory>),
     /// No memory: not yet allocated, or already freed.
     Nothing,
 }
@@ -132,8 +132,12 @@ impl Buffer {
         matches!(self.memory, BufferMemory::Host(_))
     }
 
-    pub(crate) fn is_external(&self) -> bool {
-        matches!(self.memory, BufferMemory::External(_))
+    /// Returns the memory if another interface shares it.
+    pub(crate) fn external_memory(&self) -> Option<&Arc<ExternalMemory>> {
+        match &self.memory {
+            BufferMemory::External(memory) => Some(memory),
+            _ => None,
+        }
     }
 
     /// Returns the bytes of device-local memory that the buffer occupies.

@@ -47,12 +47,16 @@ impl Timeline {
         (self.vk, value)
     }
 
-    /// Returns whether `value` is reached. Never blocks.
-    pub fn has_reached(&self, value: u64) -> Result<bool> {
+    /// Returns the current value. Never blocks.
+    pub(crate) fn value(&self) -> Result<u64> {
         // SAFETY: the semaphore belongs to the device.
         let now = unsafe { self.gpu.vk.get_semaphore_counter_value(self.vk) };
-        now.map(|now| now >= value)
-            .map_err(failed("reading a semaphore"))
+        now.map_err(failed("reading a semaphore"))
+    }
+
+    /// Returns whether `value` is reached. Never blocks.
+    pub fn has_reached(&self, value: u64) -> Result<bool> {
+        Ok(self.value()? >= value)
     }
 
     /// Blocks until `value` is reached.

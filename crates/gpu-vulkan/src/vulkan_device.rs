@@ -2,6 +2,7 @@
 
 use crate::adapters::adapters_of;
 use crate::encoder::{NativeCommand, RecordingEncoder, VulkanRecording};
+use crate::external::ExternalMemory;
 use crate::external_inputs::ExternalInputs;
 use crate::gpu::{Gpu, Queue};
 use crate::instance::VulkanInstance;
@@ -155,8 +156,12 @@ impl VulkanDevice {
         Ok(self.copy_external_points(Some(to))?.unwrap_or(sent))
     }
 
-    /// Writes elements to the beginning of an external buffer. The next submission waits for the copy.
-    fn write_external<T: Pod + Send + Sync>(&mut self, to: &Buffer, rows: &[T]) -> Result<()> {
+    /// Writes elements to the beginning of external memory. The next submission waits for the copy.
+    fn write_external<T: Pod + Send + Sync>(
+        &mut self,
+        to: &Arc<ExternalMemory>,
+        rows: &[T],
+    ) -> Result<()> {
         let bytes = size_of_val(rows) as u64;
         if bytes == 0 {
             return Ok(());
@@ -168,6 +173,8 @@ impl VulkanDevice {
         self.results_at = self.upload.start_in_order(&[copy], waits)?;
         let allocated = staging.held();
         self.retain(staging, allocated, self.results_at);
+        // If the submission fails, the trace is dropped while the copy may still run.
+        self.retain(Arc::clone(to), 0, self.results_at);
         Ok(())
     }
 
@@ -324,8 +331,8 @@ impl GpuDevice for VulkanDevice {
     }
 
     fn write<T: Pod + Send + Sync>(&mut self, to: &mut Buffer, rows: &[T]) -> Result<()> {
-        if to.is_external() {
-            return self.write_external(to, rows);
+        if let Some(memory) = to.external_memory() {
+            return self.write_external(memory, rows);
         }
         to.set_rows(rows);
         Ok(())

@@ -1,6 +1,7 @@
 //! The adapters that wgpu offers on this machine.
 
 use backend::{AdapterInfo, BackendError, DeviceKind, Result};
+use std::sync::OnceLock;
 use wgpu::{Backends, Features, InstanceFlags};
 
 /// Returns all adapters that wgpu offers on this machine.
@@ -8,7 +9,7 @@ use wgpu::{Backends, Features, InstanceFlags};
 /// # Errors
 /// [`BackendError::NoDevice`] if there is no adapter.
 pub fn adapters() -> Result<Vec<AdapterInfo>> {
-    enumerate(&instance(false)).map(|(_, list)| list)
+    enumerate(instance(false)).map(|(_, list)| list)
 }
 
 /// Returns all adapters with their descriptions.
@@ -65,8 +66,17 @@ pub(crate) fn takes_spirv(info: &wgpu::AdapterInfo, features: Features) -> bool 
     info.backend == wgpu::Backend::Vulkan && features.contains(Features::PASSTHROUGH_SHADERS)
 }
 
+/// The instances without and with validation, kept until the process ends. When the last instance is destroyed, the
+/// loader unloads the drivers: see `docs/design/drivers.md`.
+static INSTANCES: [OnceLock<wgpu::Instance>; 2] = [OnceLock::new(), OnceLock::new()];
+
+/// Returns this process's instance with or without validation.
+pub(crate) fn instance(validation: bool) -> &'static wgpu::Instance {
+    INSTANCES[usize::from(validation)].get_or_init(|| new_instance(validation))
+}
+
 /// Creates an instance without a window. Sets every option whose default depends on the build.
-pub(crate) fn instance(validation: bool) -> wgpu::Instance {
+fn new_instance(validation: bool) -> wgpu::Instance {
     let mut desc = wgpu::InstanceDescriptor::new_without_display_handle();
     desc.backends = Backends::VULKAN | Backends::METAL | Backends::DX12;
     desc.flags = InstanceFlags::empty();
@@ -110,4 +120,14 @@ fn windowless(desc: &wgpu::InstanceDescriptor) -> Option<wgpu::Instance> {
     // SAFETY: the instance was created above, and nothing else holds it.
     made.ok()
         .map(|made| unsafe { wgpu::Instance::from_hal::<Api>(made) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn instance_is_kept() {
+        assert_eq!(instance(false), instance(false));
+    }
 }

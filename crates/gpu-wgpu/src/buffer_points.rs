@@ -1,11 +1,12 @@
 //! Positions in buffers of the program, which are copied from buffer to buffer.
 
 use crate::gpu::OpenGpu;
+use crate::limits::bindable_bytes;
 use backend::Result;
 use geom::Point;
 use gpu_common::{ExternalPoints, PointsCopy, PointsSource};
 use std::ops::Range;
-use wgpu::{Buffer, BufferUsages, CommandEncoder};
+use wgpu::{Buffer, BufferUsages, CommandEncoder, Limits};
 
 pub(crate) const POINT: u64 = size_of::<Point>() as u64;
 
@@ -21,13 +22,12 @@ pub(crate) struct BufferPoints {
 }
 
 impl BufferPoints {
-    /// Schedules copies of all runs to a key frame. Adds a copy to `copies`, which a kernel performs, if the kernel can
-    /// bind the source: a storage buffer of at most `largest` bytes. Schedules a copy command otherwise, which takes
-    /// twice as long.
+    /// Schedules copies of all runs to a key frame. Adds a copy to `copies`, which a kernel performs, if a storage
+    /// binding can cover the source. Schedules a copy command otherwise, which takes twice as long.
     pub(crate) fn copy_to(
         &mut self,
         key: &Buffer,
-        largest: u64,
+        limits: &Limits,
         copies: &mut Vec<PointsCopy<Buffer>>,
     ) {
         if self.points.runs().is_empty() {
@@ -39,10 +39,9 @@ impl BufferPoints {
             let Some(PointsSource { buffer, offset, .. }) = source else {
                 continue;
             };
-            // A binding covers the whole buffer, and its size must be a multiple of 4.
+            let bytes = run.len() as u64 * POINT;
             let is_bindable = buffer.usage().contains(BufferUsages::STORAGE)
-                && buffer.size() <= largest
-                && buffer.size().is_multiple_of(4);
+                && offset + bytes <= bindable_bytes(limits, &buffer);
             let list = if is_bindable {
                 &mut *copies
             } else {
@@ -51,7 +50,7 @@ impl BufferPoints {
             list.push(PointsCopy {
                 from: (buffer, offset),
                 to: (key.clone(), run.start as u64 * POINT),
-                bytes: run.len() as u64 * POINT,
+                bytes,
             });
         }
         self.points.pending.clear();

@@ -1,6 +1,6 @@
 //! Creating, filling, copying and mapping buffers.
 
-use crate::gpu::{OpenGpu, READBACK, make, unmap};
+use crate::gpu::{OpenDevice, OpenGpu, READBACK, make, unmap};
 use backend::{BackendError, Result};
 use bytemuck::Pod;
 use geom::Point;
@@ -156,6 +156,7 @@ pub(crate) struct Arrived {
     view: BufferView,
     buffer: Buffer,
     vertices: usize,
+    _device: Arc<OpenDevice>,
 }
 
 impl Deref for Arrived {
@@ -167,12 +168,13 @@ impl Deref for Arrived {
 }
 
 impl Arrived {
-    pub(crate) fn new(copy: MappedCopy, vertices: usize) -> Result<Self> {
+    pub(crate) fn new(gpu: &OpenGpu, copy: MappedCopy, vertices: usize) -> Result<Self> {
         let buffer = copy.buffer;
         Ok(Self {
             view: buffer.get_mapped_range(..).map_err(unreadable)?,
             buffer,
             vertices,
+            _device: Arc::clone(&gpu.device),
         })
     }
 

@@ -6,6 +6,7 @@
 use crate::buffer_points::POINT;
 use crate::buffers::write;
 use crate::launches::params_buffer;
+use crate::limits::bindable_bytes;
 use crate::wgpu_device::{WgpuBackend, WgpuDevice};
 use backend::Result;
 use gpu_common::{LentRays, PointsSource};
@@ -51,8 +52,13 @@ impl WgpuDevice {
         self.scene.points.points.release(run);
     }
 
+    /// Returns the bytes of a storage buffer that kernels can access, from its beginning.
+    pub fn bindable_bytes(&self, buffer: &Buffer) -> u64 {
+        bindable_bytes(&self.gpu.limits, buffer)
+    }
+
     /// Makes the next queries of [`backend::Rays::OnDevice`] trace these rays, one element per query. Kernels must be
-    /// able to bind the buffers.
+    /// able to [access](Self::bindable_bytes) all rays and results.
     pub fn set_ray_buffers(&mut self, rays: Vec<LentRays<Buffer>>) {
         if self.scene.rays != rays {
             // A higher count makes the next recording drop the bind groups, which keep the previous buffers alive.
@@ -68,7 +74,7 @@ impl WgpuDevice {
     }
 
     /// Makes the next submission go into this encoder instead of the queue. The program should have submitted the
-    /// previous encoder.
+    /// previous encoder. Keeps the encoder for [`Self::take_encoder`] even if it returns an error.
     pub fn set_encoder(&mut self, encoder: CommandEncoder) -> Result<()> {
         let caller = &mut self.scene.encoder;
         caller.encoder = Some(encoder);
@@ -86,9 +92,10 @@ impl WgpuDevice {
         self.scene.encoder.encoder.take()
     }
 
-    /// Returns whether any encoder contains unfinished submissions.
-    pub fn has_encoded(&self) -> bool {
-        !self.scene.encoder.under_way.is_empty()
+    /// Returns whether the next submission would go to the queue while encoders contain unfinished submissions.
+    pub fn overtakes_encoded(&self) -> bool {
+        let caller = &self.scene.encoder;
+        caller.encoder.is_none() && !caller.under_way.is_empty()
     }
 
     /// Returns a buffer with these parameters. Changed parameters get a new buffer, because unsubmitted work may still

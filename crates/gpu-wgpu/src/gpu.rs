@@ -31,14 +31,14 @@ pub(crate) struct OpenGpu {
     /// Cache of compiled kernels, if they are stored.
     pub(crate) cache: Option<AdapterPipelineCache>,
     /// Dropped last.
-    pub(crate) device: OpenDevice,
+    pub(crate) device: Arc<OpenDevice>,
 }
 
 impl OpenGpu {
     /// Opens an adapter.
     pub(crate) fn open(options: &Options) -> Result<Self> {
         let is_validated = options.validation != Validation::Off;
-        let (found, list) = enumerate(&instance(is_validated))?;
+        let (found, list) = enumerate(instance(is_validated))?;
         let adapter = &found[AdapterInfo::choose(&list, options.adapter)?.index];
         check(&adapter.limits())?;
         let desc = wgpu::DeviceDescriptor {
@@ -72,7 +72,7 @@ impl OpenGpu {
         check(&limits)?;
         Ok(Self {
             tick_ns: f64::from(queue.get_timestamp_period()),
-            device: OpenDevice(Some(device)),
+            device: Arc::new(OpenDevice(Some(device))),
             queue,
             info,
             limits,
@@ -256,7 +256,8 @@ impl Drop for OpenGpu {
     }
 }
 
-/// A device that is dropped while no thread compiles kernels.
+/// A device that is closed while no thread compiles kernels. Each wgpu object keeps its device open. So types of this
+/// crate whose objects may outlive the backend also hold an `Arc` of this, as their last field.
 pub(crate) struct OpenDevice(Option<wgpu::Device>);
 
 impl Deref for OpenDevice {

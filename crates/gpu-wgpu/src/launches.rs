@@ -2,7 +2,7 @@
 
 use crate::buffers::write;
 use crate::gpu::{OpenGpu, make};
-use crate::limits::params_stride;
+use crate::limits::{bindable_bytes, params_stride};
 use crate::pipelines::Pipeline;
 use backend::Result;
 use gpu_common::{BoundBuffer, RecordedCommand, Recording};
@@ -161,20 +161,23 @@ impl BindGroups {
 /// Binds a kernel to its buffers, in the order of its bindings.
 fn bind(gpu: &OpenGpu, pipeline: &Pipeline, buffers: &[Buffer]) -> Result<BindGroup> {
     let bindings = pipeline.kernel.bindings.iter().zip(buffers);
-    let entries: Vec<_> = bindings
-        .map(|(b, buffer)| wgpu::BindGroupEntry {
+    let entries = bindings.map(|(b, buffer)| {
+        let bytes = match b.kind {
+            // The parameters of a single dispatch.
+            Kind::Uniform => size_of::<Params>() as u64,
+            // A buffer of the program may be larger than a binding.
+            Kind::Read | Kind::ReadWrite => bindable_bytes(&gpu.limits, buffer),
+        };
+        wgpu::BindGroupEntry {
             binding: b.number,
-            resource: match b.kind {
-                // The parameters of a single dispatch.
-                Kind::Uniform => wgpu::BindingResource::Buffer(BufferBinding {
-                    buffer,
-                    offset: 0,
-                    size: NonZeroU64::new(size_of::<Params>() as u64),
-                }),
-                Kind::Read | Kind::ReadWrite => buffer.as_entire_binding(),
-            },
-        })
-        .collect();
+            resource: wgpu::BindingResource::Buffer(BufferBinding {
+                buffer,
+                offset: 0,
+                size: NonZeroU64::new(bytes),
+            }),
+        }
+    });
+    let entries: Vec<_> = entries.collect();
     let desc = wgpu::BindGroupDescriptor {
         label: Some(pipeline.kernel.name),
         layout: &pipeline.layout,

@@ -4,7 +4,7 @@ use backend::{Intersector, Result};
 use geom::Animation;
 use gpu_common::{KernelLimit, check_kernels};
 use shaders::{KERNELS, Params, storage_buffers};
-use wgpu::{Features, Limits};
+use wgpu::{Buffer, Features, Limits};
 
 /// Returns the features that [`crate::from_device`] requires. Currently it requires no features.
 #[must_use]
@@ -145,6 +145,11 @@ pub(crate) fn max_storage_bytes(limits: &Limits) -> u64 {
         .max_storage_buffer_binding_size
         .min(limits.max_buffer_size);
     largest.min(u64::from(u32::MAX)) / 16 * 16
+}
+
+/// Returns the bytes that a storage binding can cover, from the beginning of a buffer. They are a multiple of 4.
+pub(crate) fn bindable_bytes(limits: &Limits, buffer: &Buffer) -> u64 {
+    buffer.size().min(max_storage_bytes(limits)) / 4 * 4
 }
 
 /// Returns the distance in bytes between the parameters of consecutive dispatches.

@@ -1,12 +1,13 @@
 //! Compute pipelines, with layouts derived from the kernels' bindings.
 #![expect(unsafe_code, reason = "wgpu does not validate these kernels")]
 
-use crate::gpu::OpenGpu;
+use crate::gpu::{OpenDevice, OpenGpu};
 use crate::pipeline_cache::AdapterPipelineCache;
 use backend::Result;
 use gpu_common::{KernelCode, lock_compilation};
 use shaders::{Binding, Code, Kernel, Kind, Params};
 use std::num::NonZeroU64;
+use std::sync::Arc;
 use wgpu::{
     BindGroupLayout, BufferBindingType, ComputePipeline, ShaderModule, ShaderModuleDescriptor,
     ShaderRuntimeChecks, ShaderSource,
@@ -17,6 +18,7 @@ pub struct Pipeline {
     pub(crate) kernel: &'static Kernel,
     pub(crate) wgpu: ComputePipeline,
     pub(crate) layout: BindGroupLayout,
+    _device: Arc<OpenDevice>,
 }
 
 impl Pipeline {
@@ -28,6 +30,7 @@ impl Pipeline {
                 kernel,
                 wgpu: compute_pipeline(gpu, kernel, &module, &layout),
                 layout,
+                _device: Arc::clone(&gpu.device),
             }
         })
     }

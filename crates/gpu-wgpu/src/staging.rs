@@ -4,12 +4,13 @@
 //! queue: they are contiguous, and several threads were not faster.
 
 use crate::buffers::{Mapping, unreadable, write};
-use crate::gpu::{OpenGpu, STAGING, make, unmap};
+use crate::gpu::{OpenDevice, OpenGpu, STAGING, make, unmap};
 use backend::Result;
 use bytemuck::Pod;
 use geom::for_each_in_parallel;
 use gpu_common::{Staging, with_slack};
-use wgpu::{Buffer, MapMode, WriteOnly};
+use std::sync::Arc;
+use wgpu::{Buffer, CommandEncoder, MapMode, WriteOnly};
 
 /// Bytes that a thread writes at a time.
 const RUN: usize = 96 << 10;
@@ -26,9 +27,20 @@ pub(crate) struct MappedPool(Vec<(Buffer, Mapping)>);
 
 /// A mapped buffer from which a tree is uploaded.
 pub struct MappedStaging {
-    pub(crate) buffer: Buffer,
+    buffer: Buffer,
     /// Bytes that were written.
-    pub(crate) filled: u64,
+    filled: u64,
+    _device: Arc<OpenDevice>,
+}
+
+impl MappedStaging {
+    pub(crate) fn new(gpu: &OpenGpu, buffer: Buffer, filled: u64) -> Self {
+        Self {
+            buffer,
+            filled,
+            _device: Arc::clone(&gpu.device),
+        }
+    }
 }
 
 impl Staging for MappedStaging {
@@ -71,7 +83,7 @@ impl MappedPool {
         to: &Buffer,
         offset: u64,
     ) -> Result<()> {
-        let MappedStaging { buffer, filled } = from;
+        let MappedStaging { buffer, filled, .. } = from;
         if !unmap(&gpu.device, &buffer) {
             return Err(gpu.faults.lose("staging memory was lost".into()));
         }
@@ -105,11 +117,33 @@ impl MappedPool {
             let buffer = self.take(gpu, most as u64)?;
             fill_piece(&buffer, from)?;
             let filled = from.len() as u64;
-            self.send(gpu, MappedStaging { buffer, filled }, to, at)?;
+            self.send(gpu, MappedStaging::new(gpu, buffer, filled), to, at)?;
             at += filled;
         }
         Ok(())
     }
+}
+
+/// Writes the first rows of a buffer by a command in an encoder.
+pub(crate) fn write_encoded<T: Pod>(
+    gpu: &OpenGpu,
+    encoder: &mut CommandEncoder,
+    to: &Buffer,
+    rows: &[T],
+) -> Result<()> {
+    let bytes: &[u8] = bytemuck::cast_slice(rows);
+    let size = bytes.len() as u64;
+    if size == 0 {
+        return Ok(());
+    }
+    let from = make(gpu, "staging memory", size, STAGING)?;
+    fill_piece(&from, bytes)?;
+    if !unmap(&gpu.device, &from) {
+        return Err(gpu.faults.lose("staging memory was lost".into()));
+    }
+    gpu.guard("an upload", size, || {
+        encoder.copy_buffer_to_buffer(&from, 0, to, 0, size);
+    })
 }
 
 /// Copies bytes to a mapped buffer on several threads.

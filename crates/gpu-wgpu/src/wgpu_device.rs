@@ -9,7 +9,7 @@ use crate::gpu::{OpenGpu, STORAGE, make, unmap};
 use crate::launches::WgpuRecording;
 use crate::limits::{ATOMIC_MIN_64_BITS, kernel_limits};
 use crate::pipelines::Pipeline;
-use crate::staging::{MappedPool, MappedStaging};
+use crate::staging::{MappedPool, MappedStaging, write_encoded};
 use crate::submission::SubmissionEncoder;
 use backend::{
     Arithmetic, BackendName, Capabilities, Device, FRAMES_IN_FLIGHT, Result, Snapshot, Spares,
@@ -243,7 +243,13 @@ impl GpuDevice for WgpuDevice {
     }
 
     fn write<T: Pod + Send + Sync>(&mut self, to: &mut Buffer, rows: &[T]) -> Result<()> {
-        self.scene.staging.write(&self.gpu, to, rows)
+        let mut lent = self.scene.rays.iter();
+        let is_lent = lent.any(|lent| lent.results.as_ref() == Some(&*to));
+        match self.scene.encoder.encoder.as_mut().filter(|_| is_lent) {
+            // A write of the queue would run before the commands that the encoder already contains.
+            Some(encoder) => write_encoded(&self.gpu, encoder, to, rows),
+            None => self.scene.staging.write(&self.gpu, to, rows),
+        }
     }
 
     fn read<T: Pod>(
@@ -265,7 +271,7 @@ impl GpuDevice for WgpuDevice {
 
     fn staging(&mut self, bytes: u64) -> Result<MappedStaging> {
         let buffer = self.scene.staging.take(&self.gpu, bytes)?;
-        Ok(MappedStaging { buffer, filled: 0 })
+        Ok(MappedStaging::new(&self.gpu, buffer, 0))
     }
 
     fn send(&mut self, upload: Upload<'_, MappedStaging>, to: &Buffer) -> Result<u64> {
@@ -277,9 +283,8 @@ impl GpuDevice for WgpuDevice {
                     let at = (run.start * size_of::<Point>()) as u64;
                     write(&self.gpu, to, at, &key[run])?;
                 }
-                let largest = self.gpu.limits.max_storage_buffer_binding_size;
                 let copies = &mut scene.caller_buffers.copies;
-                scene.points.copy_to(to, largest, copies);
+                scene.points.copy_to(to, &self.gpu.limits, copies);
             }
         }
         Ok(0)
@@ -334,13 +339,9 @@ impl GpuDevice for WgpuDevice {
         self.scene.encoder.wait(&self.gpu, ticket)?;
         let slot = self.slot(ticket);
         let outcome = self.submissions[slot].finish()?;
-        match outcome {
-            // Earlier submissions have finished, too.
-            Outcome::Finished(_) => self.scene.encoder.under_way.retain(|&of, _| of > ticket),
-            Outcome::Dropped => {
-                self.scene.encoder.under_way.remove(&ticket);
-                self.scene.copies.remove(&ticket);
-            }
+        self.scene.encoder.under_way.remove(&ticket);
+        if matches!(outcome, Outcome::Dropped) {
+            self.scene.copies.remove(&ticket);
         }
         Ok(outcome)
     }
@@ -348,7 +349,8 @@ impl GpuDevice for WgpuDevice {
     fn take_positions(&mut self, ticket: Ticket, vertices: usize) -> Result<Snapshot> {
         let copy = self.scene.copies.remove(&ticket);
         let copy = copy.expect("the submission copies positions");
-        Ok(self.scene.spares.lend(Arrived::new(copy, vertices)?))
+        let arrived = Arrived::new(&self.gpu, copy, vertices)?;
+        Ok(self.scene.spares.lend(arrived))
     }
 
     fn unload(&mut self) -> Result<()> {

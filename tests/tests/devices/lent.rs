@@ -192,7 +192,7 @@ pub(crate) fn flying() -> Scene {
 }
 
 /// Creates a scene that no ray can hit.
-fn nothing() -> Scene {
+pub(crate) fn nothing() -> Scene {
     let mut nothing = Scene::new();
     let nowhere = [[f32::NAN; 3]; 3];
     nothing.add(Mesh::fixed(&nowhere, &[[0, 1, 2]]).unwrap());

@@ -1,8 +1,10 @@
 //! Tests of properties of every device, run on each device of this machine, and of properties of one device only.
 //!
 //! A device is opened once for all tests that load their own scenes. Tests of an absent device show as ignored, with
-//! the reason. `ABVH_REQUIRE_BACKENDS=vulkan,wgpu` makes them fail instead. Validation layers are enabled where
-//! installed, and any message fails the test.
+//! the reason. `ABVH_REQUIRE_BACKENDS=vulkan,wgpu` makes them fail instead.
+//!
+//! Validation layers are enabled where installed, and any message fails the test. `OF_WGPU`, `OF_CUDA` and the tests of
+//! `OF_EXTERNAL_MEMORY` through the library `abvh` run without the layers.
 
 #[cfg(target_os = "linux")]
 mod cuda;
@@ -135,6 +137,7 @@ const OF_WGPU: &[(&str, fn())] = named![
     wgpu_lent::lent_device_keeps_its_handlers,
     wgpu_lent::stages_are_timed_within_shared_passes,
     wgpu_lent::calls_after_device_loss_return_errors,
+    wgpu_lent::device_is_destroyed_while_no_kernel_compiles,
     wgpu_points::reads_vertices_from_caller_buffers,
     wgpu_points::unsuitable_vertex_buffer_is_an_error,
     wgpu_points::buffer_vertices_survive_mesh_replacement,
@@ -142,6 +145,7 @@ const OF_WGPU: &[(&str, fn())] = named![
     wgpu_rays::long_lists_fit_the_requested_limits,
     wgpu_rays::ray_buffers_are_released,
     wgpu_rays::unsuitable_ray_buffer_is_an_error,
+    wgpu_rays::ray_buffers_are_bound_in_part,
     wgpu_encode::steps_keep_the_command_order,
     wgpu_encode::unsubmitted_step_has_no_results,
     wgpu_encode::step_with_dropped_commands_is_abandoned,
@@ -149,6 +153,8 @@ const OF_WGPU: &[(&str, fn())] = named![
     wgpu_encode::refused_commands_have_no_results,
     wgpu_encode::unencodable_steps_are_refused,
     wgpu_encode::tree_outlives_commands_that_read_it,
+    wgpu_encode::submitted_step_follows_encoded_steps,
+    wgpu_encode::misses_keep_the_command_order,
     wgpu_module::shader_hits_match_queries,
     wgpu_module::untraceable_scene_is_an_error,
 ];
@@ -180,7 +186,6 @@ fn main() -> ExitCode {
         device.as_ref().err().map(ToString::to_string)
     });
     let no_queues = no_vulkan.clone().or_else(queues::lacks_queues);
-    let excused = |absent: &Option<String>, name| absent.clone().filter(|_| !is_required(name));
     let [vulkan, wgpu] = &devices;
     let mut trials = Vec::new();
     for (name, absent, device, open) in [
@@ -204,11 +209,8 @@ fn main() -> ExitCode {
             trials.push(trial(property, Box::new(body)));
         }
     }
-    let mut own = vec![
-        (OF_VULKAN, excused(&no_vulkan, "vulkan")),
-        (OF_THREE_QUEUES, no_queues),
-        (OF_WGPU, excused(&no_wgpu, "wgpu")),
-    ];
+    let excused = no_vulkan.clone().filter(|_| !is_required("vulkan"));
+    let mut own = vec![(OF_VULKAN, excused), (OF_THREE_QUEUES, no_queues)];
     #[cfg(target_os = "linux")]
     {
         let lacks = no_vulkan.or_else(external::lacks);
@@ -218,10 +220,20 @@ fn main() -> ExitCode {
         ]);
     }
     for (all, why) in own {
-        let each = all
-            .iter()
-            .map(|&(name, body)| ignored_if(trial(name, body), why.clone()));
+        let each = all.iter().map(|&(name, body)| {
+            let device = Arc::clone(vulkan);
+            let body = move || {
+                body();
+                // Messages are those of the whole process.
+                watch(&device, |_| ());
+            };
+            ignored_if(trial(name, body), why.clone())
+        });
         trials.extend(each);
+    }
+    for &(name, body) in OF_WGPU {
+        let absent = no_wgpu.clone();
+        trials.push(device_trial(name.to_owned(), "wgpu", absent, body));
     }
     libtest_mimic::run(&arguments, trials).exit_code()
 }

@@ -1,6 +1,6 @@
 //! Tests steps that are recorded into the program's command encoder.
 
-use crate::lent::{Found, OnHost, Sheets, bits, sheet, two_sheets};
+use crate::lent::{Found, OnHost, Sheets, bits, nothing, sheet, triangles, two_sheets};
 use crate::scenes::{
     SHADOWED, camera, hits, interpolate_and_refit, open, submit_trace, swarm, trace, tree_at,
 };
@@ -147,7 +147,13 @@ pub(crate) fn unsubmitted_step_has_no_results() {
     // A third step cannot begin.
     let mut commands = encoded.commands();
     let mut step = encoded.caller.tracer.step(0.0);
-    step.trace(&camera(), Query::Closest).unwrap();
+    let count = camera().pixels();
+    let buffers = RayBuffers {
+        rays: &encoded.rays,
+        count,
+        results: None,
+    };
+    step.trace_buffers(buffers, Query::Closest).unwrap();
     let said = step.encode(&mut commands);
     assert!(matches!(said, Err(Error::Misuse(_))), "{said:?}");
     let mut expected = OnHost::open(Update::Async);
@@ -158,6 +164,13 @@ pub(crate) fn unsubmitted_step_has_no_results() {
         let is_done = encoded.caller.tracer.is_done(step.id, step.queries[0]);
         assert_eq!(is_done, Ok(true));
     }
+    // Failed waits have not removed the steps from the queue.
+    let statistics = encoded.caller.tracer.statistics().unwrap();
+    assert_eq!((statistics.generation, statistics.age), (1, 2));
+    // The rays of the third step are not traced later.
+    let mut step = encoded.caller.tracer.step(0.0);
+    let said = step.trace(abvh::Rays::OnDevice(count), Query::Closest);
+    assert!(matches!(said, Err(Error::Unsupported(_))), "{said:?}");
 }
 
 /// Ways to discard commands that contain a step.
@@ -198,8 +211,27 @@ pub(crate) fn step_with_dropped_commands_is_abandoned() {
             for height in [0.5, 0.25, 1.0] {
                 check_next(&mut encoded, [height, 1.75]);
             }
+            // A step that passes all vertices again is not affected.
+            let dropped = encoded.encode([0.75, 1.5]);
+            drop_commands(&encoded, dropped.commands);
+            check_next(&mut encoded, [0.5, 1.75]);
         }
     }
+    check_replacement_of_lost_vertices();
+}
+
+/// Checks that a replacement does not lose the vertices of another mesh that were passed again.
+fn check_replacement_of_lost_vertices() {
+    let mut encoded = Encoded::new(Update::Async);
+    let [first, second] = encoded.caller.sheets;
+    drop(encoded.encode([0.75, 1.25]).commands);
+    let tracer = &mut encoded.caller.tracer;
+    let vertices = Source::Wgpu(encoded.vertices.slice(12..));
+    tracer.step(0.0).vertices(second, vertices).unwrap();
+    let mesh = Mesh::streamed(&sheet(0.5), &triangles()).unwrap();
+    let replacement = tracer.replace(first, mesh).unwrap();
+    tracer.commit(replacement).unwrap();
+    tracer.step(0.0).trace(&[], Query::Any).unwrap();
 }
 
 /// Drops many steps with vertices in host memory, then tests steps, a replacement and a rebuilt tracer.
@@ -362,4 +394,51 @@ pub(crate) fn tree_outlives_commands_that_read_it() {
     backend.upload_tree(&third, Generation(3)).unwrap();
     own.queue.submit([commands.finish()]);
     assert!(hits(&mut backend, ticket) == expected);
+}
+
+/// A step that is not encoded must not run before encoded steps.
+pub(crate) fn submitted_step_follows_encoded_steps() {
+    let mut encoded = Encoded::new(Update::Async);
+    let check_refused = |encoded: &mut Encoded| {
+        let said = encoded.caller.tracer.step(0.0).trace(&[], Query::Any);
+        assert!(matches!(said, Err(Error::Misuse(_))), "{said:?}");
+    };
+    let step = encoded.encode([0.25, 1.5]);
+    check_refused(&mut encoded);
+    encoded.submit(step.commands);
+    let moved = [Some((0.25, false)), Some((1.5, false))];
+    let expected = OnHost::open(Update::Async).see(moved);
+    assert!(encoded.caller.see([None, None]) == expected);
+    // The program submits only the second of two steps.
+    let [first, second] = [0.5, 0.75].map(|height| encoded.encode([height, 1.0]));
+    encoded.submit(second.commands);
+    let wait = wgpu::PollType::wait_indefinitely();
+    encoded.caller.device.device.poll(wait).unwrap();
+    check_refused(&mut encoded);
+    encoded.submit(first.commands);
+    check_next(&mut encoded, [0.5, 1.0]);
+}
+
+/// Without live triangles, no kernel writes the results.
+pub(crate) fn misses_keep_the_command_order() {
+    let device = own_device(required_limits(&nothing(), 1).unwrap());
+    let builder = Tracer::builder().device(Device::from(device.clone()));
+    let mut tracer = builder.threads(2).build(nothing()).unwrap();
+    tracer.warm_up(0.0).unwrap();
+    let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
+    let [earlier, rays, results] = [7, 0, 0].map(|byte| filled(&device, &[byte; 32], usage));
+    let mut commands = device.device.create_command_encoder(&Default::default());
+    commands.copy_buffer_to_buffer(&earlier, 0, &results, 0, None);
+    let mut step = tracer.step(0.0);
+    let buffers = RayBuffers {
+        rays: &rays,
+        count: 1,
+        results: Some(&results),
+    };
+    step.trace_buffers(buffers, Query::Closest).unwrap();
+    step.encode(&mut commands).unwrap();
+    device.queue.submit([commands.finish()]);
+    let miss = [f32::INFINITY.to_bits(), 0, 0, u32::MAX];
+    let written = bytes_of(&device, &results);
+    assert_eq!(written[..16], *bytemuck::cast_slice::<u32, u8>(&miss));
 }

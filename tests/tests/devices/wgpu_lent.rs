@@ -10,11 +10,14 @@ use backend::{
     Backend, BackendError, Generation, Hits, Inspect, Intersector, Query, QueryKind, Rays,
 };
 use geom::{Aabb, Animation, Camera, Ray};
-use gpu_common::Options;
+use gpu_common::{Options, lock_compilation};
 use gpu_wgpu::{WgpuBackend, from_device, required_features, required_limits, useful_features};
 use integration::stage::own_device_with;
+use std::any::Any;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, mpsc};
+use std::thread;
+use std::time::Duration;
 use wgpu::util::{DeviceExt, DownloadBuffer};
 use wgpu::{Buffer, BufferUsages, Limits};
 
@@ -259,5 +262,47 @@ pub(crate) fn calls_after_device_loss_return_errors() {
             let is_lost = matches!(found, Err(BackendError::DeviceLost(_)));
             assert!(is_lost, "{name}: {found:?}");
         }
+    }
+}
+
+/// Reports, when a device is destroyed, whether kernels cannot be compiled at that time.
+struct DestructionProbe(mpsc::Sender<bool>);
+
+impl Drop for DestructionProbe {
+    fn drop(&mut self) {
+        let compilation = thread::spawn(|| drop(lock_compilation()));
+        thread::sleep(Duration::from_millis(200));
+        let _ = self.0.send(!compilation.is_finished());
+    }
+}
+
+/// NVIDIA's driver may deadlock if a device is destroyed while another thread compiles kernels.
+pub(crate) fn device_is_destroyed_while_no_kernel_compiles() {
+    type Keep = fn(&mut WgpuBackend) -> Box<dyn Any>;
+    let outliving: [Keep; 3] = [
+        |_| Box::new(()),
+        |backend| Box::new(wait_for_positions(backend)),
+        |backend| Box::new(backend.tree_writer(Generation(2)).unwrap()),
+    ];
+    let animation = swarm(100);
+    for keep in outliving {
+        let own = own_device(required_limits(&animation, 100));
+        let mut backend = backend_on(&own).unwrap();
+        let (said, heard) = mpsc::channel();
+        let probe = DestructionProbe(said);
+        // wgpu drops the callback together with the device.
+        own.device.set_device_lost_callback(move |_, _| {
+            let _probe = &probe;
+        });
+        drop(own);
+        open(&mut backend, &animation);
+        interpolate_and_refit(&mut backend, &animation, 0.5);
+        backend.request_positions().unwrap();
+        report(&mut backend);
+        let kept = keep(&mut backend);
+        drop(backend);
+        drop(kept);
+        let was_locked = heard.recv_timeout(Duration::from_secs(10));
+        assert_eq!(was_locked, Ok(true));
     }
 }

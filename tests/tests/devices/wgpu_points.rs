@@ -82,7 +82,7 @@ pub(crate) fn unsuitable_vertex_buffer_is_an_error() {
     assert!(matches!(ask(stored.slice(12..)), Err(Error::Misuse(_))));
     assert!(matches!(ask(buffer.slice(2..4802)), Err(Error::Misuse(_))));
     ask(buffer.slice(12..)).unwrap();
-    // No storage binding can cover this buffer, so it is copied by a command.
+    // A storage binding can cover only the whole words of this buffer.
     let bytes = buffer.size() - 12;
     let odd = caller.device.device.create_buffer(&BufferDescriptor {
         label: None,

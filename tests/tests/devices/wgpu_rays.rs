@@ -4,8 +4,8 @@ use crate::lent::{Found, LentRays, all_kinds, check_rays_match_host, flying, fou
 use crate::scenes::rays;
 use crate::wgpu_lent::{bytes_of, filled, own_device};
 use abvh::own_device::{OwnDevice, RayBuffers, required_limits};
-use abvh::{Device, Error, Intersector, Query, Ray, Scene, Tracer};
-use wgpu::{Buffer, BufferUsages};
+use abvh::{Device, Error, Intersector, Query, Ray, Scene, Tracer, TracerBuilder};
+use wgpu::{Buffer, BufferDescriptor, BufferUsages, Limits};
 
 const INTERSECTORS: [Intersector; 3] = [
     Intersector::Watertight,
@@ -30,9 +30,12 @@ struct RaysOnCallerDevice {
 impl RaysOnCallerDevice {
     fn new(scene: Scene, rays: &[Ray], intersector: Intersector) -> Self {
         let limits = required_limits(&scene, rays.len()).unwrap();
-        let device = own_device(limits);
-        let builder = Tracer::builder().intersector(intersector);
-        let builder = builder.device(Device::from(device.clone())).threads(2);
+        let builder = Tracer::builder().intersector(intersector).threads(2);
+        Self::on(own_device(limits), builder, scene, rays)
+    }
+
+    fn on(device: OwnDevice, builder: TracerBuilder, scene: Scene, rays: &[Ray]) -> Self {
+        let builder = builder.device(Device::from(device.clone()));
         Self {
             tracer: builder.build(scene).unwrap(),
             count: rays.len(),
@@ -172,4 +175,38 @@ pub(crate) fn unsuitable_ray_buffer_is_an_error() {
     is_device(step.submit().err());
     // Later steps are not affected.
     assert!(caller.trace(Query::Closest, false) == other.trace(Query::Closest, false));
+}
+
+/// Tests buffers that no storage binding can cover: the size of one is not a multiple of 4, and the other is too large.
+pub(crate) fn ray_buffers_are_bound_in_part() {
+    let list = all_kinds();
+    let limits = required_limits(&flying(), list.len()).unwrap();
+    let most = limits.max_storage_buffer_binding_size;
+    let device = own_device(Limits {
+        max_buffer_size: 2 * most,
+        ..limits
+    });
+    let builder = Tracer::builder().threads(2);
+    let mut caller = RaysOnCallerDevice::on(device, builder, flying(), &list);
+    let expected = caller.trace(Query::Closest, true);
+    let ray = size_of::<Ray>() as u64;
+    for size in [ray * list.len() as u64 + 2, most + ray] {
+        let desc = BufferDescriptor {
+            label: None,
+            size,
+            usage: USAGE,
+            mapped_at_creation: false,
+        };
+        [caller.rays, caller.results] = [0; 2].map(|_| caller.device.device.create_buffer(&desc));
+        let rays = bytemuck::cast_slice(&list);
+        caller.device.queue.write_buffer(&caller.rays, 0, rays);
+        assert!(caller.trace(Query::Closest, true) == expected, "{size}");
+    }
+    let asked = RayBuffers {
+        rays: &caller.rays,
+        count: (most / ray) as usize + 1,
+        results: None,
+    };
+    let said = (caller.tracer.step(0.0)).trace_buffers(asked, Query::Closest);
+    assert!(matches!(said, Err(Error::Misuse(_))), "{said:?}");
 }
