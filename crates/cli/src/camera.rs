@@ -85,25 +85,29 @@ impl CameraSettings {
     /// Returns the camera and the point light for a scene.
     pub(crate) fn aim(&self, scene: &Scene) -> Result<LitCamera, CliError> {
         let view = self.view(scene)?;
-        let camera = view.camera(self.size).ok_or_else(|| no_camera(&view))?;
+        let camera = view.camera(self.size);
+        let camera = camera.ok_or_else(|| no_camera(&view, scene))?;
         let light = view.light;
         Ok(LitCamera { camera, light })
     }
 }
 
 /// Returns the error for a view that defines no camera.
-fn no_camera(view: &Viewpoint) -> CliError {
+fn no_camera(view: &Viewpoint, scene: &Scene) -> CliError {
     let Viewpoint {
         eye, look_at, up, ..
     } = view;
+    // Points in the scene's original coordinates.
+    let [from, to] = [eye, look_at].map(|point| match scene.facts.offset {
+        Some(offset) => format!("{:?}", [0, 1, 2].map(|i| f64::from(point[i]) + offset[i])),
+        None => format!("{point:?}"),
+    });
     CliError::invalid(if eye == look_at {
-        format!("--eye and --look-at are the same point, {eye:?}: choose different points")
+        format!("--eye and --look-at are the same point, {from}: choose different points")
     } else if *up == [0.0; 3] {
         "--up must not be zero".to_owned()
     } else {
-        format!(
-            "the up direction {up:?} must not be parallel to the view from {eye:?} to {look_at:?}"
-        )
+        format!("the up direction {up:?} must not be parallel to the view from {from} to {to}")
     })
 }
 

@@ -34,7 +34,7 @@ use pipeline::FrameRecord;
 use plan::HitMethod;
 use std::path::PathBuf;
 
-const LEGEND: &str = "wrong: closest hits that differ from exact arithmetic; aimed: rays at edges and vertices; \
+const LEGEND: &str = "wrong: closest hits whose triangle differs from exact arithmetic; aimed: rays at edges and vertices; \
     mixed range: scenes with far or large parts\n";
 
 #[derive(Args, Debug)]
@@ -178,7 +178,7 @@ impl<'a> ChartRun<'a> {
     }
 
     /// Adds a scene to the chart. Returns its title: its own name or, for demos and repeated names, its name on the
-    /// command line. The first scene creates the directory.
+    /// command line, with a number if that is repeated too. The first scene creates the directory.
     fn add_scene(&mut self, measured: &MeasuredScene) -> Result<String, CliError> {
         if self.chart.scenes.is_empty() {
             output::prepare_dir(&self.settings.out).map_err(CliError::invalid)?;
@@ -189,12 +189,11 @@ impl<'a> ChartRun<'a> {
             frames,
             ..
         } = measured;
-        let is_taken = self.chart.scenes.iter().any(|s| s.name == scene.name);
-        let title = if is_demo(name) || is_taken {
-            name.clone()
-        } else {
-            scene.name.clone()
-        };
+        let is_free = |title: &String| self.chart.scenes.iter().all(|s| s.name != *title);
+        let own = (!is_demo(name)).then(|| scene.name.clone());
+        let numbered = (2..).map(|number| format!("{name} ({number})"));
+        let mut titles = own.into_iter().chain([name.clone()]).chain(numbered);
+        let title = titles.find(is_free).unwrap_or_default();
         self.chart.scenes.push(ChartScene {
             name: title.clone(),
             triangles: scene.animation.triangle_count() as u64,

@@ -47,7 +47,7 @@ impl RunCommand for ConformSettings {
         let report = ConformReport {
             tested,
             seed: self.seed,
-            cases: self.cases,
+            cases: self.case.map_or(self.cases, |_| 1),
             rows: self.test_properties(&mut backends)?,
         };
         if let Some(file) = &self.test.json {

@@ -40,10 +40,11 @@ impl RunCommand for MergeSettings {
         }
         let (mut rows, mut missing) = (Vec::new(), Vec::new());
         for &frame in &list {
-            let mut parts = parts.iter();
-            match parts.find_map(|part| part.finished.all_unchanged(frame, part.folder)) {
-                Some(row) => rows.push(row.clone()),
-                None => missing.push(frame),
+            let listing = parts.iter().filter(|part| part.finished.lists(frame));
+            let found = listing.map(|part| part.finished.all_unchanged(frame, part.folder));
+            match found.collect::<Option<Vec<_>>>().as_deref() {
+                Some([row, ..]) => rows.push((*row).clone()),
+                _ => missing.push(frame),
             }
         }
         if !missing.is_empty() {

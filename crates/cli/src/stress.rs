@@ -324,13 +324,16 @@ impl StressRun {
     ) -> Result<StressRow, CliError> {
         let mut tracer = motion.start(self)?;
         let mut times = Vec::with_capacity(steps);
+        let (mut trees, mut generation) = (0_u64, None);
         for step in 0..WARM_UP_STEPS + steps {
             let submitted = tracer.step(motion.pose_of(step))?;
             if step >= WARM_UP_STEPS {
                 times.push(submitted.ms);
             }
+            let newest = tracer.tracer.statistics().map(|s| s.generation);
+            trees += u64::from(newest > generation);
+            generation = newest;
         }
-        let statistics = tracer.tracer.statistics();
         let (mut checked, mut wrong) = (0, 0);
         for (pose, expected) in motion.checked().zip(expected) {
             let hits = tracer.hits(pose)?;
@@ -351,7 +354,7 @@ impl StressRun {
             median_ms: median,
             p99_ms: times[(times.len() * 99).div_ceil(100) - 1],
             worst_ms: worst,
-            trees: statistics.map_or(0, |s| s.generation.saturating_sub(1)),
+            trees: trees.saturating_sub(1),
             checked,
             wrong,
         })

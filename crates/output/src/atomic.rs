@@ -1,13 +1,17 @@
 //! Atomic writing of output files.
 //!
 //! A file is written under a temporary name in its own directory and renamed to its final name. Renaming over a device
-//! or a pipe would destroy it. Such targets receive the finished bytes directly.
+//! or a pipe would destroy it. Renaming over the file behind `/dev/stdout` would discard other output. Such targets
+//! receive the finished bytes directly.
 
 use geom::lock;
 use std::collections::BTreeSet;
 use std::fmt::Display;
 use std::fs;
 use std::io::{self, BufWriter, Write};
+use std::iter;
+#[cfg(unix)]
+use std::os::fd::{AsFd, OwnedFd};
 #[cfg(unix)]
 use std::os::unix::fs::FileTypeExt;
 use std::path::{Path, PathBuf};
@@ -56,13 +60,13 @@ pub fn remove_unfinished() -> impl Sized {
 #[derive(Debug)]
 pub(crate) struct UnfinishedFile {
     path: PathBuf,
-    // Dropping the temporary file on an error path removes it.
-    temporary: (UnfinishedName, NamedTempFile),
+    // Dropping the temporary file on an error path removes it. Its name is dropped after that.
+    temporary: (NamedTempFile, UnfinishedName),
 }
 
 impl UnfinishedFile {
     /// Creates a temporary file in the directory of `path`, after following symbolic links. [`Self::finish`] renames
-    /// it. Returns `None` for a device, a pipe or a socket, which must be written to directly.
+    /// it. Returns `None` for a device, a pipe, a socket or a descriptor, which must be written to directly.
     pub(crate) fn beside(path: &Path) -> io::Result<Option<Self>> {
         let begin = |path: PathBuf| {
             let temporary = temporary_in(host::parent(&path))?;
@@ -73,13 +77,26 @@ impl UnfinishedFile {
 
     /// Returns the temporary path.
     pub(crate) fn path(&self) -> &Path {
-        self.temporary.1.path()
+        self.temporary.0.path()
     }
 
     /// Renames the file to its final name. On failure, a file with that name is unchanged.
     pub(crate) fn finish(self) -> io::Result<()> {
-        let (_known, file) = self.temporary;
+        let (file, _known) = self.temporary;
         file.persist(&self.path).map(drop).map_err(|e| e.error)
+    }
+
+    /// Renames the file to its final name, unless a file with that name exists.
+    fn finish_new(self) -> io::Result<()> {
+        let (file, _known) = self.temporary;
+        let Err(e) = file.persist_noclobber(&self.path) else {
+            return Ok(());
+        };
+        if fs::symlink_metadata(&self.path).is_ok() {
+            return Ok(());
+        }
+        // Some file systems support only renaming that replaces files.
+        e.file.persist(&self.path).map(drop).map_err(|e| e.error)
     }
 }
 
@@ -98,6 +115,19 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), OutputError> {
     write_with(path, |out| out.write_all(bytes))
 }
 
+/// Writes `bytes` to `path` atomically, unless a file exists there.
+pub(crate) fn write_new(path: &Path, bytes: &[u8]) -> Result<(), OutputError> {
+    let write = || {
+        let mut file = UnfinishedFile {
+            path: path.to_owned(),
+            temporary: temporary_in(host::parent(path))?,
+        };
+        file.temporary.0.as_file_mut().write_all(bytes)?;
+        file.finish_new()
+    };
+    write().map_err(|e| OutputError::writing(path, e))
+}
+
 /// Writes a file with `fill`. The file appears at `path` only if `fill` succeeds.
 pub fn write_with(
     path: &Path,
@@ -105,7 +135,7 @@ pub fn write_with(
 ) -> Result<(), OutputError> {
     let write = || match UnfinishedFile::beside(path)? {
         Some(mut file) => {
-            let mut out = BufWriter::with_capacity(BUFFER, file.temporary.1.as_file_mut());
+            let mut out = BufWriter::with_capacity(BUFFER, file.temporary.0.as_file_mut());
             fill(&mut out)?;
             out.flush()?;
             drop(out);
@@ -120,9 +150,28 @@ pub fn write_with(
     write().map_err(|e| OutputError::writing(path, e))
 }
 
-/// Opens an existing file, device or pipe for writing, without truncating it.
+/// Opens an existing file, device or pipe for writing, without truncating it. Output to a descriptor follows earlier
+/// output.
 pub(crate) fn open_existing(path: &Path) -> io::Result<fs::File> {
-    fs::OpenOptions::new().write(true).open(path)
+    let descriptor = descriptor(path);
+    #[cfg(unix)]
+    if let Some(stream) = descriptor.as_deref().and_then(standard_stream) {
+        return Ok(stream.into());
+    }
+    let mut options = fs::OpenOptions::new();
+    options.write(true).append(descriptor.is_some()).open(path)
+}
+
+/// Duplicates a descriptor of this process that is standard output or standard error. The duplicate shares the position
+/// in the file, so that later output of the program follows.
+#[cfg(unix)]
+fn standard_stream(descriptor: &Path) -> Option<OwnedFd> {
+    let own = fs::canonicalize("/dev/fd").ok()?;
+    match descriptor.strip_prefix(own).ok()?.to_str()? {
+        "1" => io::stdout().as_fd().try_clone_to_owned().ok(),
+        "2" => io::stderr().as_fd().try_clone_to_owned().ok(),
+        _ => None,
+    }
 }
 
 /// Checks, before a long computation, that a file can be written at `path`. Does not change the file.
@@ -179,29 +228,43 @@ fn is_pipe(_: &Path) -> io::Result<bool> {
     Ok(false)
 }
 
-/// Returns the regular file, existing or new, that a path leads to. Returns `None` for a device, a pipe or a socket.
+/// Returns the regular file, existing or new, that a path leads to. Returns `None` for a device, a pipe, a socket or a
+/// descriptor.
 fn plain_target(path: &Path) -> io::Result<Option<PathBuf>> {
     match fs::metadata(path) {
         Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(Some(follow_links(path))),
         Err(e) => Err(e),
         Ok(m) if m.is_dir() => Err(io::ErrorKind::IsADirectory.into()),
-        Ok(m) if m.is_file() => fs::canonicalize(path).map(Some),
+        Ok(m) if m.is_file() && descriptor(path).is_none() => fs::canonicalize(path).map(Some),
         Ok(_) => Ok(None),
     }
+}
+
+/// Returns the path of the open file descriptor that `path` leads to, with a canonical folder. For example,
+/// `/dev/stdout` leads to `/proc/PID/fd/1`. Returns `None` for other paths.
+fn descriptor(path: &Path) -> Option<PathBuf> {
+    links(path).find_map(|link| {
+        let folder = fs::canonicalize(host::parent(&link)).ok()?;
+        let is_of_process = folder.starts_with("/proc") && folder.ends_with("fd");
+        let holds_descriptors = is_of_process || folder == Path::new("/dev/fd");
+        holds_descriptors.then(|| folder.join(link.file_name().unwrap_or_default()))
+    })
 }
 
 /// Follows symbolic links at `path`, even if the last one leads to no file. Stops after 40 links, like Linux, because
 /// links can form a cycle.
 #[must_use]
 pub fn follow_links(path: &Path) -> PathBuf {
-    let mut target = path.to_owned();
-    for _ in 0..40 {
-        match fs::read_link(&target) {
-            Ok(next) => target = host::parent(&target).join(next),
-            Err(_) => break,
-        }
-    }
-    target
+    links(path).last().unwrap_or_default()
+}
+
+/// Returns `path` and the targets of up to 40 symbolic links.
+fn links(path: &Path) -> impl Iterator<Item = PathBuf> {
+    let next = |link: &PathBuf| {
+        let target = fs::read_link(link).ok()?;
+        Some(host::parent(link).join(target))
+    };
+    iter::successors(Some(path.to_owned()), next).take(41)
 }
 
 /// Removes temporary files of killed runs in `dir`: those that no living process has locked.
@@ -232,13 +295,16 @@ pub fn remove_special_file(path: &Path) -> Result<(), OutputError> {
 }
 
 /// Creates a temporary file that is locked while it is open, so that [`remove_abandoned`] keeps it.
-fn temporary_in(dir: &Path) -> io::Result<(UnfinishedName, NamedTempFile)> {
+fn temporary_in(dir: &Path) -> io::Result<(NamedTempFile, UnfinishedName)> {
     loop {
         let mut files = lock(&UNFINISHED);
         let file = unlocked_in(dir)?;
-        files.insert(file.path().to_owned());
+        let path = file.path().to_owned();
+        files.insert(path.clone());
         drop(files);
-        let known = UnfinishedName(file.path().to_owned());
+        // A signal may arrive while this is dropped. So the file is removed before its name.
+        let temporary = (file, UnfinishedName(path));
+        let file = &temporary.0;
         // Another process may lock or remove the file before it is locked here. Then another file is created.
         let is_ours = match file.as_file().try_lock() {
             Ok(()) => file.path().exists(),
@@ -246,7 +312,7 @@ fn temporary_in(dir: &Path) -> io::Result<(UnfinishedName, NamedTempFile)> {
             Err(fs::TryLockError::Error(_)) => true,
         };
         if is_ours {
-            return Ok((known, file));
+            return Ok(temporary);
         }
     }
 }
@@ -301,7 +367,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let left = unlocked_in(dir.path()).unwrap();
         let (_, left) = left.keep().unwrap();
-        let (_known, living) = temporary_in(dir.path()).unwrap();
+        let (living, _known) = temporary_in(dir.path()).unwrap();
         fs::write(dir.path().join(".abvh-notes"), b"mine").unwrap();
         remove_abandoned(dir.path()).unwrap();
         assert!(!left.exists() && living.path().exists());
@@ -315,6 +381,22 @@ mod tests {
             prepare(dir.path()).unwrap();
             assert!(!left.exists() && living.path().exists());
         }
+    }
+
+    #[test]
+    fn file_is_removed_before_its_name() {
+        let dir = tempfile::tempdir().unwrap();
+        let temporary = temporary_in(dir.path()).unwrap();
+        // The name cannot be removed while its list is locked.
+        let files = lock(&UNFINISHED);
+        let dropping = std::thread::spawn(|| drop(temporary));
+        let mut waits = 0..1000;
+        while !names(dir.path()).is_empty() && waits.next().is_some() {
+            std::thread::sleep(std::time::Duration::from_millis(10));
+        }
+        drop(files);
+        dropping.join().unwrap();
+        assert!(!waits.is_empty(), "the name was removed first");
     }
 
     #[test]

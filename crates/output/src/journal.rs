@@ -3,10 +3,12 @@
 //! The manifest `abvh-run.json` determines whether a later run may continue the run. The journal `abvh-run.jsonl` has
 //! one line at the start of each run, and one line per finished frame with the digests of its files.
 //!
-//! A line is written after the files that it lists have their final names. If a frame has several lines, the last one
-//! counts. Each shard has its own journal, so several shards can fill one folder. A writer locks its journal.
+//! A line is written after the files that it lists have their final names. If several lines of a frame list a file, the
+//! last one counts. Each shard has its own journal, so several shards can fill one folder. A writer locks its journal.
 
-use crate::{OutputError, remove_special_file, write_json};
+use crate::OutputError;
+use crate::atomic::write_new;
+use crate::stats::json_bytes;
 use pipeline::FrameRecord;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -15,6 +17,7 @@ use sha2::{Digest as _, Sha256};
 use std::collections::BTreeMap;
 use std::fs::{self, File, TryLockError};
 use std::io::{self, BufRead, BufReader, ErrorKind, Write};
+use std::iter;
 use std::path::{Path, PathBuf};
 
 const MANIFEST: &str = "abvh-run.json";
@@ -58,11 +61,10 @@ impl Manifest {
         })
     }
 
-    /// Writes the manifest into a folder.
-    pub fn write_to(&self, folder: &Path) -> Result<(), OutputError> {
+    /// Writes the manifest into a folder, unless the folder has a manifest.
+    pub fn write_new(&self, folder: &Path) -> Result<(), OutputError> {
         let file = folder.join(MANIFEST);
-        remove_special_file(&file)?;
-        write_json(&file, self)
+        write_new(&file, &json_bytes(&file, self)?)
     }
 
     /// Returns a description of the first difference between two runs, or `None` if they are equal.
@@ -148,7 +150,7 @@ pub struct JournalContents {
     pub list: Vec<u64>,
     /// Statistics of the last run that recorded any, without those of its frames.
     pub stats: Option<Value>,
-    frames: BTreeMap<u64, (Vec<NamedDigest>, FrameRecord)>,
+    frames: BTreeMap<u64, (BTreeMap<String, Digest>, FrameRecord)>,
 }
 
 impl JournalContents {
@@ -164,7 +166,7 @@ impl JournalContents {
                         done.stats = Some(stats).filter(Value::is_object).or(done.stats);
                     }
                     Ok(JournalLine::Frame { files, row }) if are_ours(&files) => {
-                        done.frames.insert(row.frame.index, (files, *row));
+                        done.add(files, *row);
                     }
                     Ok(JournalLine::Frame { .. }) | Err(_) => {}
                 }
@@ -175,11 +177,31 @@ impl JournalContents {
         Ok(done)
     }
 
+    /// Adds a frame's line. Files that only earlier lines list remain known.
+    fn add(&mut self, files: Vec<NamedDigest>, row: FrameRecord) {
+        let (known, _) = self.frames.remove(&row.frame.index).unzip();
+        let mut known = known.unwrap_or_default();
+        known.extend(files);
+        self.frames.insert(row.frame.index, (known, row));
+    }
+
+    /// Returns whether no journal has a complete line.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.list.is_empty() && self.frames.is_empty()
+    }
+
+    /// Returns whether a journal lists files of a frame.
+    #[must_use]
+    pub fn lists(&self, frame: u64) -> bool {
+        self.frames.contains_key(&frame)
+    }
+
     /// Returns the statistics of a frame if its file `name` in `folder` is unchanged. Returns `None` otherwise.
     #[must_use]
     pub fn unchanged(&self, frame: u64, folder: &Path, name: &str) -> Option<&FrameRecord> {
         let (files, row) = self.frames.get(&frame)?;
-        let (_, digest) = files.iter().find(|(n, _)| n == name)?;
+        let digest = files.get(name)?;
         let found = digest_of(&folder.join(name)).ok()?;
         (found == *digest).then_some(row)
     }
@@ -188,8 +210,9 @@ impl JournalContents {
     #[must_use]
     pub fn all_unchanged(&self, frame: u64, folder: &Path) -> Option<&FrameRecord> {
         let (files, row) = self.frames.get(&frame)?;
-        let unchanged = |(name, _): &NamedDigest| self.unchanged(frame, folder, name).is_some();
-        files.iter().all(unchanged).then_some(row)
+        let mut names = files.keys();
+        let unchanged = |name: &String| self.unchanged(frame, folder, name).is_some();
+        names.all(unchanged).then_some(row)
     }
 }
 
@@ -224,15 +247,17 @@ fn journals(folder: &Path) -> Result<Vec<PathBuf>, OutputError> {
     Ok(all)
 }
 
-/// Removes the journals of a folder and the files that they list. Fails if another run is writing one of the journals.
+/// Removes the manifest and the journals of a folder, and the files that the journals list. Fails if another run is
+/// writing one of the journals.
 pub fn clear_run(folder: &Path) -> Result<(), OutputError> {
     let done = JournalContents::in_folder(folder)?;
     let journals = journals(folder)?;
     let locked = journals.iter().map(|journal| open_locked(journal));
     // The locks are held until all files are removed.
     let _locked: Vec<File> = locked.collect::<Result<_, _>>()?;
-    let files = done.frames.values().flat_map(|(files, _)| files);
-    let files = files.map(|(name, _)| folder.join(name));
+    let files = done.frames.values().flat_map(|(files, _)| files.keys());
+    let manifest = iter::once(folder.join(MANIFEST));
+    let files = manifest.chain(files.map(|name| folder.join(name)));
     for file in files.chain(journals) {
         let name = file.display();
         match fs::remove_file(&file) {
@@ -322,6 +347,26 @@ mod tests {
         assert!(digest_of(dir.path()).is_err());
         #[cfg(unix)]
         assert!(digest_of(Path::new("/dev/zero")).is_err());
+    }
+
+    #[test]
+    fn first_manifest_is_kept() {
+        let dir = tempfile::tempdir().unwrap();
+        let manifest = |key_frames| Manifest {
+            schema: crate::SCHEMA,
+            version: String::new(),
+            scene: SceneId {
+                name: None,
+                files: Vec::new(),
+            },
+            key_frames,
+            options: BTreeMap::new(),
+        };
+        for key_frames in [1, 2] {
+            manifest(key_frames).write_new(dir.path()).unwrap();
+        }
+        let found = Manifest::in_folder(dir.path()).unwrap();
+        assert_eq!(found, Some(manifest(1)));
     }
 
     #[test]

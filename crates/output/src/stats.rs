@@ -93,10 +93,15 @@ pub fn overview(frames: &[FrameRecord]) -> BTreeMap<&'static str, Option<Summary
 
 /// Writes `value` as indented JSON with a newline at the end.
 pub fn write_json(path: &Path, value: &impl Serialize) -> Result<(), OutputError> {
+    write_whole(path, &json_bytes(path, value)?)
+}
+
+/// Returns the contents of a JSON file. `path` is named in errors.
+pub(crate) fn json_bytes(path: &Path, value: &impl Serialize) -> Result<Vec<u8>, OutputError> {
     let mut bytes = serde_json::to_vec_pretty(value)
         .map_err(|e| OutputError::writing(path, std::io::Error::other(e)))?;
     bytes.push(b'\n');
-    write_whole(path, &bytes)
+    Ok(bytes)
 }
 
 /// Returns a line of text about adopted and rejected trees and their age.

@@ -3,12 +3,11 @@
 use crate::folder::Folder;
 use crate::gltf::buffer_files;
 use crate::join::inputs;
-use crate::obj::library_names;
-use crate::paths::{entries, exists, extension, is_pattern, matches, path};
+use crate::obj::{library_names, whole_statement};
+use crate::paths::{exists, extension, is_pattern, matching_files, path, visible_files};
 use crate::text::lines;
 use crate::{Result, SceneError};
 use std::fs;
-use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 
 /// Returns all files that determine the content of the scene `spec`: key frames, materials and buffers.
@@ -41,24 +40,21 @@ impl FileList {
     fn add_input(&mut self, spec: &str) -> Result<()> {
         let path = &path(spec);
         match fs::metadata(path) {
-            Ok(metadata) if metadata.is_dir() => self.add_folder(path),
+            Ok(metadata) if metadata.is_dir() => self.add_key_frames(&visible_files(path)?),
             Ok(_) => self.add_with_companions(path),
-            Err(_) if is_pattern(spec) => {
-                let files = matches(spec)?.filter_map(Result::ok);
-                let mut files = files.filter(|f| f.is_file());
-                files.try_for_each(|f| self.add_with_companions(&f))
-            }
+            Err(_) if is_pattern(spec) => match matching_files(spec)?.as_slice() {
+                [only] => self.add_with_companions(only),
+                several => self.add_key_frames(several),
+            },
             Err(e) => Err(SceneError::unreadable(path, e)),
         }
     }
 
-    fn add_folder(&mut self, folder: &Path) -> Result<()> {
-        for file in entries(folder)?.into_iter().filter(|f| f.is_file()) {
-            if matches!(extension(&file).as_str(), "obj" | "ply") {
-                self.add_with_companions(&file)?;
-            }
-        }
-        Ok(())
+    /// Adds the key frames among several files.
+    fn add_key_frames(&mut self, files: &[PathBuf]) -> Result<()> {
+        let is_mesh = |f: &&PathBuf| matches!(extension(f).as_str(), "obj" | "ply");
+        let mut meshes = files.iter().filter(is_mesh);
+        meshes.try_for_each(|f| self.add_with_companions(f))
     }
 
     /// Adds a file and the files that it refers to.
@@ -87,22 +83,20 @@ impl FileList {
     }
 }
 
-/// Returns the text after each `mtllib`. Splits lines and skips a byte order mark as the OBJ reader does, but does not
-/// join continued lines.
+/// Returns the text after each `mtllib`. Skips a byte order mark, and splits and joins lines, as the OBJ reader does.
 fn material_statements(obj: &Path) -> std::io::Result<Vec<String>> {
     let mut names = Vec::new();
-    let parts = BufReader::new(fs::File::open(obj)?).split(b'\n');
-    for (i, part) in parts.enumerate() {
-        let part = part?;
-        let unmarked = part.strip_prefix("\u{feff}".as_bytes());
-        let text = unmarked.filter(|_| i == 0).unwrap_or(&part);
-        let found = lines(text).filter_map(|line| {
-            let rest = line.trim_ascii_start().strip_prefix(b"mtllib")?;
-            rest.first()
-                .is_some_and(u8::is_ascii_whitespace)
-                .then_some(rest)
-        });
-        names.extend(found.map(|name| String::from_utf8_lossy(name).trim().to_owned()));
+    let bytes = host::read(obj)?;
+    let text = bytes.strip_prefix("\u{feff}".as_bytes());
+    let mut lines = lines(text.unwrap_or(&bytes));
+    while let Some(line) = lines.next() {
+        if line.trim_ascii_start().starts_with(b"mtllib") {
+            let rest = lines.by_ref().map(String::from_utf8_lossy);
+            let statement = whole_statement(String::from_utf8_lossy(line), rest);
+            let words = statement.trim().split_once(char::is_whitespace);
+            let library = words.filter(|(word, _)| *word == "mtllib");
+            names.extend(library.map(|(_, name)| name.trim().to_owned()));
+        }
     }
     Ok(names)
 }
@@ -121,6 +115,7 @@ mod tests {
         let y = put("a/y.mtl", "newmtl m\r");
         let x = put("a/x.mtl", "newmtl m\n");
         put("a/notes.txt", "");
+        put("a/.3.obj", "");
         let buffers = r#"{"asset":{"version":"2.0"},
             "buffers":[{"byteLength":4,"uri":"d%20e.bin"},{"byteLength":0,"uri":"data:,"}]}"#;
         let g = put("g.gltf", buffers);
@@ -129,6 +124,7 @@ mod tests {
         let files = |spec: &str| files(spec, false);
         let folder = files(&name(&dir.path().join("a"))).unwrap();
         assert_eq!(folder, [&a, &b, &x, &y].map(PathBuf::clone));
+        assert_eq!(files(&name(&dir.path().join("a/[0-9n]*"))).unwrap(), folder);
         assert_eq!(files(&name(&a)).unwrap(), [a, x]);
         let both = format!("{}+demo:hall+{}@1,0,0", name(&g), name(&b));
         assert_eq!(files(&both).unwrap(), [b, y, d, g]);
@@ -144,7 +140,9 @@ mod tests {
         let [x, y] = ["a/x.mtl", "a/y.mtl"].map(|name| put(name, b""));
         let spaces = put("two words.mtl", b"");
         let obj = put("b.obj", b"mtllib a/x.mtl a\\y.mtl\nmtllib two words.mtl\n");
-        assert_eq!(listed(&obj), [x.clone(), y, obj.clone(), spaces]);
+        assert_eq!(listed(&obj), [&x, &y, &obj, &spaces].map(PathBuf::clone));
+        let continued = put("d.obj", b"mtllib\\\na/x.mtl \\\r\na/y.mtl\nmtllibs z.mtl\n");
+        assert_eq!(listed(&continued), [x.clone(), y, continued.clone()]);
         let marked = put("c.obj", "\u{feff}mtllib a/x.mtl\n".as_bytes());
         assert_eq!(listed(&marked), [x, marked.clone()]);
         let json = br#"{"asset":{"version":"2.0"},"buffers":[{"byteLength":4,"uri":"d%20e.bin"}]}"#;

@@ -75,16 +75,32 @@ pub(crate) fn stem(path: &Path) -> String {
     stem.to_string_lossy().into_owned()
 }
 
-pub(crate) fn entries(directory: &Path) -> Result<Vec<PathBuf>> {
+/// Returns the files of a directory, except hidden ones. Some systems create `._1.obj` next to `1.obj`.
+pub(crate) fn visible_files(directory: &Path) -> Result<Vec<PathBuf>> {
     let unreadable = |e| SceneError::unreadable(directory, e);
+    let is_hidden = |f: &Path| {
+        let name = f.file_name().unwrap_or_default();
+        name.to_string_lossy().starts_with('.')
+    };
     let all = fs::read_dir(directory).map_err(unreadable)?;
     let paths = all.map(|entry| entry.map(|e| e.path()));
-    paths.collect::<Result<_, _>>().map_err(unreadable)
+    let paths = paths.collect::<Result<Vec<_>, _>>();
+    let mut files = paths.map_err(unreadable)?;
+    files.retain(|f| !is_hidden(f) && !f.is_dir());
+    Ok(files)
 }
 
-pub(crate) fn matches(pattern: &str) -> Result<glob::Paths> {
+/// Returns the files that a glob matches.
+pub(crate) fn matching_files(pattern: &str) -> Result<Vec<PathBuf>> {
     let bad = |e| SceneError::unusable(pattern, format!("not a pattern of paths: {e}"));
-    glob::glob(pattern).map_err(bad)
+    let unreadable = |e: glob::GlobError| {
+        let path = e.path().to_owned();
+        SceneError::unreadable(&path, e.into())
+    };
+    let all = glob::glob(pattern).map_err(bad)?;
+    let mut files = all.collect::<Result<Vec<_>, _>>().map_err(unreadable)?;
+    files.retain(|f| !f.is_dir());
+    Ok(files)
 }
 
 #[cfg(test)]

@@ -1,7 +1,8 @@
 //! Opens one input: a demo, a file, a directory or a glob.
 
-use crate::paths::{entries, extension, is_gltf, is_pattern, matches, path, stem};
+use crate::paths::{extension, is_gltf, is_pattern, matching_files, path, stem, visible_files};
 use crate::{Result, Scene, SceneError, SceneOptions, demo, gltf, sequence};
+use alphanumeric_sort::compare_str;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -42,13 +43,7 @@ fn file(path: &Path, options: &SceneOptions) -> Result<Scene> {
 }
 
 fn directory(path: &Path, options: &SceneOptions) -> Result<Scene> {
-    // Hidden files are not key frames. Some systems create "._1.obj" next to "1.obj".
-    let hidden = |f: &Path| {
-        let name = f.file_name().unwrap_or_default();
-        name.to_string_lossy().starts_with('.')
-    };
-    let mut files = entries(path)?;
-    files.retain(|f| !hidden(f) && !f.is_dir());
+    let files = visible_files(path)?;
     if files.is_empty() {
         return Err(SceneError::unusable(path, "the directory is empty"));
     }
@@ -58,13 +53,7 @@ fn directory(path: &Path, options: &SceneOptions) -> Result<Scene> {
 }
 
 fn pattern(spec: &str, options: &SceneOptions) -> Result<Scene> {
-    let unreadable = |e: glob::GlobError| {
-        let path = e.path().to_owned();
-        SceneError::unreadable(&path, e.into())
-    };
-    let files = matches(spec)?.map(|found| found.map_err(unreadable));
-    let mut files = files.collect::<Result<Vec<_>>>()?;
-    files.retain(|f| !f.is_dir());
+    let files = matching_files(spec)?;
     match files.as_slice() {
         [] => Err(SceneError::unusable(spec, "matches no file")),
         [only] => file(only, options),
@@ -103,7 +92,9 @@ fn frames(
     };
     files.retain(|f| extension(f) == kind);
     refuse_clip(place, options)?;
-    alphanumeric_sort::sort_path_slice(&mut files);
+    // The natural order ignores how names differ in bytes that are not UTF-8.
+    files.sort();
+    files.sort_by(|a, b| compare_str(a.to_string_lossy(), b.to_string_lossy()));
     sequence::open(name, files, options)
 }
 
@@ -154,6 +145,21 @@ mod tests {
             assert_eq!(first_xs(&open(spec)), found);
         }
         assert_eq!(open("2.obj").name, "2");
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn names_that_are_not_utf8_are_naturally_ordered() {
+        use std::ffi::OsStr;
+        use std::os::unix::ffi::OsStrExt;
+        let folder = folder(&[]);
+        for x in [10, 2, 1] {
+            let name = [&b"\xff"[..], format!("{x}.obj").as_bytes()].concat();
+            let path = folder.path().join(OsStr::from_bytes(&name));
+            fs::write(path, obj(x, TRIANGLE)).unwrap();
+        }
+        let scene = open_in(&folder, "", &SceneOptions::default()).unwrap();
+        assert_eq!(first_xs(&scene), [1.0, 2.0, 10.0]);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! `chart`: four files with the same content, and counts of wrong answers. `bench --csv`: a table over sizes.
 
 use crate::devices::Subject;
-use crate::sandbox::{Run, Sandbox, assert_contains, list, trial};
+use crate::sandbox::{Run, SQUARE, Sandbox, assert_contains, list, trial};
 use libtest_mimic::Trial;
 use serde_json::Value;
 
@@ -12,6 +12,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         trial("chart::files_list_every_method_once", files),
         trial("chart::only_exact_has_no_errors", only_exact_has_no_errors),
         trial("chart::failed_method_reports_its_reason", failed),
+        trial("chart::scenes_have_different_titles", titles),
         trial("chart::results_are_reproducible", repeated),
         trial("chart::invalid_options_are_refused", refused),
         trial("bench::each_scene_size_has_rows", sizes),
@@ -99,6 +100,22 @@ fn failed(sandbox: &Sandbox) {
     let csv = sandbox.text("c/points.csv");
     assert!(csv.lines().count() == 5, "{csv}");
     assert_contains(&sandbox.text("c/chart.html"), "<li>bad.obj cpu exact refit");
+}
+
+fn titles(sandbox: &Sandbox) {
+    for folder in ["old/walk", "walk"] {
+        for key in 1..=2 {
+            let mesh = SQUARE.replace("v 1 1 0", &format!("v 1 1 {key}"));
+            sandbox.write(&format!("{folder}/{key}.obj"), mesh);
+        }
+    }
+    let words = "--backend cpu --update refit --intersector exact --frames 2 --size 16x10";
+    sandbox.run_ok(&format!(
+        "chart old/walk walk {words} --rays 100 --out c --quiet"
+    ));
+    let json = sandbox.json("c/points.json");
+    let titles: Vec<_> = list(&json["points"]).iter().map(|p| &p["scene"]).collect();
+    assert_eq!(titles, ["walk", "walk (2)"]);
 }
 
 /// Checks that robust intersectors have the host's counts.

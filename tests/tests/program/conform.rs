@@ -34,6 +34,7 @@ fn every_property(sandbox: &Sandbox) {
     let (_, json) = sandbox.run_json(&format!("conform --backend cpu {property}"), "--json");
     let rows = list(&json["rows"]);
     assert!(rows.len() == 1 && rows[0]["held"] == 1, "{json}");
+    assert_eq!(json["cases"], 1);
 }
 
 fn refused(sandbox: &Sandbox) {

@@ -131,6 +131,8 @@ fn recentred(sandbox: &Sandbox) {
         "render a.obj --recentre {view} {frame} --hits r --rays-out out.npy --stats s.json"
     );
     sandbox.run_ok(&words);
+    let words = format!("render a.obj --recentre {view} {frame}").replace(",522", ",520");
+    sandbox.assert_refused(&words, &["the same point, [691608.5, 5334760.7, "]);
     let triangles = array::<u32>(sandbox, "r/hits_0000.npz", "triangle").1;
     assert!(
         triangles.contains(&0) && triangles.contains(&1),

@@ -10,6 +10,8 @@ pub(crate) fn trials() -> Vec<Trial> {
     vec![
         trial("runs::ranges_share_one_output_folder", ranges),
         trial("runs::different_run_is_refused", different_run),
+        trial("runs::missing_manifest_is_refused", missing_manifest),
+        trial("runs::overwriting_removes_all_listed_files", overwritten),
         trial("runs::resume_repairs_only_damaged_files", damaged),
         trial("runs::finished_run_loads_nothing", finished),
         trial("runs::shards_merge_into_one_run", shards),
@@ -18,6 +20,8 @@ pub(crate) fn trials() -> Vec<Trial> {
         trial("runs::files_outside_folder_are_untouched", tampered),
         #[cfg(unix)]
         trial("runs::named_pipes_are_replaced", pipes),
+        #[cfg(unix)]
+        trial("runs::redirected_output_is_kept", redirected),
         trial("runs::outputs_never_overwrite_inputs", overwritten_inputs),
         trial("runs::invalid_runs_create_no_folder", invalid_runs),
     ]
@@ -82,6 +86,36 @@ fn different_run(sandbox: &Sandbox) {
     assert_eq!(bytes(sandbox, "o").len(), 2, "{:?}", sandbox.files());
 }
 
+/// Tests a journal without a manifest, while another run writes the journal and afterwards.
+fn missing_manifest(sandbox: &Sandbox) {
+    let words = format!("{SMALL} --frames 2 --out o");
+    let manifest = sandbox.path().join("o/abvh-run.json");
+    sandbox.write("o/abvh-run.jsonl", "");
+    let journal = std::fs::File::open(sandbox.path().join("o/abvh-run.jsonl")).unwrap();
+    journal.lock().unwrap();
+    sandbox.assert_refused(&words, &["another run is writing"]);
+    assert!(!manifest.exists());
+    drop(journal);
+    sandbox.run_ok(&words);
+    sandbox.remove("o/abvh-run.json");
+    let words = format!("{words} --eye 9,9,9");
+    for resume in ["", "--resume"] {
+        let words = format!("{words} {resume}");
+        sandbox.assert_refused(&words, &["no manifest", "--overwrite"]);
+        assert!(!manifest.exists());
+    }
+    sandbox.run_ok(&format!("{words} --overwrite"));
+}
+
+/// Tests a frame whose last line in the journal lists fewer files than an earlier line.
+fn overwritten(sandbox: &Sandbox) {
+    let words = format!("{SMALL} --frames 1 --hits d");
+    sandbox.run_ok(&format!("{words} --out d"));
+    sandbox.run_ok(&format!("{words} --no-images"));
+    sandbox.run_ok(&format!("{words} --no-images --eye 9,9,9 --overwrite"));
+    assert_eq!(sandbox.files(), [PathBuf::from("d/hits_0000.npz")]);
+}
+
 fn damaged(sandbox: &Sandbox) {
     let words = format!("{SMALL} --frames 5 --out o --hits h --stats s.json");
     sandbox.run_ok(&words);
@@ -109,6 +143,9 @@ fn damaged(sandbox: &Sandbox) {
     }
     let again = [written(3) != first, written(4) != last];
     assert_eq!(again, [true, false], "only frame 3 is written again");
+    sandbox.run_ok("merge o h");
+    sandbox.remove("h/hits_0001.npz");
+    sandbox.run("merge o h").fails(1, &["1 of 5", "damaged: 1"]);
 }
 
 fn finished(sandbox: &Sandbox) {
@@ -120,6 +157,11 @@ fn finished(sandbox: &Sandbox) {
     // A run without frames left does not open its device.
     let elsewhere = words.replace("--backend cpu", "--backend vulkan --adapter none");
     sandbox.run_ok(&format!("{elsewhere} --resume"));
+    // A glob also matches the outputs, which are not read.
+    let glob = "render in/* --backend cpu --size 32x24 --frames 1 --out in";
+    for resume in ["", "--resume"] {
+        sandbox.run_ok(&format!("{glob} {resume}"));
+    }
     // An existing file may contain the rays of another run.
     sandbox.write("r.npy", "stale");
     sandbox.run_ok(&format!("{words} --resume --rays-out r.npy"));
@@ -227,6 +269,24 @@ fn pipes(sandbox: &Sandbox) {
     sandbox.run_ok(&format!("{words} --overwrite"));
     for name in all {
         assert!(sandbox.path().join(name).is_file(), "{name}");
+    }
+}
+
+/// Tests `/dev/stdout` when standard output is a file, which must keep its content and receive the results.
+#[cfg(unix)]
+fn redirected(sandbox: &Sandbox) {
+    let program = integration::program::abvh();
+    sandbox.write("log", "earlier\n");
+    for (file, redirection, begins) in [("log", ">>", "earlier\n{"), ("new", ">", "{")] {
+        let words = format!("{SMALL} --frames 1 --no-images --stats /dev/stdout");
+        let script = format!("\"$0\" {words} {redirection} {file}");
+        let mut shell = std::process::Command::new("sh");
+        let shell = shell.args(["-c", &script]).arg(program);
+        let ended = shell.current_dir(sandbox.path()).status();
+        assert!(ended.unwrap().success());
+        let text = sandbox.text(file);
+        let is_whole = text.starts_with(begins) && text.contains("of 32x24");
+        assert!(is_whole, "{text}");
     }
 }
 

@@ -1,4 +1,4 @@
-//! Counts how often a contender's hits differ from exact answers.
+//! Counts how often the triangle of a contender's hit differs from the exact one.
 //!
 //! *Plain* rays come from a camera or are random. *Aimed* rays are directed at edges and vertices.
 

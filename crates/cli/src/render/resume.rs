@@ -11,7 +11,7 @@ use output::{Journal, JournalContents, Manifest, SCHEMA, SceneId};
 use pipeline::{Frame, FrameRecord};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// An earlier run in the output folders.
 pub(super) struct EarlierRun {
@@ -42,20 +42,15 @@ impl EarlierRun {
             } else {
                 Manifest::in_folder(&folder).map_err(CliError::invalid)?
             };
-            if let Some(found) = found {
-                if let Some(difference) = found.difference(&manifest(settings, found.key_frames)?) {
-                    let other = format!("{} holds another run: {difference}", folder.display());
-                    return Err(CliError::invalid(format!(
-                        "{other}; --overwrite replaces it"
-                    )));
-                }
-                earlier = Some(found);
+            if let Some(found) = &found {
+                check_same_run(&folder, found, &manifest(settings, found.key_frames)?)?;
             }
-            let finished = if settings.resume && earlier.is_some() {
+            let finished = if settings.resume && found.is_some() {
                 JournalContents::in_folder(&folder).map_err(CliError::invalid)?
             } else {
                 JournalContents::default()
             };
+            earlier = found.or(earlier);
             folders.push((folder, finished));
         }
         Ok(Self {
@@ -113,7 +108,7 @@ impl EarlierRun {
         finished.stats.clone()
     }
 
-    /// Writes the manifest to all folders, and begins a journal in each.
+    /// Writes the manifest to all folders, and begins a journal in each. Fails if another run has begun in a folder.
     pub(super) fn begin(
         self,
         settings: &RenderSettings,
@@ -126,13 +121,41 @@ impl EarlierRun {
             if settings.overwrite && found.as_ref() != Some(&plan.manifest) {
                 output::clear_run(&folder).map_err(CliError::invalid)?;
             }
-            plan.manifest.write_to(&folder)?;
             let mut journal = Journal::open(&folder, shard).map_err(CliError::invalid)?;
+            plan.write_manifest(&folder)?;
             journal.begin(plan.list.clone(), stats.clone())?;
             Ok(journal)
         };
         self.folders.into_iter().map(begin).collect()
     }
+}
+
+impl RunPlan {
+    /// Writes the manifest to a folder, unless the folder has an equal one. Fails if the folder contains another run.
+    fn write_manifest(&self, folder: &Path) -> Result<(), CliError> {
+        let journals = JournalContents::in_folder(folder).map_err(CliError::invalid)?;
+        // Journal lines follow a manifest. If it is missing, the lines belong to an unknown run.
+        if journals.is_empty() {
+            self.manifest.write_new(folder)?;
+        }
+        match Manifest::in_folder(folder).map_err(CliError::invalid)? {
+            Some(found) => check_same_run(folder, &found, &self.manifest),
+            None => Err(CliError::invalid(format!(
+                "{} holds an unknown run, because it has no manifest; --overwrite replaces it",
+                folder.display()
+            ))),
+        }
+    }
+}
+
+/// Fails if the manifest `found` in a folder differs from the planned one.
+fn check_same_run(folder: &Path, found: &Manifest, planned: &Manifest) -> Result<(), CliError> {
+    found.difference(planned).map_or(Ok(()), |difference| {
+        let folder = folder.display();
+        Err(CliError::invalid(format!(
+            "{folder} holds another run: {difference}; --overwrite replaces it"
+        )))
+    })
 }
 
 /// Returns all frames of a run over a motion with `key_frames` key frames.

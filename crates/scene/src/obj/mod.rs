@@ -71,13 +71,8 @@ impl Statements {
         let mut last_line = 0;
         while let Some((number, line)) = numbered.next() {
             last_line = number;
-            let statement = match continued(&line) {
-                None => line,
-                Some(head) => {
-                    let rest = numbered.by_ref().map(|(_, line)| line);
-                    Cow::Owned(joined(head, rest))
-                }
-            };
+            let rest = numbered.by_ref().map(|(_, line)| line);
+            let statement = whole_statement(line, rest);
             let done = found.statement(number, &statement);
             done.map_err(|e| LineError::new(number, e))?;
         }
@@ -178,6 +173,17 @@ impl Statements {
             ));
         }
         notes
+    }
+}
+
+/// Returns the statement that begins with `line`. Takes its continuation lines from `rest`.
+pub(crate) fn whole_statement<'a>(
+    line: Cow<'a, str>,
+    rest: impl Iterator<Item = Cow<'a, str>>,
+) -> Cow<'a, str> {
+    match continued(&line) {
+        None => line,
+        Some(head) => Cow::Owned(joined(head, rest)),
     }
 }
 
