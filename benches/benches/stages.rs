@@ -4,8 +4,8 @@
 
 use backend::{Intersector, Query, QueryKind, Rays};
 use benches::{
-    CrateTree, Mesh, Ours, Tracer, arguments, built, camera, criterion, meshes, pool, print_table,
-    sah_cost, shadow_rays, thread_counts, trees,
+    CrateTree, Mesh, Ours, Tracer, built, camera, criterion, meshes, pool, print_table, sah_cost,
+    selected_stage, shadow_rays, thread_counts, trees,
 };
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, BenchmarkId, Criterion, Throughput};
@@ -17,17 +17,18 @@ type Stage = fn(&mut Criterion, &Mesh);
 
 fn main() {
     let mut criterion = criterion();
-    let asked = arguments().next();
     let stages: [(&str, Stage); 4] = [
         ("build", build),
         ("convert", convert),
         ("refit", refit),
         ("trace", trace),
     ];
+    let selected = selected_stage(&stages.map(|(name, _)| name), std::env::args().skip(1));
     for mesh in meshes() {
-        let is_asked = |stage: &str| asked.as_ref().is_none_or(|a| a.starts_with(stage));
-        for (_, stage) in stages.iter().filter(|(name, _)| is_asked(name)) {
-            stage(&mut criterion, &mesh);
+        for (name, stage) in stages {
+            if selected.is_none_or(|selected| selected == name) {
+                stage(&mut criterion, &mesh);
+            }
         }
     }
     criterion.final_summary();

@@ -45,9 +45,14 @@ pub fn pool(threads: usize) -> ThreadPool {
     pool.expect("the machine can start threads")
 }
 
-/// Returns the arguments after `--`, without options of the harness.
-pub fn arguments() -> impl Iterator<Item = String> {
-    std::env::args().skip(1).filter(|arg| !arg.starts_with('-'))
+/// Returns the stage that the first argument with a stage name at its beginning selects, or `None` to measure all
+/// stages. Other arguments are criterion's options and their values.
+pub fn selected_stage<'a>(
+    stages: &[&'a str],
+    arguments: impl IntoIterator<Item = String>,
+) -> Option<&'a str> {
+    let stage_of = |argument: String| stages.iter().copied().find(|s| argument.starts_with(s));
+    arguments.into_iter().find_map(stage_of)
 }
 
 /// Prints a table on stderr. `|` separates the columns of `header`.
@@ -56,4 +61,22 @@ pub fn print_table(title: &str, header: &str, rows: Vec<Vec<String>>) {
     let mut table = Table::new();
     table.set_header(header.split('|')).add_rows(rows);
     eprintln!("\n{title}\n{table}\n");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn option_values_select_no_stage() {
+        for (line, expected) in [
+            ("--bench", None),
+            ("--save-baseline before --bench", None),
+            ("--save-baseline before refit --bench", Some("refit")),
+            ("build/twist --bench", Some("build")),
+        ] {
+            let arguments = line.split(' ').map(str::to_owned);
+            assert_eq!(selected_stage(&["build", "refit"], arguments), expected);
+        }
+    }
 }

@@ -128,7 +128,7 @@ impl Rival for Embree {
             scene,
             moment: &moment,
             rays,
-            light: light.map(|at| offset_light(&loaded.animation, at)),
+            light: light.map(|at| offset_light(&loaded.animation, pose, at)),
         };
         let hits = &mut self.hits;
         (report.hits, report.blocked) = self.pool.install(|| tracer.trace(hits));
@@ -182,13 +182,14 @@ fn ms_since(begun: Instant) -> f64 {
     begun.elapsed().as_secs_f64() * 1e3
 }
 
-/// Returns the light for shadow rays, whose origins are offset from the hits by the same rule as ours.
-fn offset_light(animation: &Animation, at: Point) -> Light {
+/// Returns the light for shadow rays. Their origins are offset from the hits by the same rule as ours, but with the box
+/// of all key frames instead of the frame's box.
+fn offset_light(animation: &Animation, pose: Pose, at: Point) -> Light {
     let [x, y, z] = animation.bounds().extent();
     Light {
         scaled_position: at,
         position: at,
-        extent: x.max(y).max(z),
+        extent: x.max(y).max(z).min(animation.range(pose).clearance),
     }
 }
 

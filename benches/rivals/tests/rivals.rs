@@ -7,7 +7,7 @@
 use backend::{Backend, FrameReport, Generation, Hits, Intersector, Query, QueryKind, Rays};
 use conformance::stage;
 use cpu_ref::CpuBackend;
-use geom::{Animation, Camera, Point, Pose, Ray};
+use geom::{Animation, Camera, CameraPose, Point, Pose, Ray};
 use gpu_common::{Options, Validation};
 use integration::program;
 use rivals::vulkan_rt::VulkanRt;
@@ -26,6 +26,7 @@ type Test = (&'static str, fn(RivalName));
 const TESTS: &[Test] = &[
     ("hits_match_ours_almost_everywhere", hits),
     ("non_finite_triangles_are_not_hit", not_finite),
+    ("far_triangle_changes_no_shadow", far_triangle),
     ("query_kinds_agree", queries),
     ("unchanged_pose_skips_tree_update", times),
     ("bench_reports_rows_and_difference", rows),
@@ -179,6 +180,28 @@ fn not_finite(rival: RivalName) {
         let share = differing(&hits, &damaged.ours(time));
         assert!(share <= SHARE, "at {time}: {share}");
     }
+}
+
+/// Traces a square above a larger one, with a triangle so far away that an offset of shadow rays in proportion to the
+/// scene's size would exceed the distance between the squares.
+fn far_triangle(rival: RivalName) {
+    let square = |y: f32, size: f32| {
+        [[-size, -size], [size, -size], [size, size], [-size, size]].map(|[x, z]| [x, y, z])
+    };
+    let far = [[1e6, 0.0, 0.0], [1e6, 1.0, 0.0], [1e6, 0.0, 1.0]];
+    let vertices = [&square(0.0, 4.0)[..], &square(1.0, 1.0), &far].concat();
+    let triangles = vec![[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7], [8, 9, 10]];
+    let shot = Shot {
+        animation: Arc::new(Animation::new(vec![vertices], triangles).unwrap()),
+        camera: Camera::look_at(CameraPose::new([1.0, 6.0, 8.0], [0.0; 3]), SIZE).unwrap(),
+        light: [0.5, 5.0, 0.25],
+    };
+    let ours = shot.ours(0.0);
+    assert!(count(&ours).1 > 100);
+    let mut subject = Subject::load(rival, &shot.animation, TreeUpdate::Rebuild);
+    let (hits, _) = subject.trace(shot.animation.pose(0.0), shot.query());
+    let share = differing(&hits, &ours);
+    assert!(share <= SHARE, "{share}");
 }
 
 fn queries(rival: RivalName) {

@@ -140,7 +140,7 @@ fn by_each_intersector(
         reference,
         intersector: Intersector::Watertight,
     };
-    for intersector in (property.intersectors)(&check) {
+    for intersector in property.intersectors_of(&check) {
         check.intersector = intersector;
         let held = catch_unwind(AssertUnwindSafe(|| (property.check)(&mut check)));
         let held = held.unwrap_or_else(|panic| {

@@ -3,6 +3,7 @@
 use crate::files::array;
 use crate::sandbox::{Sandbox, assert_contains, list, trial};
 use backend::BackendName;
+use integration::device_trial;
 use libtest_mimic::Trial;
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -27,16 +28,18 @@ static ABSENT: LazyLock<BTreeMap<&str, String>> = LazyLock::new(|| {
 });
 
 impl Subject {
-    /// Creates a test of this backend. It is ignored, with the reason, if the backend is absent.
+    /// Creates a test of this backend. If the backend is absent, the test is ignored with the reason, or fails if the
+    /// backend is required.
     pub(crate) fn trial(
         self,
         what: &str,
         body: impl FnOnce(&Sandbox, &str) + Send + 'static,
     ) -> Trial {
         let name = format!("{what}::{}", self.0);
-        let trial = trial(&name, move |s| body(s, self.0));
-        let absent = ABSENT.get(self.0);
-        integration::ignored_if(trial, absent.map(|why| format!("absent: {why}")))
+        let absent = ABSENT.get(self.0).map(|why| format!("absent: {why}"));
+        device_trial(name, self.0, absent, move || {
+            body(&Sandbox::new(), self.0);
+        })
     }
 }
 

@@ -171,7 +171,10 @@ impl VulkanRt {
 
     /// Records a launch of rays, unless the scene has no live triangle that they could hit.
     fn launch(&mut self, query: &Query<'_>, trace: &TraceBuffers<VulkanDevice>, size: [u32; 2]) {
-        let params = work::rays(self.params(), query, reads_ray_buffer(query));
+        // The range limits the offset of shadow rays.
+        let range = self.engine.scene().animation.range(self.engine.pose);
+        let params = self.params().with_range(Some(range));
+        let params = work::rays(params, query, reads_ray_buffer(query));
         let engine = &mut self.engine;
         if size[0] == 0 || !trace.has_tree {
             engine

@@ -69,7 +69,7 @@ pub(crate) const BODIES: &[ClosedBody] = &[
         name: "torus",
         shape: || torus(24, 12),
         inner: |angle, [x, y, z]| {
-            let (sin, cos) = angle.sin_cos();
+            let (sin, cos) = libm::sincos(angle);
             [cos + 0.1 * x, sin + 0.1 * y, 0.1 * z]
         },
         radius: 1.0 + TUBE,
@@ -121,8 +121,7 @@ pub(crate) fn placed_body(
         for (triangle, order) in triangles.iter_mut().zip(orders) {
             *triangle = order.map(|k: usize| triangle[k]);
         }
-        let [a, b] = turns.map(|turn| if is_turned { turn } else { 0.0 });
-        let rotation = DMat3::from_rotation_x(b) * DMat3::from_rotation_z(a);
+        let rotation = rotation(turns.map(|turn| if is_turned { turn } else { 0.0 }));
         let centre = moves.map(|(more, is_negative)| {
             let sign = if is_negative { -1.0 } else { 1.0 };
             sign * (f64::from(offset) + more)
@@ -137,6 +136,14 @@ pub(crate) fn placed_body(
         }
     });
     placed.no_shrink()
+}
+
+/// Returns the rotation by the first angle about the z axis, followed by the second about the x axis.
+fn rotation(angles: [f64; 2]) -> DMat3 {
+    let [(s, c), (t, d)] = angles.map(libm::sincos);
+    let about_z = DMat3::from_cols_array(&[c, s, 0.0, -s, c, 0.0, 0.0, 0.0, 1.0]);
+    let about_x = DMat3::from_cols_array(&[1.0, 0.0, 0.0, 0.0, d, t, 0.0, -t, d]);
+    about_x * about_z
 }
 
 /// Random numbers that describe a ray at a body.
@@ -227,7 +234,7 @@ fn placed(to_scene: &DAffine3, p: [f64; 3]) -> Point {
 /// Uniformly distributed directions of length 1.
 fn direction() -> impl Strategy<Value = [f64; 3]> {
     (unit(), 0.0..TAU).prop_map(|(z, angle): (f64, f64)| {
-        let (sin, cos) = angle.sin_cos();
+        let (sin, cos) = libm::sincos(angle);
         let r = (1.0 - z * z).sqrt();
         [r * cos, r * sin, z]
     })
@@ -271,7 +278,7 @@ fn normalized(p: Point) -> Point {
 fn torus(around: u32, along: u32) -> IndexedMesh {
     let angle = |i: u32, n: u32| TAU * f64::from(i) / f64::from(n);
     let point = |i, j| {
-        let ((s, c), (t, d)) = (angle(i, around).sin_cos(), angle(j, along).sin_cos());
+        let [(s, c), (t, d)] = [angle(i, around), angle(j, along)].map(libm::sincos);
         let r = 1.0 + TUBE * d;
         [r * c, r * s, TUBE * t].map(|x| x as f32)
     };

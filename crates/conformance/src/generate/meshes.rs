@@ -22,7 +22,7 @@ pub(crate) fn point() -> impl Strategy<Value = [f64; 3]> + Clone {
 
 /// Powers of ten with an exponent between `low` and `high`.
 pub(crate) fn power([low, high]: [f64; 2]) -> impl Strategy<Value = f64> + Clone {
-    (0.0..1.0).prop_map(move |x: f64| 10.0_f64.powf(low + (high - low) * x))
+    (0.0..1.0).prop_map(move |x: f64| libm::pow(10.0, low + (high - low) * x))
 }
 
 /// Returns `a + s * b`, rounded once to single precision.

@@ -1,4 +1,6 @@
 //! Scenes, rays and trees to test backends with, shared by properties and stability tests.
+//!
+//! They are the same on every machine: sines, cosines and powers of ten are those of `libm`.
 
 pub(crate) mod bodies;
 pub(crate) mod cases;

@@ -15,29 +15,38 @@ use anyhow::Result;
 use backend::{Hits, Inspect, Intersector, QueryKind, Rays};
 
 /// Selects the intersectors with which a property is tested, one after the other.
-pub(crate) type Intersectors = fn(&Check<'_>) -> Vec<Intersector>;
+type Intersectors = fn(&Check<'_>) -> Vec<Intersector>;
 
 /// A property of backends.
 #[derive(Clone, Copy)]
 pub struct Property {
     /// Name of the property, as a sentence with underscores.
     pub name: &'static str,
-    pub(crate) intersectors: Intersectors,
+    intersectors: Intersectors,
     /// The name of `intersectors` in the table of properties.
     intersector_set: &'static str,
+    /// Whether only the default intersector is tested, in the cases that include it.
+    is_narrowed: bool,
     /// Test of the property. The error describes how subject and reference disagree.
     pub(crate) check: fn(&mut Check<'_>) -> Result<()>,
 }
 
 impl Property {
-    /// Returns this property for the default intersector alone, or `None` if it applies only to `exact`.
+    /// Returns this property for the default intersector alone, or `None` if it applies only to `exact`. Cases with
+    /// other intersectors are skipped.
     #[must_use]
     pub fn by_usual_intersector(self) -> Option<Self> {
-        let intersectors: Intersectors = usual;
         (self.intersector_set != "exact").then_some(Self {
-            intersectors,
+            is_narrowed: true,
             ..self
         })
+    }
+
+    /// Returns the intersectors with which a case is tested.
+    pub(crate) fn intersectors_of(&self, check: &Check<'_>) -> Vec<Intersector> {
+        let mut all = (self.intersectors)(check);
+        all.retain(|intersector| !self.is_narrowed || usual(check).contains(intersector));
+        all
     }
 }
 
@@ -120,6 +129,7 @@ macro_rules! properties {
             name: stringify!($name),
             intersectors: $intersectors,
             intersector_set: stringify!($intersectors),
+            is_narrowed: false,
             check: $check,
         },)+]
     };
@@ -151,3 +161,38 @@ pub const PROPERTIES: &[Property] = properties! {
     usual tickets_are_ordered_and_results_kept: reports::tickets;
     usual reloading_resets_all_state: reports::reload;
 };
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::nth_case;
+    use cpu_ref::CpuBackend;
+
+    /// The command that repeats a failed case tests all intersectors of the property.
+    #[test]
+    fn narrowed_properties_test_only_their_own_intersectors() {
+        let backend = || CpuBackend::new(Some(1)).unwrap();
+        let (mut subject, mut reference) = (backend(), Reference::new(Box::new(backend())));
+        let cases = [0, 1, 2, 3].map(|number| nth_case(1, number));
+        for property in PROPERTIES {
+            let Some(narrowed) = property.by_usual_intersector() else {
+                continue;
+            };
+            let mut tested = Vec::new();
+            for case in &cases {
+                let check = Check {
+                    case,
+                    subject: &mut subject,
+                    reference: &mut reference,
+                    intersector: Intersector::Watertight,
+                };
+                let own = property.intersectors_of(&check);
+                let fewer = narrowed.intersectors_of(&check);
+                assert!(fewer.iter().all(|i| own.contains(i)), "{}", property.name);
+                tested.extend(fewer);
+            }
+            tested.dedup();
+            assert_eq!(tested, [Intersector::Watertight], "{}", property.name);
+        }
+    }
+}

@@ -15,7 +15,7 @@ use backend::{Arithmetic, Intersector};
 backend::named! {
     /// Counted event.
     pub enum Measure {
-        /// Answers that differ from the exact ones.
+        /// Hits whose triangle differs from the exact one.
         Wrong = "wrong",
         /// Rays from inside that miss.
         Leaks = "leaks",
