@@ -4,7 +4,7 @@ use crate::folder::Folder;
 use crate::gltf::buffer_files;
 use crate::join::inputs;
 use crate::obj::{library_names, whole_statement};
-use crate::paths::{exists, extension, is_pattern, matching_files, path, visible_files};
+use crate::paths::{encode, exists, extension, is_pattern, matching_files, path, visible_files};
 use crate::text::lines;
 use crate::{Result, SceneError};
 use std::fs;
@@ -76,7 +76,7 @@ impl FileList {
         };
         names.retain(|name| folder.permitted(name).is_ok());
         let folder = file.parent().unwrap_or(Path::new(""));
-        let files = names.iter().map(|name| folder.join(name));
+        let files = names.iter().map(|name| folder.join(path(name)));
         // A library that cannot be opened does not affect the scene.
         self.all.extend(files.filter(|f| host::open(f).is_ok()));
         Ok(())
@@ -90,12 +90,9 @@ fn material_statements(obj: &Path) -> std::io::Result<Vec<String>> {
     let text = bytes.strip_prefix("\u{feff}".as_bytes());
     let mut lines = lines(text.unwrap_or(&bytes));
     while let Some(line) = lines.next() {
-        if line.trim_ascii_start().starts_with(b"mtllib") {
-            let rest = lines.by_ref().map(String::from_utf8_lossy);
-            let statement = whole_statement(String::from_utf8_lossy(line), rest);
-            let words = statement.trim().split_once(char::is_whitespace);
-            let library = words.filter(|(word, _)| *word == "mtllib");
-            names.extend(library.map(|(_, name)| name.trim().to_owned()));
+        let statement = whole_statement(encode(line), lines.by_ref().map(encode));
+        if let Some(("mtllib", name)) = statement.trim().split_once(char::is_whitespace) {
+            names.push(name.trim().to_owned());
         }
     }
     Ok(names)
@@ -141,7 +138,9 @@ mod tests {
         let spaces = put("two words.mtl", b"");
         let obj = put("b.obj", b"mtllib a/x.mtl a\\y.mtl\nmtllib two words.mtl\n");
         assert_eq!(listed(&obj), [&x, &y, &obj, &spaces].map(PathBuf::clone));
-        let continued = put("d.obj", b"mtllib\\\na/x.mtl \\\r\na/y.mtl\nmtllibs z.mtl\n");
+        let text =
+            b"mtllib\\\na/x.mtl \\\r\na/y.mtl\nmtllibs z.mtl\nf 1 2 \\\nmtllib two words.mtl\n";
+        let continued = put("d.obj", text);
         assert_eq!(listed(&continued), [x.clone(), y, continued.clone()]);
         let marked = put("c.obj", "\u{feff}mtllib a/x.mtl\n".as_bytes());
         assert_eq!(listed(&marked), [x, marked.clone()]);

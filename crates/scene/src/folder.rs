@@ -1,5 +1,6 @@
 //! Access to the files that a scene's file refers to. Files outside its folder are read only if the options allow it.
 
+use crate::paths;
 use std::fs;
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
@@ -21,9 +22,9 @@ impl Folder {
         }
     }
 
-    /// Returns the folder's path joined with `name`.
+    /// Returns the folder's path joined with `name`, which [`paths::encode`] may have encoded.
     pub(crate) fn path(&self, name: &str) -> PathBuf {
-        self.folder.join(name)
+        self.folder.join(paths::path(name))
     }
 
     /// Reads a regular file by its name relative to the folder.

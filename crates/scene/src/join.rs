@@ -5,9 +5,9 @@
 
 use crate::mesh::joined_triangles;
 use crate::paging::{KeySize, check_keys, within};
-use crate::paths::{exists, is_gltf, path};
-use crate::rounding::Position;
-use crate::source::{open_one, refuse_clip};
+use crate::paths::{exists, path};
+use crate::rounding::{Position, Rounding};
+use crate::source::{is_gltf_input, open_one, refuse_clip};
 use crate::{Facts, Result, Scene, SceneError, SceneOptions, paging};
 use geom::Point;
 use std::sync::Arc;
@@ -108,6 +108,13 @@ fn parse(text: &str) -> Option<InputPlacement> {
     })
 }
 
+/// Returns whether the name of a scene joins several inputs or places one. Fails if an input has an invalid placement or
+/// no name.
+pub fn is_joined(spec: &str) -> Result<bool> {
+    let inputs = inputs(spec, &exists)?;
+    Ok(!matches!(inputs[..], [Input { place: None, .. }]))
+}
+
 /// Opens the scene that `spec` names.
 pub fn open(spec: &str, options: &SceneOptions) -> Result<Scene> {
     match inputs(spec, &exists)?.as_slice() {
@@ -118,7 +125,7 @@ pub fn open(spec: &str, options: &SceneOptions) -> Result<Scene> {
 
 /// Opens and joins all inputs.
 fn join(spec: &str, inputs: &[Input<'_>], options: &SceneOptions) -> Result<Scene> {
-    let has_clips = |input: &Input<'_>| is_gltf(&path(input.spec));
+    let has_clips = |input: &Input<'_>| is_gltf_input(input.spec);
     if !inputs.iter().any(has_clips) {
         refuse_clip(spec, options)?;
     }
@@ -148,7 +155,14 @@ fn join(spec: &str, inputs: &[Input<'_>], options: &SceneOptions) -> Result<Scen
         .iter()
         .map(|i| i.place.unwrap_or(InputPlacement::IDENTITY));
     let mut places: Vec<_> = places.collect();
-    let offset = options.recentre.then(|| recentre(&mut places, &scenes));
+    let mut facts = facts(&scenes);
+    facts.offset = options.recentre.then(|| recentre(&mut places, &scenes));
+    for ((input, scene), place) in inputs.iter().zip(&scenes).zip(&places) {
+        let points = scene.animation.first().iter();
+        let placed = points.map(|p| place.put_exactly(p.map(f64::from)));
+        let remarks = Rounding::default().remarks(&path(input.spec), placed, options);
+        facts.notes.extend(remarks);
+    }
     let placed: Vec<_> = animations().map(Arc::clone).zip(places).collect();
     let source = move |key: usize| {
         let mut all = Vec::with_capacity(vertices);
@@ -164,10 +178,7 @@ fn join(spec: &str, inputs: &[Input<'_>], options: &SceneOptions) -> Result<Scen
     Ok(Scene {
         name,
         animation: Arc::new(animation),
-        facts: Facts {
-            offset,
-            ..facts(&scenes)
-        },
+        facts,
         colours: scenes
             .iter()
             .flat_map(|s| s.colours.iter().copied())
@@ -339,6 +350,9 @@ mod tests {
             refused(open_in(&folder, names, &options), &["Walk"]);
         }
         assert!(crate::open("demo:twist:100", &options).is_err());
+        put(&folder, "figure.glb", "");
+        let matched = open_in(&folder, "fig*@1,2,3", &options);
+        refused(matched, &["figure.glb: ", "not glTF"]);
         let gone = open_in(&folder, "still.obj+gone.glb", &options);
         refused(gone, &["gone.glb: no such file"]);
     }

@@ -27,7 +27,7 @@ mod text;
 mod viewpoint;
 
 pub use files::files;
-pub use join::open;
+pub use join::{is_joined, open};
 pub use paths::encode_path;
 use std::fmt::Display;
 use std::io;

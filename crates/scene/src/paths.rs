@@ -1,6 +1,7 @@
 //! Names of inputs: encoding of paths as strings, patterns, and file extensions.
 
 use crate::{Result, SceneError};
+use std::borrow::Cow;
 use std::ffi::OsStr;
 use std::fmt::Write;
 use std::fs;
@@ -13,18 +14,26 @@ const NUL: char = '\0';
 /// is not UTF-8 becomes a NUL and two hexadecimal digits. All other characters are unchanged.
 #[must_use]
 pub fn encode_path(path: &OsStr) -> String {
+    encode(path.as_encoded_bytes()).into_owned()
+}
+
+/// Encodes text like [`encode_path`]. Different texts remain different, even if they are not UTF-8.
+pub(crate) fn encode(text: &[u8]) -> Cow<'_, str> {
+    if let Ok(text) = std::str::from_utf8(text) {
+        return Cow::Borrowed(text);
+    }
     let mut word = String::new();
-    for chunk in path.as_encoded_bytes().utf8_chunks() {
+    for chunk in text.utf8_chunks() {
         word += chunk.valid();
         for byte in chunk.invalid() {
             // Writing to a string cannot fail.
             let _ = write!(word, "{NUL}{byte:02x}");
         }
     }
-    word
+    Cow::Owned(word)
 }
 
-/// Decodes a path from a scene name.
+/// Decodes a path that [`encode`] encoded.
 #[cfg(unix)]
 pub(crate) fn path(word: &str) -> PathBuf {
     use std::os::unix::ffi::OsStringExt;

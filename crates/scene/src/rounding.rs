@@ -14,10 +14,9 @@ pub(crate) struct Rounding {
 }
 
 /// Returns the minimum and the maximum of the positions that are finite in single precision.
-fn finite_bounds(points: &[Position]) -> Option<[Position; 2]> {
-    let is_finite = |p: &&Position| p.iter().all(|x| (*x as f32).is_finite());
-    let finite = points.iter().filter(is_finite);
-    let boxes = finite.map(|p| [*p; 2]);
+fn finite_bounds(points: impl Iterator<Item = Position>) -> Option<[Position; 2]> {
+    let is_finite = |p: &Position| p.iter().all(|x| (*x as f32).is_finite());
+    let boxes = points.filter(is_finite).map(|p| [p; 2]);
     boxes.reduce(|[min, max], [p, _]| {
         [
             std::array::from_fn(|i| min[i].min(p[i])),
@@ -30,7 +29,7 @@ impl Rounding {
     /// Returns the rounding for a scene: its offset is the centre of the first key frame if the scene is recentred,
     /// else 0.
     pub(crate) fn of(first: &[Position], options: &SceneOptions) -> Self {
-        let bounds = finite_bounds(first).filter(|_| options.recentre);
+        let bounds = finite_bounds(first.iter().copied()).filter(|_| options.recentre);
         let centre = |[min, max]: [Position; 2]| std::array::from_fn(|i| min[i].midpoint(max[i]));
         Self {
             offset: bounds.map(centre).unwrap_or_default(),
@@ -50,35 +49,44 @@ impl Rounding {
         options.recentre.then_some(self.offset)
     }
 
-    /// Returns a remark if rounding moves a coordinate by more than 0.001 of the first key frame's size.
-    pub(crate) fn remark(
+    /// Returns a remark if a coordinate of the first key frame exceeds the range of single precision, and one if
+    /// rounding moves a coordinate by more than 0.001 of the key frame's size.
+    pub(crate) fn remarks(
         &self,
         path: &Path,
-        first: &[Position],
+        first: impl Iterator<Item = Position> + Clone,
         options: &SceneOptions,
-    ) -> Option<String> {
+    ) -> Vec<String> {
         const SHARE: f64 = 1e-3;
-        let [min, max] = finite_bounds(first)?;
-        let [x, y, z]: [f64; 3] = std::array::from_fn(|i| max[i] - min[i]);
-        let size = x.hypot(y).hypot(z);
-        let error = |p: &Position| {
-            let rounded = self.point(*p);
-            let errors = (0..3).map(|i| (f64::from(rounded[i]) - (p[i] - self.offset[i])).abs());
-            errors.filter(|e| e.is_finite()).fold(0.0, f64::max)
+        let (mut remarks, file) = (Vec::new(), path.display());
+        let errors_of = |p: Position| -> [f64; 3] {
+            let rounded = self.point(p);
+            std::array::from_fn(|i| (f64::from(rounded[i]) - (p[i] - self.offset[i])).abs())
         };
-        let loss = first.iter().map(error).fold(0.0, f64::max);
-        if loss <= size * SHARE {
-            return None;
+        let errors = first.clone().flat_map(errors_of);
+        // The error of a coordinate that is not finite is NaN.
+        if errors.clone().any(f64::is_infinite) {
+            remarks.push(format!(
+                "{file}: a coordinate exceeds the range of 32-bit floats, so no ray hits triangles with its vertex"
+            ));
         }
-        let hint = if options.recentre {
-            ""
-        } else {
-            "; --recentre subtracts the centre before rounding"
-        };
-        let (file, loss, size) = (path.display(), figure(loss), figure(size));
-        Some(format!(
-            "{file}: coordinates lose up to {loss} when they are rounded to 32-bit floats, in a scene of size {size}{hint}"
-        ))
+        let loss = errors.filter(|e| e.is_finite()).fold(0.0, f64::max);
+        let size = finite_bounds(first).map(|[min, max]| {
+            let [x, y, z]: [f64; 3] = std::array::from_fn(|i| max[i] - min[i]);
+            x.hypot(y).hypot(z)
+        });
+        if let Some(size) = size.filter(|size| loss > size * SHARE) {
+            let hint = if options.recentre {
+                ""
+            } else {
+                "; --recentre subtracts the centre before rounding"
+            };
+            let (loss, size) = (figure(loss), figure(size));
+            remarks.push(format!(
+                "{file}: coordinates lose up to {loss} when they are rounded to 32-bit floats, in a scene of size {size}{hint}"
+            ));
+        }
+        remarks
     }
 }
 

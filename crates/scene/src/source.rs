@@ -20,6 +20,12 @@ pub(crate) fn open_one(spec: &str, options: &SceneOptions) -> Result<Scene> {
     }
 }
 
+/// Returns whether an input is a single glTF file, named by its path or by a glob.
+pub(crate) fn is_gltf_input(spec: &str) -> bool {
+    let matched = matching_files(spec).unwrap_or_default();
+    is_gltf(&path(spec)) || matches!(matched.as_slice(), [only] if is_gltf(only))
+}
+
 /// Returns an error if `options` name a clip. Used for sources without clips.
 pub(crate) fn refuse_clip(place: impl AsRef<Path>, options: &SceneOptions) -> Result<()> {
     options.clip.as_ref().map_or(Ok(()), |asked| {
@@ -45,7 +51,10 @@ fn file(path: &Path, options: &SceneOptions) -> Result<Scene> {
 fn directory(path: &Path, options: &SceneOptions) -> Result<Scene> {
     let files = visible_files(path)?;
     if files.is_empty() {
-        return Err(SceneError::unusable(path, "the directory is empty"));
+        return Err(SceneError::unusable(
+            path,
+            "the directory contains no visible files",
+        ));
     }
     let whole = fs::canonicalize(path).map_err(|e| SceneError::unreadable(path, e))?;
     let name = whole.file_name().unwrap_or(path.as_os_str());

@@ -7,6 +7,7 @@
 use crate::Rgb;
 use crate::folder::Folder;
 use crate::mesh::{CLAY, Materials, srgb_bytes};
+use crate::paths::encode;
 use crate::text::{check_encoding, lines};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -85,7 +86,7 @@ fn read_library(
 /// Returns the `newmtl` lines with a name, and the `Kd` lines with one or three numbers.
 fn colour_statements(text: &[u8]) -> String {
     let mut plain = String::new();
-    for line in lines(text).map(String::from_utf8_lossy) {
+    for line in lines(text).map(encode) {
         let line = line.trim();
         let (word, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
         let numbers: Option<Vec<f32>> = rest.split_whitespace().map(|n| n.parse().ok()).collect();
@@ -146,5 +147,21 @@ mod tests {
         let (colour, notes) = with(true);
         assert_eq!(colour, [0, 0, 255]);
         assert!(notes[1].contains("a device"), "{notes:?}");
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn latin_1_names_are_distinct() {
+        use crate::testing::put;
+        use std::ffi::OsStr;
+        use std::os::unix::ffi::OsStrExt;
+        let folder = tempfile::tempdir().unwrap();
+        let library = folder.path().join(OsStr::from_bytes(b"\xe9.mtl"));
+        fs::write(library, b"newmtl \xe8\nKd 1 0 0\nnewmtl \xe9\nKd 0 1 0\n").unwrap();
+        let obj = b"mtllib \xe9.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl \xe8\nf 1 2 3\nusemtl \xe9\nf 1 2 3\n";
+        let name = put(&folder, "a.obj", obj).display().to_string();
+        let scene = crate::open(&name, &crate::SceneOptions::default()).unwrap();
+        assert_eq!(scene.colours[..], [[255, 0, 0], [0, 255, 0]]);
+        assert_eq!(crate::files(&name, false).unwrap().len(), 2);
     }
 }

@@ -11,6 +11,7 @@ pub(crate) use materials::library_names;
 use crate::mesh::{
     Colours, MaterialUse, Materials, Paint, PolygonMesh, Polygons, SHORT_FACES, Skipped, append,
 };
+use crate::paths::encode;
 use crate::rounding::Position;
 use crate::text::{LineError, before_comment, check_encoding, lines, number};
 use crate::{Result, SceneError};
@@ -66,8 +67,7 @@ impl Statements {
             ..Self::default()
         };
         let text = bytes.strip_prefix("\u{feff}".as_bytes()).unwrap_or(bytes);
-        let decoded = lines(text).map(String::from_utf8_lossy);
-        let mut numbered = (1..).zip(decoded);
+        let mut numbered = (1..).zip(lines(text).map(encode));
         let mut last_line = 0;
         while let Some((number, line)) = numbered.next() {
             last_line = number;

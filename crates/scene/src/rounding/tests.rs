@@ -127,13 +127,25 @@ fn small_rounding_losses_are_not_noted() {
         "one.obj",
         "v 0.1 0.2 0.3\nv 1.1 0 0\nv 0 1e99 nan\nv 0 1 0\nf 1 2 3\nf 1 2 4\n",
     );
-    for name in ["large.obj", "one.obj"] {
-        assert!(open(&folder, name, false).facts.notes.is_empty(), "{name}");
-    }
+    assert!(open(&folder, "large.obj", false).facts.notes.is_empty());
     let near = open(&folder, "one.obj", true);
+    let notes = &near.facts.notes;
+    let exceeds = "exceeds the range of 32-bit floats";
+    assert!(notes.len() == 1 && notes[0].contains(exceeds), "{notes:?}");
     assert_eq!(near.facts.offset, Some([0.55, 0.5, 0.15]));
     let stray = near.animation.key(0).unwrap()[2];
     assert!(stray[1].is_infinite() && stray[2].is_nan());
+}
+
+#[test]
+fn placements_that_lose_precision_are_noted() {
+    let folder = tempfile::tempdir().unwrap();
+    put(&folder, "unit.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    let notes = |name: &str| open(&folder, name, false).facts.notes;
+    assert!(notes("unit.obj@1,2,3*0.1").is_empty());
+    let far = notes(&format!("unit.obj@{EAST},{NORTH},7"));
+    let says = "unit.obj: coordinates lose up to 0.2";
+    assert!(far.len() == 1 && far[0].contains(says), "{far:?}");
 }
 
 #[test]
