@@ -70,10 +70,7 @@ fn facts(
     let memory = ExpectedMemory::of(animation, device, &options, rays);
     Ok(RunFacts {
         frames: times.len(),
-        step: match *times {
-            [first, .., last] => (last - first).abs() / (times.len() - 1) as f64,
-            _ => 0.0,
-        },
+        step: mean_step(&times),
         moves: animation.moving_count() > 0,
         triangles: animation.live_count(),
         rays,
@@ -85,6 +82,12 @@ fn facts(
         threads: threads.render,
         builder_threads: threads.build,
     })
+}
+
+/// Returns the mean step from one time to the next. Times can be in any order.
+fn mean_step(times: &[f64]) -> f64 {
+    let steps = times.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    steps.sum::<f64>() / (times.len().max(2) - 1) as f64
 }
 
 #[cfg(test)]
@@ -100,6 +103,13 @@ mod tests {
 
     fn demo(name: &str) -> Scene {
         scene::open(name, &scene::SceneOptions::default()).unwrap()
+    }
+
+    #[test]
+    fn mean_step_counts_both_directions() {
+        assert_eq!(mean_step(&[0.0, 9.0, 1.0]), 8.5);
+        assert_eq!(mean_step(&[3.0, 2.0, 1.0]), 1.0);
+        assert_eq!(mean_step(&[3.0]), 0.0);
     }
 
     #[test]

@@ -130,7 +130,8 @@ fn refused(args: &[OsString], e: &clap::Error) -> CliError {
         let _ = e.print();
         return CliError::HelpShown;
     }
-    if let Some(removed) = removed::find(e) {
+    let command = args.get(1).map(|arg| arg.to_string_lossy());
+    if let Some(removed) = removed::find(&command.unwrap_or_default(), e) {
         return CliError::invalid(removed);
     }
     if let Some(rival) = rival_as_backend(e) {

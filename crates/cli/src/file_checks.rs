@@ -1,6 +1,7 @@
 //! Checks that written files differ from read files and from each other, and that they can be written.
 
 use crate::error::CliError;
+use output::FileKind;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -33,19 +34,21 @@ impl<'a> CommandFiles<'a> {
             return Ok(());
         }
         for scene in scenes {
-            // Outside files are protected even if they are not read.
-            let files = scene::files(scene, true)?.into_iter();
-            self.read.extend(files.map(|file| ("SCENE", file)));
+            // Outside files are protected even if they are not read. If an input is missing, opening the scene reports it.
+            let files = scene::files(scene, true);
+            let files = files.unwrap_or_else(|_| scene.split('+').map(PathBuf::from).collect());
+            let files = files.into_iter().map(|file| ("SCENE", file));
+            self.read.extend(files);
         }
         self.check_apart()?;
         for (_, folder) in &self.folders {
             output::check_dir(folder).map_err(CliError::invalid)?;
         }
         for (_, file) in &self.written {
-            // An output folder may not exist yet.
-            let will_be = |dir: &Path| self.folders.iter().any(|(_, folder)| folder == dir);
-            let dir = host::parent(file);
-            if dir.exists() || !will_be(dir) {
+            let dir = absolute(host::parent(file));
+            // An output folder and its parents may not exist yet.
+            let is_created = |(_, folder): &NamedFile<'_>| absolute(folder).starts_with(&dir);
+            if dir.exists() || !self.folders.iter().any(is_created) {
                 output::check_writable(file).map_err(CliError::invalid)?;
             }
         }
@@ -64,7 +67,7 @@ impl<'a> CommandFiles<'a> {
             } else if let Some((other, _)) = self.written[..i].iter().find(is_same) {
                 format!("the output of {other}")
             } else if let Some(folder) = self.folder_of(&path) {
-                format!("a file that {folder} writes")
+                format!("a file of the run in {folder}")
             } else {
                 continue;
             };
@@ -85,7 +88,7 @@ impl<'a> CommandFiles<'a> {
     /// Returns the option of the output folder that contains `path`, if the run may write a file of that name.
     fn folder_of(&self, path: &Path) -> Option<&'a str> {
         let name = path.file_name()?.to_string_lossy();
-        let is_ours = name.starts_with("abvh-run") || output::is_frame_file(&name);
+        let is_ours = name.starts_with("abvh-run") || FileKind::of(&name).is_some();
         let folder = path.parent().filter(|_| is_ours)?;
         let found = self.folders.iter().find(|(_, f)| absolute(f) == folder);
         found.map(|(option, _)| *option)

@@ -53,8 +53,9 @@ pub(crate) struct MeasureSettings {
     /// Intersectors
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = parsers::intersector())]
     pub(crate) intersector: Vec<Intersector>,
-    /// Frames of each run: N spread evenly over the time range, or those at key times A..B
-    #[arg(long, value_name = "N|A..B")]
+    /// Frames of each run: N spread evenly over the time range, or those at key times A..B or in a list such as
+    /// 1,4,10-20x2
+    #[arg(long, value_name = "N|A..B|LIST")]
     pub(crate) frames: FrameChoice,
     /// Time range, in key frames [default: the whole motion]
     #[arg(long, value_name = "T0..T1", allow_hyphen_values = true)]

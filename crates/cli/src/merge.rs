@@ -7,8 +7,8 @@ use crate::file_checks::CommandFiles;
 use crate::parsers;
 use crate::render::statistics;
 use clap::Args;
-use output::{JournalContents, Manifest};
-use std::collections::BTreeSet;
+use output::{FileKind, JournalContents, Manifest};
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// Maximum number of missing frames that the message lists.
@@ -33,22 +33,28 @@ impl RunCommand for MergeSettings {
         };
         files.check_apart()?;
         let parts = read(&self.folders)?;
-        let lists = parts.iter().flat_map(|part| &part.finished.list);
-        let list: BTreeSet<u64> = lists.copied().collect();
-        if list.is_empty() {
+        let mut expected: BTreeMap<u64, BTreeSet<FileKind>> = BTreeMap::new();
+        for (&frame, kinds) in parts.iter().flat_map(|part| &part.finished.expected) {
+            expected.entry(frame).or_default().extend(kinds);
+        }
+        if expected.is_empty() {
             return Err(CliError::failed("no run has begun: no folder lists frames"));
         }
         let (mut rows, mut missing) = (Vec::new(), Vec::new());
-        for &frame in &list {
+        for (&frame, kinds) in &expected {
+            let is_listed = |kind: &FileKind| {
+                let mut parts = parts.iter();
+                parts.any(|part| part.finished.lists_kind(frame, *kind))
+            };
             let listing = parts.iter().filter(|part| part.finished.lists(frame));
             let found = listing.map(|part| part.finished.all_unchanged(frame, part.folder));
             match found.collect::<Option<Vec<_>>>().as_deref() {
-                Some([row, ..]) => rows.push((*row).clone()),
+                Some([row, ..]) if kinds.iter().all(is_listed) => rows.push((*row).clone()),
                 _ => missing.push(frame),
             }
         }
         if !missing.is_empty() {
-            return Err(CliError::failed(absent(&missing, list.len())));
+            return Err(CliError::failed(absent(&missing, expected.len())));
         }
         let stats = parts.iter().filter_map(|part| part.finished.stats.as_ref());
         // Prefer statistics that name a device. Those of shards without frames do not.
@@ -73,7 +79,12 @@ struct MergedFolder<'a> {
 impl<'a> MergedFolder<'a> {
     fn read(folder: &'a Path) -> Result<Self, CliError> {
         let name = folder.display();
-        let no_manifest = || CliError::invalid(format!("{name} holds no run: it has no manifest"));
+        let why = if folder.is_dir() {
+            "it has no manifest"
+        } else {
+            "no such directory"
+        };
+        let no_manifest = || CliError::invalid(format!("{name} holds no run: {why}"));
         let manifest = Manifest::in_folder(folder).map_err(CliError::invalid)?;
         Ok(Self {
             folder,
@@ -112,5 +123,5 @@ fn absent(missing: &[u64], of: usize) -> String {
         names.push("…".to_owned());
     }
     let (missing, names) = (missing.len(), names.join(", "));
-    format!("{missing} of {of} frames are missing or damaged: {names}")
+    format!("{missing} of {of} frames are missing, incomplete or damaged: {names}")
 }

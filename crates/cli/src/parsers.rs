@@ -137,7 +137,7 @@ pub(crate) fn finite<T: FromStr + Into<f64> + Copy>(text: &str) -> Result<T, Str
     let number: Result<T, _> = text.trim().parse();
     match number.map_err(|_| format!("'{text}' is not a number"))? {
         number if number.into().is_finite() => Ok(number),
-        _ => Err(format!("'{text}' is not a finite number")),
+        _ => Err(format!("'{text}' is too large or not finite")),
     }
 }
 
@@ -177,5 +177,6 @@ mod tests {
         for bad in ["0", "180", "nan", "-5", "inf"] {
             below(bad).unwrap_err();
         }
+        assert!(below("1e300").unwrap_err().contains("too large"));
     }
 }

@@ -106,6 +106,7 @@ impl RunCommand for RenderSettings {
         let plan = RunPlan {
             manifest: resume::manifest(self, keys)?,
             list: all.iter().map(|frame| frame.index).collect(),
+            shard: self.shard,
         };
         if frames.is_empty() {
             return finish_empty_shard(self, earlier, &files, &scene, &plan);
@@ -141,7 +142,7 @@ impl RunCommand for RenderSettings {
         self.write_rays(&scene, &lit_camera)?;
         let DividedFrames { done, todo } = earlier.divide(frames, &files);
         let stats = statistics_of(self, &scene, &setup);
-        let mut journals = earlier.begin(self, &plan, &stats)?;
+        let mut journals = earlier.begin(self.overwrite, &plan, &stats)?;
         signals::defer();
         let context = FrameContext {
             scene: &scene,
@@ -168,9 +169,10 @@ impl RunCommand for RenderSettings {
         let mut all = self.tracer.requirements();
         all.extend(["resume", "overwrite"].map(needs_files));
         all.extend(scene_source::requirements(&[&self.scene]));
-        if self.has_video() {
+        for fps in all.iter_mut().filter(|r| r.option == "fps") {
             // Videos play --fps frames per second.
-            all.retain(|requirement| requirement.option != "fps");
+            fps.is_met |= self.has_video();
+            fps.text = "applies only to glTF scenes and videos";
         }
         all
     }
@@ -284,7 +286,7 @@ fn finish_empty_shard(
 ) -> Result<(), CliError> {
     let mut new_folders = NewFolders::default();
     files.create_folders(&mut new_folders)?;
-    earlier.begin(settings, plan, &Value::Null)?;
+    earlier.begin(settings.overwrite, plan, &Value::Null)?;
     let scene = scene_source::scene_facts(scene);
     let stats = json!({ "schema": SCHEMA, "version": VERSION, "scene": scene });
     settings.write_stats(stats, &[])?;

@@ -22,7 +22,7 @@ use tempfile::NamedTempFile;
 const BUFFER: usize = 1 << 18;
 
 /// Failure to read or write a file or a folder, with the cause. A file that could not be written keeps its previous
-/// content, or remains absent.
+/// content, or remains absent. Pipes, devices and open descriptors are written directly, so they may receive a part.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct OutputError(pub(crate) String);

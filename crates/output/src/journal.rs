@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use sha2::{Digest as _, Sha256};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, TryLockError};
 use std::io::{self, BufRead, BufReader, ErrorKind, Write};
 use std::iter;
@@ -131,12 +131,49 @@ pub fn digests(files: &[PathBuf]) -> Result<Vec<NamedDigest>, OutputError> {
     files.par_iter().map(digest).collect()
 }
 
+/// Kind of a frame's file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FileKind {
+    /// Picture of the frame.
+    Picture,
+    /// Hits of the camera's rays.
+    Hits,
+}
+
+impl FileKind {
+    /// Returns the name of a frame's file of this kind.
+    #[must_use]
+    pub fn file_name(self, frame: u64) -> String {
+        match self {
+            Self::Picture => format!("frame_{frame:04}.png"),
+            Self::Hits => format!("hits_{frame:04}.npz"),
+        }
+    }
+
+    /// Returns the kind of the file with this name. Returns `None` if no frame has a file of this name.
+    #[must_use]
+    pub fn of(name: &str) -> Option<Self> {
+        let (_, numbered) = name.split_once('_')?;
+        let (number, _) = numbered.split_once('.')?;
+        let frame: u64 = number.parse().ok()?;
+        let mut all = [Self::Picture, Self::Hits].into_iter();
+        all.find(|kind| kind.file_name(frame) == name)
+    }
+}
+
 #[derive(Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum JournalLine {
-    /// Numbers of the frames of all shards, including frames that are already complete. `stats` are the run's
-    /// statistics without those of its frames.
-    Run { list: Vec<u64>, stats: Value },
+    /// Numbers of the frames of all shards, including frames that are already complete. `kinds` are the kinds of files
+    /// that each frame gets in the folder; earlier versions did not record them. `stats` are the run's statistics
+    /// without those of its frames.
+    Run {
+        list: Vec<u64>,
+        #[serde(default)]
+        kinds: Vec<FileKind>,
+        stats: Value,
+    },
     Frame {
         files: Vec<NamedDigest>,
         row: Box<FrameRecord>,
@@ -146,8 +183,8 @@ enum JournalLine {
 /// Combined contents of all journals of a folder.
 #[derive(Debug, Default)]
 pub struct JournalContents {
-    /// Numbers of the frames of all runs, in ascending order without duplicates.
-    pub list: Vec<u64>,
+    /// Kinds of files that each frame of all runs gets in the folder, by frame number.
+    pub expected: BTreeMap<u64, BTreeSet<FileKind>>,
     /// Statistics of the last run that recorded any, without those of its frames.
     pub stats: Option<Value>,
     frames: BTreeMap<u64, (BTreeMap<String, Digest>, FrameRecord)>,
@@ -161,8 +198,8 @@ impl JournalContents {
             let cannot = |e| OutputError::reading(&file, e);
             for line in BufReader::new(host::open(&file).map_err(cannot)?).split(b'\n') {
                 match serde_json::from_slice(&line.map_err(cannot)?) {
-                    Ok(JournalLine::Run { list, stats }) => {
-                        done.list.extend(list);
+                    Ok(JournalLine::Run { list, kinds, stats }) => {
+                        done.add_run(list, &kinds);
                         done.stats = Some(stats).filter(Value::is_object).or(done.stats);
                     }
                     Ok(JournalLine::Frame { files, row }) if are_ours(&files) => {
@@ -172,9 +209,14 @@ impl JournalContents {
                 }
             }
         }
-        done.list.sort_unstable();
-        done.list.dedup();
         Ok(done)
+    }
+
+    /// Adds the frames of a run's line, and the kinds of their files.
+    fn add_run(&mut self, list: Vec<u64>, kinds: &[FileKind]) {
+        for frame in list {
+            self.expected.entry(frame).or_default().extend(kinds);
+        }
     }
 
     /// Adds a frame's line. Files that only earlier lines list remain known.
@@ -188,13 +230,20 @@ impl JournalContents {
     /// Returns whether no journal has a complete line.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.list.is_empty() && self.frames.is_empty()
+        self.expected.is_empty() && self.frames.is_empty()
     }
 
     /// Returns whether a journal lists files of a frame.
     #[must_use]
     pub fn lists(&self, frame: u64) -> bool {
         self.frames.contains_key(&frame)
+    }
+
+    /// Returns whether a journal lists a file of this kind of a frame.
+    #[must_use]
+    pub fn lists_kind(&self, frame: u64, kind: FileKind) -> bool {
+        let listed = self.frames.get(&frame);
+        listed.is_some_and(|(files, _)| files.contains_key(&kind.file_name(frame)))
     }
 
     /// Returns the statistics of a frame if its file `name` in `folder` is unchanged. Returns `None` otherwise.
@@ -216,19 +265,11 @@ impl JournalContents {
     }
 }
 
-/// Returns whether all names are those of frame files in the folder itself. With other names, a manipulated journal
-/// could make [`clear_run`] remove other files.
+/// Returns whether all names are those of frames' files. With other names, a manipulated journal could make
+/// [`clear_run`] remove other files.
 fn are_ours(files: &[NamedDigest]) -> bool {
-    files.iter().all(|(name, _)| {
-        let is_plain = Path::new(name).file_name() == Some(name.as_ref());
-        is_plain && is_frame_file(name)
-    })
-}
-
-/// Returns whether a run may give this name to a file of a frame.
-#[must_use]
-pub fn is_frame_file(name: &str) -> bool {
-    name.starts_with("frame_") || name.starts_with("hits_")
+    let mut names = files.iter().map(|(name, _)| name);
+    names.all(|name| FileKind::of(name).is_some())
 }
 
 fn journals(folder: &Path) -> Result<Vec<PathBuf>, OutputError> {
@@ -247,17 +288,14 @@ fn journals(folder: &Path) -> Result<Vec<PathBuf>, OutputError> {
     Ok(all)
 }
 
-/// Removes the manifest and the journals of a folder, and the files that the journals list. Fails if another run is
-/// writing one of the journals.
-pub fn clear_run(folder: &Path) -> Result<(), OutputError> {
+/// Removes the manifest and the journals of a folder, and the files that the journals list. `journals` are the
+/// folder's journals, which remain locked until all files are removed.
+pub fn clear_run(folder: &Path, journals: &[Journal]) -> Result<(), OutputError> {
     let done = JournalContents::in_folder(folder)?;
-    let journals = journals(folder)?;
-    let locked = journals.iter().map(|journal| open_locked(journal));
-    // The locks are held until all files are removed.
-    let _locked: Vec<File> = locked.collect::<Result<_, _>>()?;
     let files = done.frames.values().flat_map(|(files, _)| files.keys());
     let manifest = iter::once(folder.join(MANIFEST));
     let files = manifest.chain(files.map(|name| folder.join(name)));
+    let journals = journals.iter().map(|journal| journal.path.clone());
     for file in files.chain(journals) {
         let name = file.display();
         match fs::remove_file(&file) {
@@ -270,27 +308,15 @@ pub fn clear_run(folder: &Path) -> Result<(), OutputError> {
     Ok(())
 }
 
-/// Opens a journal, creating it if necessary, and locks it until the file is closed.
-fn open_locked(path: &Path) -> Result<File, OutputError> {
-    let cannot = |e| OutputError::writing(path, e);
-    // Opening a pipe for writing would block until it has a reader, so `host::open` refuses it first.
-    match host::open(path) {
-        Err(e) if e.kind() == ErrorKind::NotFound => {}
-        opened => drop(opened.map_err(cannot)?),
-    }
-    let file = File::options().append(true).create(true).open(path);
-    let file = file.map_err(cannot)?;
-    match file.try_lock() {
-        Err(TryLockError::WouldBlock) => {
-            let name = path.display();
-            Err(OutputError(format!("another run is writing {name}")))
-        }
-        // Without support for locks, another writer cannot be detected.
-        Ok(()) | Err(TryLockError::Error(_)) => Ok(file),
-    }
+/// Returns the path of the journal of a folder, or of one shard `[number, of]`.
+fn journal_path(folder: &Path, shard: Option<[usize; 2]>) -> PathBuf {
+    folder.join(match shard {
+        Some([number, of]) => format!("abvh-run-{number}-of-{of}.jsonl"),
+        None => "abvh-run.jsonl".to_owned(),
+    })
 }
 
-/// Journal that is open for writing.
+/// Journal that is open for writing, and locked until it is dropped.
 #[derive(Debug)]
 pub struct Journal {
     path: PathBuf,
@@ -298,25 +324,59 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// Opens and locks the journal of a folder, or of one shard `[number, of]`. Fails if another run is writing it.
+    /// Opens and locks the journal of a folder, or of one shard `[number, of]`. Creates it if necessary. Fails if
+    /// another run is writing it.
     pub fn open(folder: &Path, shard: Option<[usize; 2]>) -> Result<Self, OutputError> {
-        let path = folder.join(match shard {
-            Some([number, of]) => format!("abvh-run-{number}-of-{of}.jsonl"),
-            None => "abvh-run.jsonl".to_owned(),
-        });
-        let file = open_locked(&path)?;
-        Ok(Self { path, file })
+        Self::open_file(journal_path(folder, shard))
     }
 
-    /// Appends a line with the numbers of the frames of all shards, and the run's statistics.
-    pub fn begin(&mut self, list: Vec<u64>, stats: Value) -> Result<(), OutputError> {
+    /// Opens and locks the journal like [`Self::open`]. Returns `None` if it does not exist.
+    pub fn open_existing(
+        folder: &Path,
+        shard: Option<[usize; 2]>,
+    ) -> Result<Option<Self>, OutputError> {
+        let path = journal_path(folder, shard);
+        path.exists().then(|| Self::open_file(path)).transpose()
+    }
+
+    /// Opens and locks all journals of a folder. Fails if another run is writing one.
+    pub fn open_all(folder: &Path) -> Result<Vec<Self>, OutputError> {
+        journals(folder)?.into_iter().map(Self::open_file).collect()
+    }
+
+    fn open_file(path: PathBuf) -> Result<Self, OutputError> {
+        let cannot = |e| OutputError::writing(&path, e);
+        // Opening a pipe for writing would block until it has a reader, so `host::open` refuses it first.
+        match host::open(&path) {
+            Err(e) if e.kind() == ErrorKind::NotFound => {}
+            opened => drop(opened.map_err(cannot)?),
+        }
+        let file = File::options().append(true).create(true).open(&path);
+        let file = file.map_err(cannot)?;
+        match file.try_lock() {
+            Err(TryLockError::WouldBlock) => {
+                let name = path.display();
+                Err(OutputError(format!("another run is writing {name}")))
+            }
+            // Without support for locks, another writer cannot be detected.
+            Ok(()) | Err(TryLockError::Error(_)) => Ok(Self { path, file }),
+        }
+    }
+
+    /// Appends a line with the numbers of the frames of all shards, the kinds of their files, and the run's statistics.
+    pub fn begin(
+        &mut self,
+        list: Vec<u64>,
+        kinds: Vec<FileKind>,
+        stats: Value,
+    ) -> Result<(), OutputError> {
         let path = &self.path;
         // The last line may be truncated. It is ended here, so that the new line is separate.
         let text = host::read(path).map_err(|e| OutputError::reading(path, e))?;
         if text.last().is_some_and(|&end| end != b'\n') {
             (self.file.write_all(b"\n")).map_err(|e| OutputError::writing(path, e))?;
         }
-        self.write(&JournalLine::Run { list, stats })
+        self.write(&JournalLine::Run { list, kinds, stats })
     }
 
     /// Records that `files` of a frame are complete, with the frame's statistics.
@@ -367,6 +427,23 @@ mod tests {
         }
         let found = Manifest::in_folder(dir.path()).unwrap();
         assert_eq!(found, Some(manifest(1)));
+    }
+
+    #[test]
+    fn only_names_of_frames_have_a_kind() {
+        for kind in [FileKind::Picture, FileKind::Hits] {
+            for frame in [0, 17, 12_345, u64::MAX] {
+                assert_eq!(FileKind::of(&kind.file_name(frame)), Some(kind));
+            }
+        }
+        for other in [
+            "frame_1.obj",
+            "frame_1.png",
+            "hits_0001.png",
+            "../frame_0001.png",
+        ] {
+            assert_eq!(FileKind::of(other), None, "{other}");
+        }
     }
 
     #[test]

@@ -20,8 +20,7 @@ pub use atomic::{
 };
 pub use hits::{HitArrays, write_any_hits};
 pub use journal::{
-    Digest, Journal, JournalContents, Manifest, NamedDigest, SceneId, clear_run, digests,
-    is_frame_file,
+    Digest, FileKind, Journal, JournalContents, Manifest, NamedDigest, SceneId, clear_run, digests,
 };
 pub use picture::{drop_alpha, write_png};
 pub use rays::{RayFile, write_rays};

@@ -163,14 +163,17 @@ impl RefitDegradation {
         worst: 1.0,
     };
 
-    /// Samples a run of frames at `times`, in key frames. Runs in the rayon pool that the caller installed.
+    /// Samples the range of a run of frames at `times`, which are in key frames and in any order. Runs in the rayon
+    /// pool that the caller installed.
     ///
     /// # Errors
     /// Those of the builder.
     pub fn sample(animation: &Animation, times: &[f64]) -> Result<Self, BuildError> {
-        let [first, .., last] = *times else {
+        if times.len() < 2 {
             return Ok(Self::NONE);
-        };
+        }
+        let first = times.iter().copied().fold(f64::INFINITY, f64::min);
+        let last = times.iter().copied().fold(first, f64::max);
         let step = animation.triangle_count().div_ceil(TRIANGLES).max(1);
         let time = |i| first + (last - first) * i as f64 / (MOMENTS - 1) as f64;
         let costs = refit_costs_at(animation, (0..MOMENTS).map(time), step)?;
@@ -234,6 +237,8 @@ mod tests {
         let shuffled = sample(|i| i * 37 % 64, &[0.0, 0.5, 1.0]);
         assert!(shuffled.worst > 1.5 && shuffled.mean > 1.2, "{shuffled:?}");
         assert!(shuffled.mean < shuffled.worst, "{shuffled:?}");
+        let unsorted = sample(|i| i * 37 % 64, &[1.0, 0.0, 1.0]);
+        assert_eq!(unsorted, shuffled);
         let costs = refit_costs(&moved(|i| i * 37 % 64), 3).unwrap();
         let ratios: Vec<f64> = costs.iter().map(|d| d.ratio.unwrap()).collect();
         assert_eq!((costs.len(), ratios[0], costs[2].time), (3, 1.0, 1.0));

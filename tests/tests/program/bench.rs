@@ -160,15 +160,18 @@ fn random_rays(sandbox: &Sandbox) {
     }
 }
 
-/// Checks that other runs keep their rows when some fail. Only the host has an adapter of this name.
+/// Checks that other runs keep their rows when some fail. One scene is missing, and only the host has an adapter of this
+/// name. The files of an incomplete scene are not overwritten.
 fn failed(sandbox: &Sandbox) {
     sandbox.write("bad.obj", "f 1 2 3");
-    let words = "bench bad.obj demo:twist:500 --backend wgpu,cpu --adapter host --update refit \
+    let overwriting = "bench bad.obj+gone.obj --backend cpu --json bad.obj";
+    sandbox.assert_refused(overwriting, &["would overwrite", "SCENE"]);
+    let words = "bench gone.obj demo:twist:500 --backend wgpu,cpu --adapter host --update refit \
                  --size 16x12 --frames 2 --quiet --json b.json --csv b.csv";
     let run = sandbox.run(words);
     assert_contains(
         &run.stdout,
-        "cpu: |wgpu|bad.obj wgpu watertight refit failed: ",
+        "cpu: |wgpu|gone.obj wgpu watertight refit failed: ",
     );
     run.fails(1, &["3 of 4 runs failed"]);
     let json = sandbox.json("b.json");
@@ -176,10 +179,10 @@ fn failed(sandbox: &Sandbox) {
     let text = |row: &Value, key: &str| row[key].as_str().unwrap_or_default().to_owned();
     let names = |row: &Value| [text(row, "scene"), text(row, "backend")].join(" ");
     let named: Vec<_> = rows.iter().map(names).collect();
-    let failed = ["bad.obj wgpu", "bad.obj cpu", "demo:twist:500 wgpu"];
+    let failed = ["gone.obj wgpu", "gone.obj cpu", "demo:twist:500 wgpu"];
     assert_eq!(named, [&["demo:twist:500 cpu"][..], &failed].concat());
     assert!(rows[0]["wall_ms"].is_number() && rows[0]["error"].is_null());
-    assert!(text(&rows[1], "error").contains("bad.obj"), "{}", rows[1]);
+    assert!(text(&rows[1], "error").contains("gone.obj"), "{}", rows[1]);
     assert!(text(&rows[3], "error").contains("wgpu"), "{}", rows[3]);
     let csv = sandbox.text("b.csv");
     assert!(csv.lines().count() == 5 && csv.contains(",error"), "{csv}");

@@ -12,11 +12,13 @@ pub(crate) fn trials() -> Vec<Trial> {
         trial("runs::different_run_is_refused", different_run),
         trial("runs::missing_manifest_is_refused", missing_manifest),
         trial("runs::overwriting_removes_all_listed_files", overwritten),
+        trial("runs::locked_folder_protects_all_folders", locked),
         trial("runs::resume_repairs_only_damaged_files", damaged),
         trial("runs::finished_run_loads_nothing", finished),
         trial("runs::shards_merge_into_one_run", shards),
         trial("runs::empty_shard_is_merged", empty_shard),
         trial("runs::shards_without_pictures_merge", hits_alone),
+        trial("runs::shard_without_hits_is_incomplete", other_kinds),
         trial("runs::files_outside_folder_are_untouched", tampered),
         #[cfg(unix)]
         trial("runs::named_pipes_are_replaced", pipes),
@@ -99,10 +101,11 @@ fn missing_manifest(sandbox: &Sandbox) {
     sandbox.run_ok(&words);
     sandbox.remove("o/abvh-run.json");
     let words = format!("{words} --eye 9,9,9");
-    for resume in ["", "--resume"] {
-        let words = format!("{words} {resume}");
+    let before = sandbox.all_files();
+    for options in ["", "--resume", "--hits new --shard 1/2 --rays-out r.npy"] {
+        let words = format!("{words} {options}");
         sandbox.assert_refused(&words, &["no manifest", "--overwrite"]);
-        assert!(!manifest.exists());
+        assert_eq!(sandbox.all_files(), before);
     }
     sandbox.run_ok(&format!("{words} --overwrite"));
 }
@@ -114,6 +117,22 @@ fn overwritten(sandbox: &Sandbox) {
     sandbox.run_ok(&format!("{words} --no-images"));
     sandbox.run_ok(&format!("{words} --no-images --eye 9,9,9 --overwrite"));
     assert_eq!(sandbox.files(), [PathBuf::from("d/hits_0000.npz")]);
+}
+
+/// Tests runs into two folders while another run is writing into the second one.
+fn locked(sandbox: &Sandbox) {
+    let words = format!("{SMALL} --frames 1 --hits h");
+    sandbox.run_ok(&format!("{words} --out o"));
+    let state = || (sandbox.all_files(), bytes(sandbox, "o"));
+    let before = state();
+    let journal = std::fs::File::open(sandbox.path().join("h/abvh-run.jsonl")).unwrap();
+    journal.lock().unwrap();
+    for options in ["--out o --eye 9,9,9 --overwrite", "--out new"] {
+        let words = format!("{words} {options}");
+        sandbox.assert_refused(&words, &["another run is writing"]);
+        assert!(state() == before, "{:?}", sandbox.all_files());
+    }
+    assert!(!sandbox.path().join("new").exists());
 }
 
 fn damaged(sandbox: &Sandbox) {
@@ -157,6 +176,14 @@ fn finished(sandbox: &Sandbox) {
     // A run without frames left does not open its device.
     let elsewhere = words.replace("--backend cpu", "--backend vulkan --adapter none");
     sandbox.run_ok(&format!("{elsewhere} --resume"));
+    // The frame rate of a video does not affect the run.
+    sandbox.run_ok(&format!("{words} --resume --fps 30 --y4m a.y4m"));
+    // A '+' in the name of a folder joins nothing, so the folder may be renamed.
+    sandbox.write("a+b/1.obj", SQUARE);
+    sandbox.run_ok(&format!(
+        "{} --resume",
+        words.replace("render in", "render a+b")
+    ));
     // A glob also matches the outputs, which are not read.
     let glob = "render in/* --backend cpu --size 32x24 --frames 1 --out in";
     for resume in ["", "--resume"] {
@@ -189,7 +216,7 @@ fn shards(sandbox: &Sandbox) {
     assert!(joined == bytes(sandbox, "all"), "{:?}", sandbox.files());
     sandbox.run_ok(&format!("{SMALL} --frames 7 --eye 9,9,9 --out q"));
     sandbox.assert_refused("merge o q", &["eye"]);
-    sandbox.assert_refused("merge nowhere", &["no manifest"]);
+    sandbox.assert_refused("merge nowhere", &["no such directory"]);
     let beyond = format!("{SMALL} --frames 2 --shard 3/2 --out few");
     sandbox.assert_refused(&beyond, &["shard"]);
 }
@@ -230,6 +257,16 @@ fn hits_alone(sandbox: &Sandbox) {
     assert_eq!(frames(&printed), [0, 1, 2]);
     sandbox.run_ok(&format!("{words} --stats s.json"));
     sandbox.assert_refused("merge s.json", &["s.json"]);
+}
+
+fn other_kinds(sandbox: &Sandbox) {
+    let words = format!("{SMALL} --frames 4 --out o");
+    sandbox.run_ok(&format!("{words} --shard 1/2 --hits h"));
+    sandbox.run_ok(&format!("{words} --shard 2/2"));
+    sandbox.run_ok("merge o");
+    sandbox.run("merge o h").fails(1, &["2 of 4", "2, 3"]);
+    sandbox.run_ok(&format!("{words} --shard 2/2 --hits h"));
+    sandbox.run_ok("merge o h");
 }
 
 fn tampered(sandbox: &Sandbox) {
@@ -292,8 +329,9 @@ fn redirected(sandbox: &Sandbox) {
 
 fn overwritten_inputs(sandbox: &Sandbox) {
     sandbox.write("in.obj", SQUARE);
-    sandbox.write("frame_1.obj", SQUARE);
-    sandbox.write("sub/file", "");
+    sandbox.write("frame_0000.png", "newmtl a\nKd 1 0 0\n");
+    sandbox.write("coloured.obj", format!("mtllib frame_0000.png\n{SQUARE}"));
+    sandbox.write("sub/frame_1.obj", SQUARE);
     #[cfg(unix)]
     std::os::unix::fs::symlink("in.obj", sandbox.path().join("soft")).unwrap();
     let render = "render in.obj --backend cpu --size 32x24 --frames 1 --quiet --out o";
@@ -310,12 +348,14 @@ fn overwritten_inputs(sandbox: &Sandbox) {
     ] {
         sandbox.assert_refused(&format!("{render} {words}"), &["would overwrite", says]);
     }
-    let here = "render frame_1.obj --backend cpu --frames 1 --out .";
+    let here = "render coloured.obj --backend cpu --frames 1 --out .";
     sandbox.assert_refused(here, &["may overwrite", "which is read"]);
+    sandbox
+        .run_ok("render sub/frame_1.obj --backend cpu --size 32x24 --frames 1 --quiet --out sub");
     let both = format!("{render} --stats - --y4m -");
     sandbox.assert_refused(&both, &["--stats", "--y4m", "standard output"]);
     // Output folders only claim file names of their own pattern, and one device file may receive several outputs.
-    let beside = "--rays-out r.npy --stats o/stats.json --y4m frame_0000.y4m";
+    let beside = "--rays-out r.npy --stats ./o/stats.json --y4m frame_0000.y4m";
     sandbox.run_ok(&format!("{render} {beside}"));
     if cfg!(unix) {
         sandbox.run_ok(&format!("{render} --stats /dev/null --rays-out /dev/null"));

@@ -1,47 +1,89 @@
-//! Options and values that earlier versions had, with their replacements.
+//! Options and values that earlier versions had, with advice on what to use instead.
 
 use super::context;
 use clap::error::ContextKind;
 use std::fmt;
 
-/// A removed option, or a removed value of an option, with its replacement.
+/// A removed option, or a removed value of an option, with advice.
 pub(super) struct Removed {
+    /// The option. The name of its command precedes it if other commands still have the option.
     option: &'static str,
     /// The removed value, or `None` if the whole option was removed.
     value: Option<&'static str>,
-    replacement: &'static str,
+    /// What to do instead.
+    advice: &'static str,
 }
 
-const REMOVED: [Removed; 6] = [
+const REMOVED: [Removed; 14] = [
     Removed {
         option: "--update",
         value: Some("t-sah"),
-        replacement: "--update refit",
+        advice: "use --update refit",
     },
     Removed {
         option: "--intersector",
         value: Some("auto"),
-        replacement: "--intersector watertight (the default) or --intersector exact",
+        advice: "use --intersector watertight (the default) or --intersector exact",
     },
     Removed {
         option: "--tolerance",
         value: None,
-        replacement: "--intersector watertight (the default) or --intersector exact",
+        advice: "use --intersector watertight (the default) or --intersector exact",
     },
     Removed {
         option: "--layout",
         value: None,
-        replacement: "--backend cpu-ref for the binary tree; other backends have one layout each",
+        advice: "use --backend cpu-ref for the binary tree; other backends have one layout each",
     },
     Removed {
         option: "--law",
         value: None,
-        replacement: "--property",
+        advice: "use --property",
     },
     Removed {
         option: "--oracle-rays",
         value: None,
-        replacement: "--property continued_rays_visit_every_crossing_once --cases N",
+        advice: "use --property continued_rays_visit_every_crossing_once --cases N",
+    },
+    Removed {
+        option: "--leak-rays",
+        value: None,
+        advice: "use abvh stability, which counts leaks",
+    },
+    Removed {
+        option: "conform --intersector",
+        value: None,
+        advice: "use abvh stability",
+    },
+    Removed {
+        option: "--timeline",
+        value: None,
+        advice: "use --stats, which has the times of every frame",
+    },
+    Removed {
+        option: "--compare",
+        value: None,
+        advice: "compare the files of --json or --csv",
+    },
+    Removed {
+        option: "--against",
+        value: None,
+        advice: "compare the files of --json or --csv",
+    },
+    Removed {
+        option: "--fail-above",
+        value: None,
+        advice: "compare the files of --json or --csv",
+    },
+    Removed {
+        option: "--reduce-keys",
+        value: None,
+        advice: "there is no replacement",
+    },
+    Removed {
+        option: "--reduced-out",
+        value: None,
+        advice: "there is no replacement",
     },
 ];
 
@@ -50,21 +92,23 @@ impl fmt::Display for Removed {
         let Self {
             option,
             value,
-            replacement,
+            advice,
         } = self;
         let value = value.map_or(String::new(), |value| format!(" {value}"));
-        write!(f, "{option}{value} was removed: use {replacement}")
+        write!(f, "{option}{value} was removed: {advice}")
     }
 }
 
-/// Returns the entry for the option or value that clap refused, if it is in the list.
-pub(super) fn find(e: &clap::Error) -> Option<&'static Removed> {
+/// Returns the entry for the option or value that clap refused, if it is in the list. `command` is the name of the
+/// command that the user gave.
+pub(super) fn find(command: &str, e: &clap::Error) -> Option<&'static Removed> {
     // clap appends the placeholder of the value: `--update <POLICY>`.
-    let option = context(e, ContextKind::InvalidArg)?
-        .split([' ', '='])
-        .next();
+    let named = context(e, ContextKind::InvalidArg)?;
+    let option = named.split([' ', '=']).next()?;
+    let of_command = format!("{command} {option}");
     let value = context(e, ContextKind::InvalidValue);
-    let is_refused =
-        |r: &&Removed| option == Some(r.option) && (r.value.is_none() || value == r.value);
+    let is_refused = |r: &&Removed| {
+        [option, of_command.as_str()].contains(&r.option) && (r.value.is_none() || value == r.value)
+    };
     REMOVED.iter().find(is_refused)
 }

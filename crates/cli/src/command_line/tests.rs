@@ -116,10 +116,18 @@ bench --layout=bvh2,fast | --layout was removed | --backend cpu-ref
 render --tolerance 3 | --tolerance was removed | use --intersector
 trace a.ply --tolerance=3 | --tolerance was removed | use --intersector
 render --update device-rebuild --builder-threads 2 | --builder-threads | trees that the host
+conform --leak-rays 9 | --leak-rays was removed | use abvh stability
+conform --intersector exact | conform --intersector was removed | use abvh stability
+render --timeline t.html | --timeline was removed | use --stats
+bench --compare a.json b.json | --compare was removed | --json
+bench --against wgpu | --against was removed | --json
+bench --fail-above=5 | --fail-above was removed | --json
+inspect demo:twist --reduce-keys 1% | --reduce-keys was removed | no replacement
+inspect demo:twist --reduced-out d | --reduced-out was removed | no replacement
 render --no-images --resume | --resume | --hits
 render --no-images --out d | --no-images | --out
-render demo:twist --fps 30 | --fps | .glb
-render a.obj+b/ --fps 30 | --fps | .glb
+render demo:twist --fps 30 | --fps | videos
+render a.obj+b/ --fps 30 | --fps | videos
 trace a.ply --time 0 --rays r --out o --fps 30 | --fps | .glb
 trace a.ply --time 0 --rays r --out o --tree-time 1 | --tree-time | --update refit
 trace a.ply --time 0 --rays r --out o --update device-rebuild --builder-threads 1 | --builder-threads | host

@@ -3,7 +3,7 @@
 use super::RenderSettings;
 use crate::error::CliError;
 use crate::file_checks::absolute;
-use output::HitArrays;
+use output::{FileKind, HitArrays};
 use std::path::{Path, PathBuf};
 
 /// The output folders for the files of frames, and whether a video is written.
@@ -62,12 +62,19 @@ impl FrameFiles {
         all
     }
 
+    /// Returns the kinds of files that each frame has in one of the folders.
+    pub(super) fn kinds(&self, folder: &Path) -> Vec<FileKind> {
+        let pictures = (self.pictures.as_deref() == Some(folder)).then_some(FileKind::Picture);
+        let hits = (self.hits.as_deref() == Some(folder)).then_some(FileKind::Hits);
+        pictures.into_iter().chain(hits).collect()
+    }
+
     /// Returns a frame's files in one of the folders.
     pub(super) fn in_folder(&self, frame: u64, folder: &Path) -> Vec<PathBuf> {
-        let files = [self.picture(frame), self.hits(frame)]
-            .into_iter()
-            .flatten();
-        files.filter(|f| f.parent() == Some(folder)).collect()
+        let kinds = self.kinds(folder).into_iter();
+        kinds
+            .map(|kind| folder.join(kind.file_name(frame)))
+            .collect()
     }
 
     pub(super) fn has_pictures(&self) -> bool {
@@ -104,11 +111,11 @@ impl FrameFiles {
 
     fn picture(&self, frame: u64) -> Option<PathBuf> {
         let dir = self.pictures.as_ref()?;
-        Some(dir.join(format!("frame_{frame:04}.png")))
+        Some(dir.join(FileKind::Picture.file_name(frame)))
     }
 
     fn hits(&self, frame: u64) -> Option<PathBuf> {
         let dir = self.hits.as_ref()?;
-        Some(dir.join(format!("hits_{frame:04}.npz")))
+        Some(dir.join(FileKind::Hits.file_name(frame)))
     }
 }

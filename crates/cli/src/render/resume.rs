@@ -4,10 +4,10 @@ use super::RenderSettings;
 use super::files::FrameFiles;
 use crate::devices::backend_name;
 use crate::error::CliError;
-use crate::frame_list::{self, EvenFrames, FrameChoice};
+use crate::frame_list::{self, EvenFrames, FrameChoice, Shard};
 use crate::machine::VERSION;
-use crate::scene_source::is_demo;
-use output::{Journal, JournalContents, Manifest, SCHEMA, SceneId};
+use crate::scene_source::{is_demo, may_have_clip};
+use output::{FileKind, Journal, JournalContents, Manifest, SCHEMA, SceneId};
 use pipeline::{Frame, FrameRecord};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -15,14 +15,38 @@ use std::path::{Path, PathBuf};
 
 /// An earlier run in the output folders.
 pub(super) struct EarlierRun {
-    folders: Vec<(PathBuf, JournalContents)>,
+    folders: Vec<OutputFolder>,
     manifest: Option<Manifest>,
 }
 
-/// The manifest of a run, and the numbers of all its frames in all shards.
+/// An output folder, and what its journals list.
+struct OutputFolder {
+    path: PathBuf,
+    /// Kinds of files that each frame has in the folder.
+    kinds: Vec<FileKind>,
+    finished: JournalContents,
+}
+
+/// The manifest of a run, the numbers of all its frames in all shards, and the shard that is rendered.
 pub(super) struct RunPlan {
     pub(super) manifest: Manifest,
     pub(super) list: Vec<u64>,
+    pub(super) shard: Option<Shard>,
+}
+
+/// An output folder whose existing journals are locked, so that a run can begin in it.
+struct LockedFolder {
+    path: PathBuf,
+    kinds: Vec<FileKind>,
+    journals: LockedJournals,
+}
+
+/// The locked journals of a folder.
+enum LockedJournals {
+    /// All journals of another run, which the new run replaces.
+    Replaced(Vec<Journal>),
+    /// The journal that the run continues, if it exists.
+    Continued(Option<Journal>),
 }
 
 /// Frames that are complete, and the others.
@@ -32,26 +56,31 @@ pub(super) struct DividedFrames {
 }
 
 impl EarlierRun {
-    /// Reads the output folders, before anything is loaded. Fails if a folder contains another run, unless
+    /// Reads the output folders, before anything is loaded. Fails if a folder contains another or an unknown run, unless
     /// `--overwrite` is set.
     pub(super) fn find(settings: &RenderSettings, files: &FrameFiles) -> Result<Self, CliError> {
         let (mut folders, mut earlier) = (Vec::new(), None);
-        for folder in files.folders() {
+        for path in files.folders() {
             let found = if settings.overwrite {
                 None
             } else {
-                Manifest::in_folder(&folder).map_err(CliError::invalid)?
+                known_run(&path)?
             };
             if let Some(found) = &found {
-                check_same_run(&folder, found, &manifest(settings, found.key_frames)?)?;
+                check_same_run(&path, found, &manifest(settings, found.key_frames)?)?;
             }
             let finished = if settings.resume && found.is_some() {
-                JournalContents::in_folder(&folder).map_err(CliError::invalid)?
+                JournalContents::in_folder(&path).map_err(CliError::invalid)?
             } else {
                 JournalContents::default()
             };
             earlier = found.or(earlier);
-            folders.push((folder, finished));
+            let kinds = files.kinds(&path);
+            folders.push(OutputFolder {
+                path,
+                kinds,
+                finished,
+            });
         }
         Ok(Self {
             folders,
@@ -63,7 +92,7 @@ impl EarlierRun {
     pub(super) fn divide(&self, frames: Vec<Frame>, files: &FrameFiles) -> DividedFrames {
         let (mut done, mut todo) = (Vec::new(), Vec::new());
         for frame in frames {
-            match self.row(frame.index, files).filter(|_| !files.has_video) {
+            match self.row(frame.index).filter(|_| !files.has_video) {
                 Some(row) => done.push(row),
                 None => todo.push(frame),
             }
@@ -71,12 +100,12 @@ impl EarlierRun {
         DividedFrames { done, todo }
     }
 
-    fn row(&self, frame: u64, files: &FrameFiles) -> Option<FrameRecord> {
+    fn row(&self, frame: u64) -> Option<FrameRecord> {
         let mut row = None;
-        for (folder, finished) in &self.folders {
-            for file in files.in_folder(frame, folder) {
-                let name = file.file_name()?.to_string_lossy();
-                row = Some(finished.unchanged(frame, folder, &name)?);
+        for folder in &self.folders {
+            for kind in &folder.kinds {
+                let name = kind.file_name(frame);
+                row = Some(folder.finished.unchanged(frame, &folder.path, &name)?);
             }
         }
         row.cloned()
@@ -104,48 +133,101 @@ impl EarlierRun {
 
     /// Returns the statistics of the earlier run without its frames.
     pub(super) fn statistics(&self) -> Option<Value> {
-        let (_, finished) = self.folders.first()?;
-        finished.stats.clone()
+        self.folders.first()?.finished.stats.clone()
     }
 
     /// Writes the manifest to all folders, and begins a journal in each. Fails if another run has begun in a folder.
+    /// No folder is changed before all are locked and checked.
     pub(super) fn begin(
         self,
-        settings: &RenderSettings,
+        overwrite: bool,
         plan: &RunPlan,
         stats: &Value,
     ) -> Result<Vec<Journal>, CliError> {
-        let shard = settings.shard.map(|shard| [shard.number, shard.of]);
-        let begin = |(folder, _): (PathBuf, JournalContents)| {
-            let found = Manifest::in_folder(&folder).ok().flatten();
-            if settings.overwrite && found.as_ref() != Some(&plan.manifest) {
-                output::clear_run(&folder).map_err(CliError::invalid)?;
-            }
-            let mut journal = Journal::open(&folder, shard).map_err(CliError::invalid)?;
-            plan.write_manifest(&folder)?;
-            journal.begin(plan.list.clone(), stats.clone())?;
-            Ok(journal)
+        let folders = self.folders.into_iter();
+        let locked = folders.map(|folder| LockedFolder::of(folder, overwrite, plan));
+        let locked: Vec<_> = locked.collect::<Result<_, _>>()?;
+        let folders = locked.into_iter();
+        folders.map(|folder| folder.begin(plan, stats)).collect()
+    }
+}
+
+impl LockedFolder {
+    /// Locks the journals that the run replaces or continues. Fails if the folder contains another run, unless
+    /// `overwrite` is set.
+    fn of(folder: OutputFolder, overwrite: bool, plan: &RunPlan) -> Result<Self, CliError> {
+        let OutputFolder { path, kinds, .. } = folder;
+        let found = Manifest::in_folder(&path).ok().flatten();
+        let journals = if overwrite && found.as_ref() != Some(&plan.manifest) {
+            let all = Journal::open_all(&path).map_err(CliError::invalid)?;
+            LockedJournals::Replaced(all)
+        } else {
+            let own = Journal::open_existing(&path, plan.shard());
+            let own = own.map_err(CliError::invalid)?;
+            plan.check(&path)?;
+            LockedJournals::Continued(own)
         };
-        self.folders.into_iter().map(begin).collect()
+        Ok(Self {
+            path,
+            kinds,
+            journals,
+        })
+    }
+
+    /// Removes the run that is replaced, if any. Writes the manifest and begins the journal.
+    fn begin(self, plan: &RunPlan, stats: &Value) -> Result<Journal, CliError> {
+        let path = &self.path;
+        let own = match self.journals {
+            LockedJournals::Replaced(all) => {
+                output::clear_run(path, &all).map_err(CliError::invalid)?;
+                None
+            }
+            LockedJournals::Continued(own) => own,
+        };
+        let journal = own.map_or_else(|| Journal::open(path, plan.shard()), Ok);
+        let mut journal = journal.map_err(CliError::invalid)?;
+        plan.manifest.write_new(path)?;
+        // Another run may have begun since the first check.
+        plan.check(path)?;
+        journal.begin(plan.list.clone(), self.kinds, stats.clone())?;
+        Ok(journal)
     }
 }
 
 impl RunPlan {
-    /// Writes the manifest to a folder, unless the folder has an equal one. Fails if the folder contains another run.
-    fn write_manifest(&self, folder: &Path) -> Result<(), CliError> {
-        let journals = JournalContents::in_folder(folder).map_err(CliError::invalid)?;
-        // Journal lines follow a manifest. If it is missing, the lines belong to an unknown run.
-        if journals.is_empty() {
-            self.manifest.write_new(folder)?;
-        }
-        match Manifest::in_folder(folder).map_err(CliError::invalid)? {
-            Some(found) => check_same_run(folder, &found, &self.manifest),
-            None => Err(CliError::invalid(format!(
-                "{} holds an unknown run, because it has no manifest; --overwrite replaces it",
-                folder.display()
-            ))),
-        }
+    /// Returns the number of the shard and the number of all shards.
+    fn shard(&self) -> Option<[usize; 2]> {
+        self.shard.map(|shard| [shard.number, shard.of])
     }
+
+    /// Fails if a folder contains another run.
+    fn check(&self, folder: &Path) -> Result<(), CliError> {
+        let found = known_run(folder)?;
+        found.map_or(Ok(()), |found| {
+            check_same_run(folder, &found, &self.manifest)
+        })
+    }
+}
+
+/// Returns the manifest of the run in a folder, or `None` if no run has begun there. Fails if a journal has lines but
+/// there is no manifest.
+fn known_run(folder: &Path) -> Result<Option<Manifest>, CliError> {
+    let manifest = || Manifest::in_folder(folder).map_err(CliError::invalid);
+    if let Some(found) = manifest()? {
+        return Ok(Some(found));
+    }
+    let journals = JournalContents::in_folder(folder).map_err(CliError::invalid)?;
+    if journals.is_empty() {
+        return Ok(None);
+    }
+    // Lines follow a manifest. Another run may have written both just now.
+    let found = manifest()?.ok_or_else(|| {
+        CliError::invalid(format!(
+            "{} holds an unknown run, because it has no manifest; --overwrite replaces it",
+            folder.display()
+        ))
+    });
+    found.map(Some)
 }
 
 /// Fails if the manifest `found` in a folder differs from the planned one.
@@ -177,8 +259,8 @@ pub(super) fn manifest(settings: &RenderSettings, key_frames: usize) -> Result<M
     let files = scene::files(&settings.scene, settings.source.allow_outside)?;
     // The name is recorded for demos, which have no files, and for joined or placed inputs, because it contains their
     // placements. Other scenes are identified by the digests of their files, so their folder may change.
-    let is_placed = settings.scene.contains(['+', '@']);
-    let name = (files.is_empty() || is_placed).then(|| settings.scene.clone());
+    let is_joined = scene::is_joined(&settings.scene)?;
+    let name = (files.is_empty() || is_joined).then(|| settings.scene.clone());
     let files = output::digests(&files).map_err(CliError::invalid)?;
     let camera = serde_json::from_value(json!(settings.camera));
     let mut options: BTreeMap<_, _> = camera.map_err(CliError::failed)?;
@@ -196,7 +278,6 @@ pub(super) fn manifest(settings: &RenderSettings, key_frames: usize) -> Result<M
 fn other_options(settings: &RenderSettings, key_frames: usize) -> BTreeMap<String, Value> {
     let RenderSettings { source, tracer, .. } = settings;
     let mut all = vec![
-        ("fps", json!(source.fps)),
         ("clip", json!(source.clip)),
         // Decides whether key frames are paged. The default view is then fitted to their bounding boxes, otherwise to
         // their vertices.
@@ -204,6 +285,10 @@ fn other_options(settings: &RenderSettings, key_frames: usize) -> BTreeMap<Strin
         ("frames", frames_value(settings, key_frames)),
         ("intersector", json!(tracer.intersector.name())),
     ];
+    // Without a clip, the rate applies only to videos.
+    if may_have_clip(&settings.scene) {
+        all.push(("fps", json!(source.fps)));
+    }
     // Decides whether material libraries outside the folder are read, so it affects colours.
     if source.allow_outside {
         all.push(("allow-outside", json!(true)));
