@@ -41,7 +41,7 @@ const AXES: [(&str, [&str; 2], usize); 4] = [
 /// Traits, each with its file and the most methods that it may have.
 const TRAITS: [(&str, &str, usize); 2] = [
     ("Backend", "crates/backend/src/lib.rs", 22),
-    ("GpuDevice", "crates/gpu-common/src/device.rs", 19),
+    ("GpuDevice", "crates/gpu-common/src/device.rs", 20),
 ];
 
 fn root() -> &'static Path {

@@ -68,8 +68,8 @@ impl<D: GpuDevice> ComputeBackend<D> {
         &mut self.engine.gpu
     }
 
-    /// Gives each submission whose command buffer the program dropped an empty report, and returns their tickets. The
-    /// next submission must then begin with `interpolate`.
+    /// Gives each submission that is known to never run an empty report, and returns their tickets. The next submission
+    /// must then begin with `interpolate`.
     pub fn remove_dropped(&mut self) -> Vec<Ticket> {
         let dropped = self.engine.remove_dropped();
         if let Some(tree) = self.tree.as_mut().filter(|_| !dropped.is_empty()) {

@@ -131,8 +131,8 @@ pub enum PendingWork {
 pub enum Outcome {
     /// It has finished.
     Finished(SubmissionOutput),
-    /// The program dropped the command buffer that contains it, so it never runs.
-    Dropped,
+    /// It never runs, because the program dropped its command buffer or the interface rejected it. Contains the reason.
+    Dropped(&'static str),
 }
 
 /// Output of a finished submission.
@@ -259,12 +259,17 @@ pub trait GpuDevice: Send + Sized + 'static {
     /// [`Recording::after_upload`]. Never copies a tree on the calling thread.
     fn send(&mut self, upload: Upload<'_, Self::Staging>, to: &Self::Buffer) -> Result<u64>;
 
-    /// Submits a recording and removes its commands. At most [`backend::FRAMES_IN_FLIGHT`] submissions are unfinished.
+    /// Submits a recording and removes its commands. The submission [`backend::FRAMES_IN_FLIGHT`] before it, and all
+    /// earlier ones, have finished or were dropped.
     fn submit(&mut self, recording: &mut RecordingOf<Self>, ticket: Ticket) -> Result<()>;
 
     /// Returns whether work has finished, or will never run. For the use of a buffer, returns whether the buffer can be
     /// written. Never blocks.
     fn has_finished(&self, work: PendingWork) -> Result<bool>;
+
+    /// Returns whether a submission never runs. A rejected one counts only after [`Self::finish`] returned the reason.
+    /// Never blocks.
+    fn is_dropped(&self, ticket: Ticket) -> bool;
 
     /// Blocks until a buffer can be written after its last use. Returns at once if writes run in order with
     /// submissions. Does not wait for a command buffer that the program has not submitted. With `None`, blocks until

@@ -106,7 +106,6 @@ impl<D: GpuDevice> Engine<D> {
     /// Drops the recording, waits for unfinished submissions, and frees the scene.
     pub fn unload(&mut self) -> Result<()> {
         self.abandon();
-        self.remove_dropped();
         self.frames.unload(&mut self.gpu)?;
         self.snapshots = Snapshots::default();
         (self.scene, self.position) = (None, 0);
@@ -244,8 +243,8 @@ impl<D: GpuDevice> Engine<D> {
         Ok(ticket)
     }
 
-    /// Gives each submission whose command buffer the program dropped an empty report, and returns their tickets. Later
-    /// submissions depend on earlier ones, so all data on the device is then stale.
+    /// Gives each submission that is known to never run an empty report, and returns their tickets. Later submissions
+    /// depend on earlier ones, so all data on the device is then stale.
     pub fn remove_dropped(&mut self) -> Vec<Ticket> {
         let dropped = self.frames.remove_dropped(&mut self.gpu);
         if !dropped.is_empty() {

@@ -142,9 +142,8 @@ impl<D: GpuDevice> Frames<D> {
         found.expect("the submission has no such trace or has expired")
     }
 
-    /// Submits the recording. Copies `positions`, a buffer and a number of bytes, to the host. Waits for the oldest
-    /// submission if too many are unfinished. [`backend::Backend::retain_traces`] determines when the submission
-    /// expires.
+    /// Submits the recording. Copies `positions`, a buffer and a number of bytes, to the host. Waits until at most one
+    /// earlier submission is unfinished. [`backend::Backend::retain_traces`] determines when the submission expires.
     pub(crate) fn submit(
         &mut self,
         gpu: &mut D,
@@ -152,11 +151,10 @@ impl<D: GpuDevice> Frames<D> {
         never_active: u64,
     ) -> Result<Ticket> {
         self.recorder.close();
-        while self.unfinished().count() >= FRAMES_IN_FLIGHT {
-            let oldest = self.unfinished().next();
-            self.finish(gpu, oldest.expect("counted just now"))?;
-        }
         let ticket = Ticket(self.submitted.0 + 1);
+        // The device reuses the resources of this submission, even if the one after it was dropped.
+        let earlier = ticket.0.saturating_sub(FRAMES_IN_FLIGHT as u64);
+        self.finish(gpu, Ticket(earlier))?;
         let at = Instant::now();
         let recording = self.recorder.complete(positions, self.awaited_upload);
         gpu.submit(recording, ticket)?;
@@ -189,15 +187,12 @@ impl<D: GpuDevice> Frames<D> {
         open.map(|s| s.ticket)
     }
 
-    /// Gives each submission whose command buffer the program dropped an empty report, and returns their tickets.
+    /// Gives each submission that is known to never run an empty report, and returns their tickets.
     pub(crate) fn remove_dropped(&mut self, gpu: &mut D) -> Vec<Ticket> {
         let mut dropped = Vec::new();
         for ticket in self.unfinished().collect::<Vec<_>>() {
             // An error is returned again when the program waits for the submission.
-            let has_finished = gpu
-                .has_finished(PendingWork::Submission(ticket))
-                .unwrap_or(false);
-            if has_finished && let Ok(false) = self.finish_one(gpu, ticket) {
+            if gpu.is_dropped(ticket) && self.finish_one(gpu, ticket).is_ok() {
                 self.submission_mut(ticket).report = Some(FrameReport::default());
                 dropped.push(ticket);
             }
@@ -238,28 +233,27 @@ impl<D: GpuDevice> Frames<D> {
     fn finish(&mut self, gpu: &mut D, ticket: Ticket) -> Result<()> {
         let next = |frames: &Self| frames.unfinished().next();
         while let Some(oldest) = next(self).filter(|oldest| *oldest <= ticket) {
-            if !self.finish_one(gpu, oldest)? {
-                let why = "the program dropped the command encoder of this step";
+            if let Some(why) = self.finish_one(gpu, oldest)? {
                 return Err(BackendError::Misuse(why.into()));
             }
         }
         Ok(())
     }
 
-    /// Waits for a submission and completes its report. Returns `false` if the submission never runs.
-    fn finish_one(&mut self, gpu: &mut D, ticket: Ticket) -> Result<bool> {
+    /// Waits for a submission and completes its report. If the submission never runs, returns the reason.
+    fn finish_one(&mut self, gpu: &mut D, ticket: Ticket) -> Result<Option<&'static str>> {
         let outcome = gpu.finish(ticket)?;
         // A dropped submission may end before earlier ones, which may still use replaced buffers.
         if self.unfinished().next() == Some(ticket) {
             self.replaced.retain(|(last, _)| *last > ticket);
         }
-        let Outcome::Finished(SubmissionOutput {
+        let SubmissionOutput {
             counts,
             marks,
             ticks,
-        }) = outcome
-        else {
-            return Ok(false);
+        } = match outcome {
+            Outcome::Finished(output) => output,
+            Outcome::Dropped(why) => return Ok(Some(why)),
         };
         let mut ledger = self.ledger.iter_mut();
         let submission = ledger.find(|s| s.ticket == ticket);
@@ -289,7 +283,7 @@ impl<D: GpuDevice> Frames<D> {
         self.raster_backoff.update(&counts);
         self.spread = counts.is_spread().unwrap_or(self.spread);
         submission.report = Some(report);
-        Ok(true)
+        Ok(None)
     }
 
     /// Returns whether a submission has finished. Never blocks.
@@ -318,8 +312,9 @@ impl<D: GpuDevice> Frames<D> {
 
     /// Waits for all submissions and forgets them, before another scene is loaded.
     pub(crate) fn unload(&mut self, gpu: &mut D) -> Result<()> {
-        if let Some(last) = self.ledger.back().map(|s| s.ticket) {
-            self.finish(gpu, last)?;
+        for ticket in self.unfinished().collect::<Vec<_>>() {
+            // The reason why a submission never ran does not matter any more.
+            self.finish_one(gpu, ticket)?;
         }
         self.ledger.clear();
         self.spare_traces = FRAMES_IN_FLIGHT;

@@ -87,6 +87,12 @@ impl<D: GpuDevice> KeySlots<D> {
         pose: Pose,
         last: Ticket,
     ) -> Result<u64> {
+        // `preprocess` reads the key frames of the latest pose, also in submissions without an interpolation.
+        for slot in &mut self.slots {
+            if self.pose.keys().any(|key| key == slot.key) {
+                slot.read_by = slot.read_by.max(last.0);
+            }
+        }
         (self.pose, self.next) = (pose, last.0 + 1);
         let mut upload_value = 0;
         for key in pose.keys() {

@@ -117,6 +117,13 @@ impl<D: GpuDevice> TraceBuffers<D> {
         lent.or_else(|| self.buffers.get(name))
     }
 
+    /// Returns the buffer of the closest hits, if there are any. Without a tree, only a lent buffer is written.
+    pub(crate) fn closest_hits(&self) -> Option<&D::Buffer> {
+        let lends_results = self.lent.as_ref().is_some_and(|l| l.results.is_some());
+        let is_written = self.kind != QueryKind::Any && (self.has_tree || lends_results);
+        self.get(BufferName::Hits).filter(|_| is_written)
+    }
+
     /// Allocates one pixel per ray, before the shading is recorded.
     pub(crate) fn make_pixels(&mut self, gpu: &D) -> Result<()> {
         let bytes = 4 * self.count as u64;

@@ -370,7 +370,7 @@ fn take_sent<D: GpuDevice>(
 }
 
 /// Converts errors for lack of memory to `None`.
-fn unless_too_large<T>(made: Result<T>) -> Result<Option<T>> {
+pub(crate) fn unless_too_large<T>(made: Result<T>) -> Result<Option<T>> {
     match made {
         Ok(made) => Ok(Some(made)),
         Err(BackendError::OutOfMemory { .. } | BackendError::Limit { .. }) => Ok(None),

@@ -22,6 +22,7 @@ pub(crate) struct ExternalInputs {
 
 /// A timeline value to signal for the program. Keeps the timeline alive, because submitted work may still wait for
 /// lower values.
+#[derive(Clone)]
 pub(crate) struct Signal {
     pub(crate) timeline: Arc<Timeline>,
     pub(crate) value: u64,

@@ -166,6 +166,12 @@ impl VulkanDevice {
         Ok(())
     }
 
+    /// Copies the signals of another device, so that later signals of this one must exceed them. All must be submitted.
+    pub fn copy_signals(&mut self, other: &Self) {
+        let signals = other.external.signals.iter().cloned();
+        self.external.signals.extend(signals);
+    }
+
     /// Submits the pending signals. Their timelines reach their values when all submitted work has finished and all
     /// external positions have been copied.
     pub fn signal(&mut self) -> Result<()> {

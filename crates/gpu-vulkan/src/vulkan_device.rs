@@ -172,9 +172,8 @@ impl VulkanDevice {
         let waits = &self.external.waits;
         self.results_at = self.upload.start_in_order(&[copy], waits)?;
         let allocated = staging.held();
-        self.retain(staging, allocated, self.results_at);
         // If the submission fails, the trace is dropped while the copy may still run.
-        self.retain(Arc::clone(to), 0, self.results_at);
+        self.retain((staging, Arc::clone(to)), allocated, self.results_at);
         Ok(())
     }
 
@@ -406,6 +405,10 @@ impl GpuDevice for VulkanDevice {
             },
             PendingWork::Use(last) => has_ended(&self.upload.done, &self.done, last, false),
         }
+    }
+
+    fn is_dropped(&self, _: Ticket) -> bool {
+        false
     }
 
     fn wait(&self, until: Option<LastUse>) -> Result<()> {

@@ -115,8 +115,8 @@ impl WgpuDevice {
 /// Parameters, nodes of the tree, triangle records, and range of the coordinates.
 pub type TracedScene = [Buffer; 4];
 
-/// Returns the scene's buffers after the last submission. Returns `None` if they are not up to date or the intersector
-/// is not `watertight`.
+/// Returns the scene's buffers after the last submission. Returns `None` in the cases of
+/// [`traced_scene`](gpu_common::ComputeBackend::traced_scene).
 pub fn traced_scene(backend: &mut WgpuBackend) -> Result<Option<TracedScene>> {
     let Some((params, others)) = backend.traced_scene() else {
         return Ok(None);

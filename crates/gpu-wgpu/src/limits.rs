@@ -43,13 +43,15 @@ pub(crate) const ATOMIC_MIN_64_BITS: Features =
 #[must_use]
 pub fn required_limits(animation: &Animation, rays: usize) -> Limits {
     let leaves = animation.live_count() as u64;
+    // A query has at most this number of rays.
+    let rays = (rays as u64).min(u32::MAX.into());
     let largest = [
         animation.vertex_count() as u64 * 12,
         animation.triangle_count() as u64 * 12,
         // Upper bound of the nodes and of the triangle records. See `Treelets::rows`.
         leaves * 80 + 64,
-        rays as u64 * 32,
-        shaders::occluded_words(Intersector::Exact, rays as u64) * 4,
+        rays * 32,
+        shaders::occluded_words(Intersector::Exact, rays) * 4,
     ];
     let bytes = largest.into_iter().fold(1 << 20, u64::max);
     let bytes = bytes.next_multiple_of(16);
@@ -162,6 +164,13 @@ pub(crate) fn params_stride(limits: &Limits) -> u64 {
 mod tests {
     use super::*;
     use shaders::Kernel;
+
+    #[test]
+    fn required_limits_do_not_overflow() {
+        let animation = Animation::new(vec![vec![[0.0; 3]; 3]], vec![[0, 1, 2]]).unwrap();
+        let limits = required_limits(&animation, usize::MAX);
+        assert!(limits.max_buffer_size > 32 * u64::from(u32::MAX - 1));
+    }
 
     #[test]
     fn refused_device_names_workgroup_memory_limit() {

@@ -20,6 +20,10 @@ const MAX_COUNT_BUFFERS: usize = 16;
 /// Offset of `SubmissionEncoder::stamp` in a report.
 const STAMP: u64 = timestamps::BYTES + COUNTS * MAX_COUNT_BUFFERS as u64;
 
+/// Reason why a submission in the program's encoder never runs.
+const REJECTED: &str = "wgpu rejected the command encoder of this step: it belongs to another device, has an \
+                        open pass, or contains invalid commands";
+
 /// Resources of one submission at a time.
 pub(crate) struct SubmissionEncoder {
     /// One buffer per trace index, created on first use.
@@ -34,7 +38,7 @@ pub(crate) struct SubmissionEncoder {
     stamp: Buffer,
     /// The ticket in `stamp`, or 0.
     stamped: u64,
-    /// Whether wgpu rejected the program's encoder, so that its commands never ran.
+    /// Whether [`Self::finish`] found that wgpu rejected the program's encoder, so that its commands never ran.
     is_refused: bool,
     pub(crate) launches: Launches,
     /// Index of the submission, and mapping of the report. `None` until the recording is encoded. The index is `None`
@@ -202,6 +206,12 @@ impl SubmissionEncoder {
         Ok(())
     }
 
+    /// Returns whether the program dropped the encoder, or [`Self::finish`] found that wgpu rejected it. Never blocks.
+    pub(crate) fn is_dropped(&self) -> bool {
+        let is_dropped = |(_, mapping): &(_, Mapping)| mapping.is_dropped();
+        self.is_refused || self.sent.as_ref().is_some_and(is_dropped)
+    }
+
     /// Returns whether the submission has finished or never runs. Never blocks.
     pub(crate) fn has_finished(&self) -> Result<bool> {
         // After a failed wait there is no report, and another wait fails at once.
@@ -213,11 +223,14 @@ impl SubmissionEncoder {
 
     /// Waits for the submission and returns its output.
     pub(crate) fn finish(&mut self) -> Result<Outcome> {
-        let gpu = &self.gpu;
-        let is_dropped = |(_, mapping): &(_, Mapping)| mapping.is_dropped();
-        if self.is_refused || self.sent.as_ref().is_some_and(is_dropped) {
-            return Ok(Outcome::Dropped);
+        if self.is_refused {
+            return Ok(Outcome::Dropped(REJECTED));
         }
+        if self.is_dropped() {
+            let why = "the program dropped the command encoder of this step";
+            return Ok(Outcome::Dropped(why));
+        }
+        let gpu = &self.gpu;
         // There is no report if an earlier wait failed.
         let lost = || gpu.faults.lose("a submission did not finish".into());
         let (submission, mapping) = self.sent.take().ok_or_else(lost)?;
@@ -247,9 +260,7 @@ impl SubmissionEncoder {
             return Err(gpu.faults.lose("a report was lost".into()));
         }
         if self.is_refused {
-            let why = "wgpu rejected the command encoder of this step: it belongs to another device, has an open pass, \
-                       or contains invalid commands";
-            return Err(BackendError::Misuse(why.into()));
+            return Ok(Outcome::Dropped(REJECTED));
         }
         let marks = self.timestamps.as_ref().map(|t| t.stages.clone());
         Ok(Outcome::Finished(SubmissionOutput {

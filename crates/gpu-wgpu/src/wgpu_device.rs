@@ -12,8 +12,8 @@ use crate::pipelines::Pipeline;
 use crate::staging::{MappedPool, MappedStaging, write_encoded};
 use crate::submission::SubmissionEncoder;
 use backend::{
-    Arithmetic, BackendName, Capabilities, Device, FRAMES_IN_FLIGHT, Result, Snapshot, Spares,
-    Ticket, TreeFormat,
+    Arithmetic, BackendError, BackendName, Capabilities, Device, FRAMES_IN_FLIGHT, Result,
+    Snapshot, Spares, Ticket, TreeFormat,
 };
 use bytemuck::Pod;
 use geom::Point;
@@ -25,7 +25,7 @@ use shaders::{BufferName, Params};
 use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::sync::Arc;
-use wgpu::{Buffer, BufferSlice, CommandEncoder, SubmissionIndex};
+use wgpu::{Buffer, BufferSlice, BufferUsages, CommandEncoder, SubmissionIndex};
 
 /// The backend that computes through wgpu.
 pub type WgpuBackend = ComputeBackend<WgpuDevice>;
@@ -33,8 +33,7 @@ pub type WgpuBackend = ComputeBackend<WgpuDevice>;
 /// Opens a backend.
 ///
 /// # Errors
-/// [`BackendError::NoDevice`](backend::BackendError::NoDevice) with the reason, or
-/// [`BackendError::Limit`](backend::BackendError::Limit) if a limit is too low for any scene.
+/// [`BackendError::NoDevice`] with the reason, or [`BackendError::Limit`] if a limit is too low for any scene.
 pub fn open(options: &Options) -> Result<WgpuBackend> {
     let gpu = OpenGpu::open(options)?;
     ComputeBackend::over(WgpuDevice::over(Arc::new(gpu))?)
@@ -45,8 +44,8 @@ pub fn open(options: &Options) -> Result<WgpuBackend> {
 /// handler and its callback for a lost device unchanged.
 ///
 /// # Errors
-/// [`BackendError::Limit`](backend::BackendError::Limit) with the limit that is too low, or
-/// [`BackendError::NoDevice`](backend::BackendError::NoDevice) if the device's arithmetic is wrong.
+/// [`BackendError::Limit`] with the limit that is too low, or [`BackendError::NoDevice`] if the device's arithmetic is
+/// wrong.
 pub fn from_device(
     device: wgpu::Device,
     queue: wgpu::Queue,
@@ -258,6 +257,10 @@ impl GpuDevice for WgpuDevice {
         count: usize,
         mut each: impl FnMut(usize, &[T]),
     ) -> Result<()> {
+        if !from.usage().contains(BufferUsages::COPY_SRC) {
+            let why = "results in a buffer without the usage COPY_SRC cannot be read";
+            return Err(BackendError::Misuse(why.into()));
+        }
         let begun = read_parts::<T>(count)
             .map(|part| Ok((self.begin_read(from.slice(part.bytes.clone()))?, part)));
         for (read, part) in begun.collect::<Result<Vec<_>>>()? {
@@ -327,6 +330,10 @@ impl GpuDevice for WgpuDevice {
         }
     }
 
+    fn is_dropped(&self, ticket: Ticket) -> bool {
+        self.submissions[self.slot(ticket)].is_dropped()
+    }
+
     fn wait(&self, until: Option<LastUse>) -> Result<()> {
         match until {
             // Writes run in order with submissions.
@@ -340,7 +347,7 @@ impl GpuDevice for WgpuDevice {
         let slot = self.slot(ticket);
         let outcome = self.submissions[slot].finish()?;
         self.scene.encoder.under_way.remove(&ticket);
-        if matches!(outcome, Outcome::Dropped) {
+        if matches!(outcome, Outcome::Dropped(_)) {
             self.scene.copies.remove(&ticket);
         }
         Ok(outcome)

@@ -304,6 +304,11 @@ pub(crate) fn timeline_bounds_external_memory_access() {
         let refused = backend.gpu_mut().synchronize(&timeline, wait, signal);
         assert!(refused.is_err());
     }
+    // The device of a scene that replaces this one knows the signals, too.
+    let mut next = backend.share_device()().unwrap();
+    next.gpu_mut().copy_signals(backend.gpu());
+    assert!(next.gpu_mut().synchronize(&timeline, 1, 2).is_err());
+    drop(next);
     backend.gpu_mut().set_external_rays(gpu_vulkan::LentRays {
         rays: Buffer::external(&gpu, &given, 32 * 500).unwrap(),
         results: None,

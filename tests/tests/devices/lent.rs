@@ -4,6 +4,7 @@ use crate::scenes::{camera, rays, swarm};
 use abvh::{
     Device, Hits, Mesh, MeshId, Point, Query, QueryId, Ray, Scene, Source, Step, Tracer, Update,
 };
+use integration::stage::vast_camera;
 use std::iter::zip;
 
 /// Hit of a ray: the bits of `t`, `u` and `v`, and the triangle plus 1000 times the mesh. All zero for any-hit queries.
@@ -136,21 +137,31 @@ pub(crate) fn check_vertices_match_host<S: Sheets>() {
 
 /// Checks that device vertices and memory stay valid while another mesh is replaced, even before the first query.
 pub(crate) fn check_vertices_survive_replacement<S: Sheets>() {
-    let (mut found, mut expected) = (one_replaced::<S>(), one_replaced::<OnHost>());
-    let moved = [None, Some((0.25, false)), Some((0.75, true))];
-    for moved in moved.map(|second| [None, second]) {
-        assert!(found.see(moved) == expected.see(moved), "{moved:?}");
+    for is_traced in [false, true] {
+        let mut found = one_replaced::<S>(is_traced);
+        let mut expected = one_replaced::<OnHost>(is_traced);
+        let moved = [None, Some((0.25, false)), Some((0.75, true))];
+        for moved in moved.map(|second| [None, second]) {
+            assert!(found.see(moved) == expected.see(moved), "{moved:?}");
+        }
     }
 }
 
-fn one_replaced<S: Sheets>() -> S {
+/// Replaces a sheet after a step that moves the other one and is dropped, or whose query is refused.
+fn one_replaced<S: Sheets>(is_traced: bool) -> S {
     let mut own = S::open(Update::Async);
     own.see([Some((0.5, true)), Some((1.0, true))]);
     let with = Mesh::streamed(&sheet(1.25)[..60], &triangles()[..76]).unwrap();
     let (tracer, [first, _]) = own.traced();
     let replacement = tracer.replace(first, with).unwrap();
-    // Updates of a dropped step still apply.
-    drop(own.moved([None, Some((2.0, true))]));
+    // Updates of such a step still apply.
+    let mut step = own.moved([None, Some((2.0, true))]);
+    if is_traced {
+        step.trace(&vast_camera(), Query::Closest).unwrap();
+        step.submit().unwrap_err();
+    } else {
+        drop(step);
+    }
     own.traced().0.commit(replacement).unwrap();
     own
 }

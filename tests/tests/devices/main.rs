@@ -3,8 +3,8 @@
 //! A device is opened once for all tests that load their own scenes. Tests of an absent device show as ignored, with
 //! the reason. `ABVH_REQUIRE_BACKENDS=vulkan,wgpu` makes them fail instead.
 //!
-//! Validation layers are enabled where installed, and any message fails the test. `OF_WGPU`, `OF_CUDA` and the tests of
-//! `OF_EXTERNAL_MEMORY` through the library `abvh` run without the layers.
+//! Validation layers are enabled where installed, and any message fails the test. `OF_WGPU`, `OF_CUDA` and those tests
+//! of `OF_EXTERNAL_MEMORY` that use the library `abvh` run without the layers.
 
 #[cfg(target_os = "linux")]
 mod cuda;
@@ -129,6 +129,7 @@ const OF_VULKAN: &[(&str, fn())] = named![
 const OF_THREE_QUEUES: &[(&str, fn())] = named![
     queues::pending_readbacks_are_not_overwritten,
     queues::frames_continue_during_blocked_copies,
+    queues::key_frames_of_waiting_submission_are_kept,
 ];
 const OF_WGPU: &[(&str, fn())] = named![
     wgpu_lent::featureless_device_gives_same_hits,
@@ -155,8 +156,10 @@ const OF_WGPU: &[(&str, fn())] = named![
     wgpu_encode::tree_outlives_commands_that_read_it,
     wgpu_encode::submitted_step_follows_encoded_steps,
     wgpu_encode::misses_keep_the_command_order,
+    wgpu_encode::dropped_step_keeps_resources_of_earlier_step,
     wgpu_module::shader_hits_match_queries,
     wgpu_module::untraceable_scene_is_an_error,
+    wgpu_module::replaced_or_refused_scene_needs_a_step,
 ];
 
 #[cfg(target_os = "linux")]

@@ -202,3 +202,31 @@ pub(crate) fn frames_continue_during_blocked_copies() {
     assert_eq!(from, asked);
     assert!(bits(&snapshot) == bits(&positions(&animation, 0.4)));
 }
+
+/// Checks that a key frame is not overwritten while a submission without an interpolation waits to read it.
+pub(crate) fn key_frames_of_waiting_submission_are_kept() {
+    let mut backend = open_vulkan().unwrap();
+    let gpu = Arc::clone(&backend.gpu().gpu);
+    let (scene, camera) = (swarm(300), camera());
+    let triangles = scene.triangles().to_vec();
+    let source = move |key: usize| scene.key(key % 3).map(|frame| frame.to_vec());
+    let paged = Animation::paged(Arc::new(source), 5, 4, triangles);
+    let paged = Arc::new(paged.unwrap());
+    open(&mut backend, &paged);
+    interpolate_and_refit(&mut backend, &paged, 0.5);
+    let expected = trace(&mut backend, Rays::Camera(&camera), SHADOWED);
+    let gate = Arc::new(Timeline::new(&gpu).unwrap());
+    backend.gpu_mut().synchronize(&gate, 1, 2).unwrap();
+    let tree = tree_at(&paged, 1.0);
+    backend.adopt(&tree, Generation(2)).unwrap();
+    backend.preprocess().unwrap();
+    backend.refit().unwrap();
+    let waiting = submit_trace(&mut backend, Rays::Camera(&camera), SHADOWED);
+    // Fills the memory of key frames, so that the next key frame replaces the first one.
+    backend.interpolate(paged.pose(2.5)).unwrap();
+    backend.submit().unwrap();
+    backend.interpolate(paged.pose(4.0)).unwrap();
+    backend.gpu_mut().upload.wait().unwrap();
+    gate.signal(1).unwrap();
+    assert!(hits(&mut backend, waiting) == expected);
+}

@@ -1,11 +1,12 @@
 //! Tests rays that the program's own shaders trace.
 
-use crate::lent::{Sheets, all_kinds, sheet, two_sheets};
+use crate::lent::{Sheets, all_kinds, sheet, triangles, two_sheets};
 use crate::wgpu_lent::{bytes_of, filled};
 use crate::wgpu_points::SheetsOnCallerDevice;
 use abvh::own_device::RayBuffers;
 use abvh::shader_module::{SceneBuffers, wgsl};
-use abvh::{Device, Error, Intersector, Query, Ray, Source, Tracer, Update};
+use abvh::{Device, Error, Intersector, Mesh, Query, Ray, Source, Tracer, Update};
+use integration::stage::vast_camera;
 use wgpu::{BindGroupEntry, Buffer, BufferUsages, CommandEncoder};
 
 /// A shader with its own bind group and with names that the module might use, too.
@@ -181,4 +182,24 @@ pub(crate) fn untraceable_scene_is_an_error() {
     assert!(refused(woop, true));
     let host = Tracer::builder().device(Device::Cpu).build(two_sheets().0);
     assert!(host.unwrap().scene_buffers().is_err());
+}
+
+/// The positions are those of the newest vertices only after a step.
+pub(crate) fn replaced_or_refused_scene_needs_a_step() {
+    let mut caller = SheetsOnCallerDevice::open(Update::Async);
+    let is_refused = |tracer: &mut Tracer| {
+        let refused = matches!(tracer.scene_buffers(), Err(Error::Misuse(_)));
+        tracer.step(0.0).trace(&[], Query::Any).unwrap();
+        tracer.scene_buffers().unwrap();
+        refused
+    };
+    caller.tracer.warm_up(0.0).unwrap();
+    let mesh = Mesh::streamed(&sheet(0.5), &triangles()).unwrap();
+    let replacement = caller.tracer.replace(caller.sheets[0], mesh).unwrap();
+    caller.tracer.commit(replacement).unwrap();
+    assert!(is_refused(&mut caller.tracer));
+    let mut step = caller.moved([Some((0.75, true)), None]);
+    step.trace(&vast_camera(), Query::Closest).unwrap();
+    step.submit().unwrap_err();
+    assert!(is_refused(&mut caller.tracer));
 }

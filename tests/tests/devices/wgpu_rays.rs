@@ -173,6 +173,23 @@ pub(crate) fn unsuitable_ray_buffer_is_an_error() {
     let mut step = caller.tracer.step(0.0);
     step.trace_buffers(foreign, Query::Closest).unwrap();
     is_device(step.submit().err());
+    // Results without the usage COPY_SRC remain on the device.
+    let mut step = caller.tracer.step(0.0);
+    let results = Some(&both);
+    let query = step.trace_buffers(RayBuffers { results, ..asked }, Query::Closest);
+    let done = step.submit().unwrap();
+    is_misuse(caller.tracer.hits(done, query.unwrap()).err());
+    // A buffer without rays may be empty.
+    let empty = filled(&caller.device, &[], USAGE);
+    let nothing = RayBuffers {
+        rays: &empty,
+        count: 0,
+        results: None,
+    };
+    let none = found(&mut caller.tracer, Query::Closest, |step| {
+        step.trace_buffers(nothing, Query::Closest)
+    });
+    assert!(none.is_empty());
     // Later steps are not affected.
     assert!(caller.trace(Query::Closest, false) == other.trace(Query::Closest, false));
 }

@@ -2,8 +2,9 @@
 
 use super::ComputeBackend;
 use crate::traces::ray_source;
+use crate::tree::unless_too_large;
 use crate::{GpuDevice, NextStage, Stage, TraceBuffers};
-use backend::{Intersector, Query, QueryKind, Result, Ticket};
+use backend::{Intersector, Query, Result, Ticket};
 use shaders::work::{self, TraceInput};
 use shaders::{BufferName, Params};
 
@@ -36,17 +37,20 @@ impl<D: GpuDevice> ComputeBackend<D> {
         let trace = TraceBuffers::new(&mut engine.gpu, query, traced_by, old)?;
         let mut traits = engine.pipelines.traits;
         traits.rasterizes = engine.frames.raster_backoff.allow(traits.rasterizes);
-        let mut tracing = work::trace(
-            TraceInput {
-                intersector,
-                params,
-                rays: ray_source(query),
-                kind: query.kind,
-            },
-            traits,
-        );
+        let input = TraceInput {
+            intersector,
+            params,
+            rays: ray_source(query),
+            kind: query.kind,
+        };
+        let mut tracing = work::trace(input, traits);
         let tree = self.tree.as_mut().expect("a scene was loaded");
-        tree.grow_visibility_buffers(&engine.gpu, &mut engine.frames, &tracing)?;
+        let grown = tree.grow_visibility_buffers(&engine.gpu, &mut engine.frames, &tracing);
+        if unless_too_large(grown)?.is_none() {
+            // Single rays need no such buffers.
+            traits.packets = None;
+            tracing = work::trace(input, traits);
+        }
         if let Some(first) = tracing.primary.first_mut().filter(|_| index > 0) {
             // Traces of a batch write different buffers, so they may run concurrently.
             first.alongside = true;
@@ -75,10 +79,11 @@ impl<D: GpuDevice> ComputeBackend<D> {
     }
 
     /// Returns the inputs of [`shaders::MODULE`]: parameters, nodes, triangle records and range. Returns `None` if the
-    /// boxes are stale or the intersector is not `watertight`.
+    /// boxes are stale, commands are recorded but not submitted, or the intersector is not `watertight`.
     pub fn traced_scene(&self) -> Option<(Params, [&D::Buffer; 3])> {
-        let is_watertight = self.intersector == Intersector::Watertight;
-        let is_ready = is_watertight && self.engine.next_stage == NextStage::Trace;
+        let engine = &self.engine;
+        let is_current = engine.next_stage == NextStage::Trace && engine.frames.recorder.is_empty();
+        let is_ready = is_current && self.intersector == Intersector::Watertight;
         let (params, tree) = (self.params().for_module(), self.tree());
         let scene = self.engine.scene();
         let buffer = |name| tree.get(name).or_else(|| scene.get(name, 0, 0));
@@ -88,13 +93,11 @@ impl<D: GpuDevice> ComputeBackend<D> {
     }
 
     /// Returns the buffer that contains or will contain the closest hits of query `index` of a submission. Returns
-    /// `None` for an any-hit query or without a tree.
+    /// `None` for an any-hit query. Without a tree, returns a lent buffer or `None`.
     ///
     /// # Panics
     /// If the trace does not exist or has expired.
     pub fn hits_buffer(&mut self, ticket: Ticket, index: usize) -> Option<&D::Buffer> {
-        let trace = self.engine.frames.trace(ticket, index);
-        let closest = trace.has_tree && trace.kind != QueryKind::Any;
-        trace.get(BufferName::Hits).filter(|_| closest)
+        self.engine.frames.trace(ticket, index).closest_hits()
     }
 }
