@@ -10,9 +10,9 @@ use std::path::PathBuf;
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Diagnosis {
-    /// Names of usable GPUs. [`Device::Auto`](crate::Device::Auto) takes the first.
+    /// Names of listed GPUs. [`Device::Auto`](crate::Device::Auto) takes the first that it can open.
     pub gpus: Vec<String>,
-    /// Problems found if there is no usable GPU.
+    /// Problems found if no GPU is listed.
     pub problems: Vec<Problem>,
 }
 

@@ -75,7 +75,7 @@ pub enum Error {
     #[error("{0}")]
     DeviceLost(String),
     /// The driver refused a call, or a tree build failed. This is a bug in the driver or in the library, unless the
-    /// process has too many open file descriptors.
+    /// process has too many open file descriptors or passed an object of another wgpu device.
     #[error("{0}")]
     Device(String),
 }

@@ -72,7 +72,11 @@ impl ResidentScene {
             }
         }
         // No later step submits the pending signals of `before`.
-        before.signal()
+        before.signal()?;
+        if let (Some(gpu), Some(before)) = (self.vulkan(), before.vulkan()) {
+            gpu.copy_signals(before);
+        }
+        Ok(())
     }
 
     /// Submits the pending signals of external semaphores, after all work submitted so far.
@@ -111,14 +115,15 @@ impl Step<'_> {
     /// Makes the step wait until `semaphore` reaches `wait` before it accesses external buffers. When the submitted
     /// step is done, the semaphore is signalled with `signal`.
     ///
-    /// The device waits. The host also waits if it needs results of the device: for hits, for a tree before the first
-    /// query or with [`Update::Rebuild`](crate::Update::Rebuild), and while too many steps are in flight. If the value
-    /// is never reached, it waits forever. If the step is dropped, the next step waits and signals in its place.
+    /// The device waits. The host also waits if it needs results of the device: for hits, pictures and
+    /// [`Tracer::commit`], for a tree before the first query, with [`Update::Rebuild`](crate::Update::Rebuild) and
+    /// [`Update::Lockstep`](crate::Update::Lockstep), and while too many steps are in flight. If the value is never
+    /// reached, it waits forever. If the step is dropped, the next step waits and signals in its place.
     ///
     /// # Errors
-    /// [`Error::TooLate`] after a query. [`Error::Misuse`] if the semaphore belongs to another device, or if `signal`
-    /// is not above `wait`, the semaphore's value and the signals of earlier steps, or exceeds the semaphore's value by
-    /// more than the device allows.
+    /// [`Error::TooLate`] after a query. [`Error::Unsupported`] on devices other than Vulkan's. [`Error::Misuse`] if
+    /// the semaphore belongs to another device, or if `signal` is not above `wait`, the semaphore's value and the
+    /// signals of earlier steps, or exceeds the semaphore's value by more than the device allows.
     pub fn synchronize(
         &mut self,
         semaphore: &ExternalSemaphore,
@@ -137,7 +142,7 @@ impl Step<'_> {
     ///
     /// # Errors
     /// [`Error::Unsupported`] on other devices. [`Error::Misuse`] if a buffer is too small or belongs to another
-    /// device.
+    /// device. The other errors of [`Step::trace`].
     pub fn trace_external(&mut self, rays: ExternalRays<'_>, query: Query) -> Result<QueryId> {
         rays.lend(self.tracer.current.exporter()?, query)?;
         let traced = self.trace(Rays::OnDevice(rays.count), query);

@@ -49,7 +49,7 @@ impl Tracer {
     /// selected and the device computes them. If the host shades the pixels, [`FrameOutputs`] also holds hits.
     ///
     /// # Errors
-    /// [`Error::Device`].
+    /// [`Error::OutOfMemory`]. [`Error::DeviceLost`]. [`Error::Device`].
     pub fn prepare_frames(
         &mut self,
         view: LitView<'_>,
@@ -72,7 +72,7 @@ impl Tracer {
     /// fields with each version.
     ///
     /// # Errors
-    /// [`Error::KeyFrame`], [`Error::Unsupported`], [`Error::Device`], or the error of `on_frame`.
+    /// As for [`Step::trace`](crate::Step::trace), or the error of `on_frame`.
     pub fn render_frames<E: From<Error>>(
         &mut self,
         frames: &[Frame],

@@ -46,6 +46,10 @@ pub(crate) struct ResidentScene {
     pub(crate) builder_threads: BuilderThreads,
     /// Forms of the queries traced so far, one for each set of kernels.
     pub(crate) traced_forms: Vec<QueryForm>,
+    /// Whether the scene replaced another one and no step has traced it yet. The device's positions may then be older
+    /// than those of the meshes.
+    #[cfg(feature = "wgpu")]
+    pub(crate) is_stale: bool,
     /// Number of trees of the scenes before this one.
     trees_before: u64,
     /// Statistics after the last finished query of this scene or of an earlier one.
@@ -98,6 +102,8 @@ impl ResidentScene {
             update: options.update,
             builder_threads,
             traced_forms: Vec::new(),
+            #[cfg(feature = "wgpu")]
+            is_stale: false,
             trees_before: 0,
             last: None,
             results: VecDeque::new(),
@@ -175,7 +181,10 @@ impl ResidentScene {
         self.joined
             .copy_moved_from(&before.newest_vertices()?, replaced);
         #[cfg(feature = "wgpu")]
-        self.take_wgpu_vertices(before, replaced)?;
+        {
+            self.is_stale = true;
+            self.take_wgpu_vertices(before, replaced)?;
+        }
         #[cfg(feature = "vulkan")]
         self.take_external_vertices(before, replaced)?;
         self.traced_forms.clone_from(&before.traced_forms);
@@ -234,6 +243,10 @@ impl ResidentScene {
     /// Submits queries in one submission and notes their forms. Does not record where their results will be.
     pub(crate) fn submit(&mut self, time: f64, queries: &[Query<'_>]) -> Result<Ticket> {
         let ticket = self.submit_to_driver(time, queries)?;
+        #[cfg(feature = "wgpu")]
+        {
+            self.is_stale = false;
+        }
         queries.iter().for_each(|&query| self.note(query));
         Ok(ticket)
     }

@@ -28,7 +28,7 @@ impl Mesh {
     /// Creates a mesh that never moves, from vertices in any unit and three vertex indices per triangle.
     ///
     /// # Errors
-    /// [`Error::Mesh`] if a vertex index is out of range.
+    /// [`Error::Mesh`] if a vertex index is out of range. [`Error::OutOfMemory`].
     pub fn fixed(vertices: &[Point], triangles: &[[u32; 3]]) -> Result<Self> {
         let motion = MeshMotion::Keys(vec![copied(vertices)?]);
         Self::new(triangles, vertices.len(), motion)

@@ -67,7 +67,8 @@ impl Tracer {
     /// start at the top.
     ///
     /// # Errors
-    /// [`Error::NoResult`] if the query belongs to another step, was dropped or is not a picture; [`Error::Device`].
+    /// [`Error::NoResult`] if the query belongs to another step, was dropped or is not a picture. The other errors of
+    /// [`Tracer::hits`].
     pub fn pixels(&self, step: StepId, picture: QueryId, rgba: &mut Vec<u8>) -> Result<()> {
         let mut state = self.shared_state();
         let (loaded, index) = state.find(step, picture)?;

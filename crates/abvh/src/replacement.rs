@@ -128,8 +128,9 @@ impl Tracer {
     ///
     /// # Errors
     /// [`Error::Conflict`] if the same mesh was replaced since this replacement was started.
-    /// [`Error::ForeignReplacement`]. The errors of [`TracerBuilder::build`](crate::TracerBuilder::build). After an
-    /// error, the old mesh remains.
+    /// [`Error::ForeignReplacement`]. [`Error::Misuse`] if an encoded step is not submitted or was rejected.
+    /// [`Error::KeyFrame`] if a key frame cannot be read. The errors of
+    /// [`TracerBuilder::build`](crate::TracerBuilder::build). After an error, the old mesh remains.
     pub fn commit(&mut self, replacement: Replacement) -> Result<()> {
         let (mesh, state) = (replacement.mesh, self.state());
         if !Arc::ptr_eq(&state.disposal, &replacement.disposal) {
@@ -148,6 +149,8 @@ impl Tracer {
         next.follow(&mut state.current, mesh.index())?;
         let before = std::mem::replace(&mut state.current, next);
         state.former.push(before);
+        // Drops former scenes without results.
+        state.keep_from(0);
         state.commits += 1;
         state.replaced.insert(mesh.index(), state.commits);
         Ok(())
@@ -203,5 +206,28 @@ impl TracerState {
                 Ok(loaded)
             })
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::{Device, Mesh, Query, Ray, Scene, Tracer};
+
+    #[test]
+    fn commits_drop_scenes_without_results() {
+        let mesh = || Mesh::fixed(&[[0.0; 3]; 3], &[[0, 1, 2]]).unwrap();
+        let mut scene = Scene::new();
+        let id = scene.add(mesh());
+        let builder = Tracer::builder().device(Device::Cpu).threads(1);
+        let mut tracer = builder.build(scene).unwrap();
+        let mut step = tracer.step(0.0);
+        let ray = Ray::new([0.0; 3], [1.0; 3]);
+        step.trace(&[ray], Query::Any).unwrap();
+        step.submit().unwrap();
+        for _ in 0..3 {
+            let replacement = tracer.replace(id, mesh()).unwrap();
+            tracer.commit(replacement).unwrap();
+        }
+        assert_eq!(tracer.state().former.len(), 1);
     }
 }

@@ -43,17 +43,21 @@ impl SceneBuffers {
 }
 
 impl Tracer {
-    /// Returns the buffers of the scene after the last step that had a query or was [encoded](crate::Step::encode).
-    /// They are valid for commands between that step and the next. The buffers rarely change. Compare them with the
-    /// previous ones to see if a new bind group is needed.
+    /// Returns the buffers of the scene after the last step that had a query or was [encoded](crate::Step::encode), or
+    /// after [`Tracer::warm_up`] if there is no such step. They are valid for commands before the next step. The
+    /// buffers rarely change. Compare them with the previous ones to see if a new bind group is needed.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] on devices other than wgpu's. [`Error::Misuse`] before such a step, and for another
-    /// intersector than `watertight`.
+    /// [`Error::Unsupported`] on devices other than wgpu's. [`Error::Misuse`] for another intersector than
+    /// `watertight`. Also [`Error::Misuse`] if no such step has succeeded since the tracer was built, a mesh was
+    /// [replaced](Tracer::commit), a step failed, or the encoder of a step was dropped.
     pub fn scene_buffers(&mut self) -> Result<SceneBuffers> {
-        let backend = self.state().current.wgpu().ok_or_else(no_wgpu)?;
+        let current = &mut self.state().current;
+        let is_stale = current.is_stale;
+        let backend = current.wgpu().ok_or_else(no_wgpu)?;
         let found = traced_scene(backend).map_err(Error::of_backend)?;
         let why = "shaders need `watertight`, and an earlier step with a query or `encode`";
+        let found = found.filter(|_| !is_stale);
         let found = found.ok_or_else(|| Error::Misuse(why.into()));
         found.map(SceneBuffers)
     }

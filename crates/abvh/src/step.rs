@@ -66,7 +66,8 @@ impl Step<'_> {
     /// Sets all vertices of a streamed mesh.
     ///
     /// # Errors
-    /// [`Error::Count`]. [`Error::Misuse`] if a buffer cannot be read. The errors of [`Step::vertices_mut`].
+    /// [`Error::Count`]. [`Error::Misuse`] if a buffer cannot be read. [`Error::Unsupported`] for a buffer that another
+    /// kind of device reads. The errors of [`Step::vertices_mut`].
     pub fn vertices(&mut self, mesh: MeshId, source: Source<'_>) -> Result<()> {
         let index = self.streamed_index(mesh)?;
         let current = &mut self.tracer.current;
@@ -141,14 +142,14 @@ impl Step<'_> {
 
     /// Traces a list of rays, or the rays of a camera: one through the middle of each pixel, row by row from the top.
     ///
-    /// A list is read before the call returns. A ray misses if its direction is zero, a number is not finite, or its
-    /// interval is empty. Cameras are traced when the step is submitted, in one submission if the device can. Many
-    /// small cameras then take little longer than one large camera.
+    /// A list is read before the call returns. A ray misses if its direction is zero, its origin or direction is not
+    /// finite, or its interval is empty. Cameras are traced when the step is submitted, in one submission if the device
+    /// can. Many small cameras then take little longer than one large camera.
     ///
     /// # Errors
     /// [`Error::KeyFrame`] if a key frame cannot be read. [`Error::Unsupported`] for more rays than the device can
-    /// trace. [`Error::Misuse`] if an earlier step was encoded and its commands are not submitted yet.
-    /// [`Error::Device`].
+    /// trace. [`Error::Misuse`] if an earlier step was encoded and its commands are not submitted or were rejected.
+    /// [`Error::VerticesLost`]. [`Error::OutOfMemory`]. [`Error::DeviceLost`]. [`Error::Device`].
     pub fn trace<'r>(&mut self, rays: impl Into<Rays<'r>>, query: Query) -> Result<QueryId> {
         let rays = rays.into();
         if let Rays::Camera(camera) = rays {

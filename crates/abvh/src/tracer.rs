@@ -47,12 +47,12 @@ impl Tracer {
         lock(&self.state)
     }
 
-    /// Builds the first tree, for `time`, and compiles kernels, so that the first step waits for neither. Does nothing
-    /// if there is a tree.
+    /// Builds the first tree, for `time`, and compiles the kernels for lists of rays with
+    /// [`Query::Closest`](crate::Query::Closest). A first step with such queries waits for neither. Other kernels are
+    /// compiled when a step first needs them. Does nothing if there is a tree.
     ///
     /// # Errors
-    /// [`Error::KeyFrame`](crate::Error::KeyFrame) if a key frame cannot be read;
-    /// [`Error::Device`](crate::Error::Device).
+    /// As for [`Step::trace`].
     pub fn warm_up(&mut self, time: f64) -> Result<()> {
         let current = &mut self.state().current;
         if current.has_tree() {
@@ -104,15 +104,19 @@ impl Tracer {
     ///
     /// # Errors
     /// [`Error::NoResult`](crate::Error::NoResult) if the query belongs to another step or tracer, or its result was
-    /// dropped; [`Error::Device`](crate::Error::Device).
+    /// dropped. [`Error::Misuse`](crate::Error::Misuse) if this step or an earlier one was encoded and its commands are
+    /// not submitted or were rejected, or if `RayBuffers::results` lacks the usage `COPY_SRC`.
+    /// [`Error::OutOfMemory`](crate::Error::OutOfMemory). [`Error::DeviceLost`](crate::Error::DeviceLost).
+    /// [`Error::Device`](crate::Error::Device).
     pub fn hits(&self, step: StepId, query: QueryId) -> Result<Hits> {
         let mut state = self.shared_state();
         let (loaded, index) = state.find(step, query)?;
         loaded.hits(index)
     }
 
-    /// Returns whether a query is done, so that [`Tracer::hits`] would not wait. Never blocks. Also returns `false`
-    /// while another thread reads a result of this tracer.
+    /// Returns whether a query is done, so that [`Tracer::hits`] would not wait for it. Never blocks. Also returns
+    /// `false` while another thread reads a result of this tracer. With wgpu, `hits` copies the results after all work
+    /// in the queue, so it still waits for work that was submitted later.
     ///
     /// # Errors
     /// As for [`Tracer::hits`].
@@ -149,9 +153,11 @@ impl TracerBuilder {
     /// Opens the device and loads the scene.
     ///
     /// # Errors
-    /// [`Error::NoDevice`](crate::Error::NoDevice). [`Error::Unsupported`](crate::Error::Unsupported) if the scene
-    /// exceeds the device's limits. [`Error::OutOfMemory`](crate::Error::OutOfMemory) if the system is known to have
-    /// too little memory for its trees (about 345 bytes per triangle). [`Error::Device`](crate::Error::Device).
+    /// [`Error::NoDevice`](crate::Error::NoDevice). [`Error::Mesh`](crate::Error::Mesh) if all meshes together have too
+    /// many vertices or triangles. [`Error::Unsupported`](crate::Error::Unsupported) if the scene exceeds the device's
+    /// limits. [`Error::OutOfMemory`](crate::Error::OutOfMemory), also if the system is known to have too little memory
+    /// for the scene's trees (about 345 bytes per triangle). [`Error::DeviceLost`](crate::Error::DeviceLost).
+    /// [`Error::Device`](crate::Error::Device).
     pub fn build(self, scene: Scene) -> Result<Tracer> {
         let backend = self.open(self.policy(&scene.meshes))?;
         self.load(backend, scene)
@@ -161,7 +167,8 @@ impl TracerBuilder {
     /// [`TracerBuilder::device`], and also [`TracerBuilder::threads`] if the host traces.
     ///
     /// # Errors
-    /// [`Error::Unsupported`](crate::Error::Unsupported), [`Error::Device`](crate::Error::Device).
+    /// [`Error::Misuse`](crate::Error::Misuse) if a step of `former` was encoded and its commands are not submitted.
+    /// The errors of [`TracerBuilder::build`].
     pub fn build_in_place_of(mut self, former: Tracer, scene: Scene) -> Result<Tracer> {
         let former = former.state.into_inner();
         let former = former.unwrap_or_else(PoisonError::into_inner);

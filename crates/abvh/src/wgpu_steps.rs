@@ -115,8 +115,12 @@ impl ResidentScene {
 
     /// Takes over, from `before`, the vertices that only the device has. The scenes differ in mesh `replaced` only.
     pub(crate) fn take_wgpu_vertices(&mut self, before: &mut Self, replaced: usize) -> Result<()> {
-        // Encoded commands may write these vertices.
+        // Encoded commands, and the recorded commands of a refused query, may write these vertices.
         before.finish_encoded()?;
+        if let Err(e) = before.driver.submit_refused() {
+            before.joined.on_device.mark_lost();
+            return Err(Error::of_driver(e));
+        }
         for mesh in (0..self.joined.meshes.len()).filter(|&mesh| mesh != replaced) {
             let run = before.joined.range_of(mesh);
             let Some(backend) = before.wgpu() else {
@@ -144,6 +148,10 @@ impl Step<'_> {
         let backend = self.tracer.current.wgpu().ok_or_else(no_wgpu)?;
         buffers.check(query, backend.gpu())?;
         let count = buffers.count;
+        if count == 0 {
+            // Empty buffers cannot be bound.
+            return Ok(self.defer(DeferredRays::Empty, query));
+        }
         let buffers = LentRays {
             rays: buffers.rays.clone(),
             results: buffers.results.cloned(),
@@ -161,9 +169,9 @@ impl Step<'_> {
     /// steps, and returns [`Error::Misuse`] while one of them is not submitted.
     ///
     /// Until the program submits this step, [`Tracer::hits`] of this step fails, and at most one more step can be
-    /// encoded. If the encoder or its commands are dropped instead, this step has no results, nor do later steps that
-    /// were begun before the drop. Vertices that only the device had are then lost, and steps return
-    /// [`Error::VerticesLost`] until they are passed again.
+    /// encoded, even if that one is dropped. If the encoder or its commands are dropped instead, this step has no
+    /// results, nor do later steps that were begun before the drop. Vertices that only the device had are then lost,
+    /// and steps return [`Error::VerticesLost`] until they are passed again.
     ///
     /// wgpu validates commands only when the encoder is finished. It may refuse them, for example because the encoder
     /// belongs to another device or has an open pass. Then the first call that waits for this step, such as
@@ -172,10 +180,10 @@ impl Step<'_> {
     ///
     /// # Errors
     /// [`Error::TooLate`] if the step traced rays in host memory or rendered a picture, which are submitted at once.
-    /// [`Error::Misuse`] before the first tree (see [`Tracer::warm_up`]), and while two encoded steps are not
-    /// submitted. [`Error::Unsupported`] on other devices, with [`Update::Rebuild`](crate::Update::Rebuild) and
-    /// [`Update::Lockstep`](crate::Update::Lockstep), and for several queries with
-    /// [`Intersector::Exact`](crate::Intersector::Exact). [`Error::Device`].
+    /// [`Error::Misuse`] before the first tree (see [`Tracer::warm_up`]), and while the step before the previous one is
+    /// encoded but not submitted. [`Error::Unsupported`] on other devices, with
+    /// [`Update::Rebuild`](crate::Update::Rebuild) and [`Update::Lockstep`](crate::Update::Lockstep), and for several
+    /// queries with [`Intersector::Exact`](crate::Intersector::Exact). The other errors of [`Step::trace`].
     pub fn encode(mut self, encoder: &mut wgpu::CommandEncoder) -> Result<StepId> {
         if self.deferred.len() < self.queries as usize {
             return Err(Error::TooLate);
@@ -200,8 +208,9 @@ impl Tracer {
     /// query's results are dropped.
     ///
     /// # Errors
-    /// [`Error::NoResult`] as for [`Tracer::hits`], and for a query without closest hits. [`Error::Unsupported`] on
-    /// other devices.
+    /// [`Error::NoResult`] as for [`Tracer::hits`], and for a query without closest hits. Also [`Error::NoResult`] if
+    /// the scene has no triangle that can be hit, unless the query has [`RayBuffers::results`]. [`Error::Unsupported`]
+    /// on other devices.
     pub fn hits_buffer(&self, step: StepId, query: QueryId) -> Result<wgpu::Buffer> {
         let mut state = self.shared_state();
         let (loaded, index) = state.find(step, query)?;

@@ -257,9 +257,13 @@ impl Driver {
         recording.number += 1;
     }
 
-    /// Submits the recorded stages of a frame that failed after its positions were recorded. Otherwise the next frame
-    /// could adopt no tree, because [`Backend::adopt`] panics if commands are not submitted.
-    fn submit_refused(&mut self) -> Result<(), PipelineError> {
+    /// Submits the recorded stages of a frame that failed after its positions were recorded. Does nothing if there is
+    /// no such frame. [`begin`](Self::begin) calls this first, because [`Backend::adopt`] panics if commands are not
+    /// submitted.
+    ///
+    /// # Errors
+    /// Those of the backend. The recorded stages are dropped.
+    pub fn submit_refused(&mut self) -> Result<(), PipelineError> {
         if std::mem::take(&mut self.recording.is_refused)
             && let Err(e) = self.backend.submit()
         {

@@ -14,7 +14,8 @@
 //!
 //! `Auto` prefers the host to a driver that runs shaders on the host's cores, and takes the host if no GPU can be
 //! opened. A device that the program names is never replaced by another: if it cannot run, the error is
-//! [`Error::NoDevice`](crate::Error::NoDevice). [`Tracer::device`](crate::Tracer::device) returns the device in use.
+//! [`Error::NoDevice`](crate::Error::NoDevice), or [`Error::Unsupported`](crate::Error::Unsupported) if the limits of
+//! `Own(device)` are too low. [`Tracer::device`](crate::Tracer::device) returns the device in use.
 //! [`doctor`](crate::doctor()) reports why no GPU can be used, and how to fix it.
 //!
 //! Opening a device takes longer than loading a scene.

@@ -143,8 +143,7 @@ pub(super) enum Event {
     Evaluated(Verdict),
     /// The frame that was being recorded failed.
     FrameFailed,
-    /// Submitted frames never ran, so their read-backs and boxes do not exist. Or a requested tree lacks its positions
-    /// or staging memory.
+    /// Submitted frames never ran, so their read-backs and boxes do not exist. Or a requested tree lacks its positions.
     FramesDropped,
 }
 

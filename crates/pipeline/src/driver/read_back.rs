@@ -50,7 +50,7 @@ impl Driver {
         loop {
             match self.backend.take_positions()? {
                 Some((t, positions)) if t == ticket => return Ok(positions),
-                Some((_, positions)) => self.take_read_back(positions)?,
+                Some((_, positions)) => self.take_read_back(positions),
                 None => std::thread::yield_now(),
             }
         }
@@ -85,7 +85,7 @@ impl Driver {
                 self.trees.next.advance(Event::FramesDropped);
             });
             if let Some((_, positions)) = arrived? {
-                self.take_read_back(positions)?;
+                self.take_read_back(positions);
             }
         }
         let NextTreeState::Requested(request, observation) = &mut self.trees.next else {
@@ -96,24 +96,24 @@ impl Driver {
             && observation.second.is_none()
             && let Some(positions) = observation.first.take()
         {
-            self.start_build(BuildInput::of(Vertices::ReadBack(positions)))?;
+            self.start_build(BuildInput::of(Vertices::ReadBack(positions)));
         }
         Ok(())
     }
 
     /// Starts the build that waits for these positions. If the build observes two frames, stores the positions of the
     /// first until those of the second arrive.
-    fn take_read_back(&mut self, positions: Snapshot) -> Result<(), PipelineError> {
+    fn take_read_back(&mut self, positions: Snapshot) {
         if !self.observes_two_frames() {
             return self.start_build(BuildInput::of(Vertices::ReadBack(positions)));
         }
         let NextTreeState::Requested(request, observation) = &mut self.trees.next else {
-            return Ok(());
+            return;
         };
         let seen = observation.first.take().zip(observation.second);
         let Some((earlier, second)) = seen else {
             observation.first = Some(positions);
-            return Ok(());
+            return;
         };
         // The tree is built for this time, not for the requesting frame.
         request.pose = self.animation.pose(request.target_time);
@@ -127,6 +127,6 @@ impl Driver {
             }),
             ..BuildInput::of(Vertices::AtPose(at(request.target_time)))
         };
-        self.start_build(input)
+        self.start_build(input);
     }
 }

@@ -37,7 +37,7 @@ impl OutputSelection {
 pub struct FrameOutputs {
     /// Hits and shadows, if requested.
     pub hits: Hits,
-    /// Pixels, as [`backend::Backend::pixels`] returns them; empty if the host must shade.
+    /// Pixels, as [`backend::Backend::pixels`] returns them. `Driver::finish` leaves them empty if the host must shade.
     pub pixels: Vec<u8>,
 }
 

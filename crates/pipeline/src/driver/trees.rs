@@ -63,7 +63,7 @@ impl Driver {
     }
 
     /// Polls the builder after a frame was submitted or has finished. An error must not discard this frame. The next
-    /// frame polls again, and returns the error if it persists.
+    /// frame repeats a failed upload and returns its error.
     pub(super) fn poll_builder_after_frame(&mut self) {
         let _ = self.poll_builder();
     }
@@ -221,16 +221,15 @@ impl Driver {
         }
         let swept_times = request.swept_times;
         self.trees.next.advance(Event::Requested(request));
-        if !self.predicts() {
-            return Ok(());
+        if self.predicts() {
+            let is_swept = self.adoption_rule().by_cost;
+            self.start_build(BuildInput {
+                swept_poses: is_swept.then(|| self.poses(swept_times)),
+                key_frames: self.animation.streamed_keys(pose),
+                ..BuildInput::of(Vertices::AtPose(pose))
+            });
         }
-        let is_swept = self.adoption_rule().by_cost;
-        let input = BuildInput {
-            swept_poses: is_swept.then(|| self.poses(swept_times)),
-            key_frames: self.animation.streamed_keys(pose),
-            ..BuildInput::of(Vertices::AtPose(pose))
-        };
-        self.start_build(input)
+        Ok(())
     }
 
     /// Builds the first tree while the first frame waits.
@@ -265,16 +264,17 @@ impl Driver {
     }
 
     /// Starts the build of the requested tree from this input.
-    pub(super) fn start_build(&mut self, mut input: BuildInput) -> Result<(), PipelineError> {
+    pub(super) fn start_build(&mut self, mut input: BuildInput) {
         let NextTreeState::Requested(request, observation) = &self.trees.next else {
-            return Ok(());
+            return;
         };
         input.is_compared = self.adoption_rule().by_cost;
         let last_time = observation
             .second
             .map_or(request.time, |second| second.time);
+        // Without a writer, the upload writes the tree itself, and returns an error that persists.
         let writer = self.backend.tree_writer(request.generation);
-        let writer = writer.inspect_err(|_| self.trees.next.advance(Event::FramesDropped))?;
+        let writer = writer.unwrap_or_default();
         self.trees.next.advance(Event::BuildStarted { last_time });
         let started = self.builder.thread.start(Job {
             input,
@@ -284,7 +284,6 @@ impl Driver {
         if started.is_err() {
             self.trees.next.advance(Event::BuildFailed);
         }
-        Ok(())
     }
 
     /// Adopts or drops the next tree. Blocks until it is built.
