@@ -64,9 +64,9 @@ fn divide_by(a: f32, by: Divisor) -> f32 {
     return divide_special_range(bitcast<u32>(a), bitcast<u32>(by.value));
 }
 
-// Divides operands between 2^-60 and 2^61 whose quotient is above 2^-101, so that no part underflows. After one correction, the
-// quotient is one of the two floats next to a / b. A second exact remainder selects between them, since no quotient is half way
-// between two floats.
+// Divides operands between 2^-60 and 2^61 whose quotient is above 2^-101. So only a correction that is too small to change the
+// quotient can be subnormal. After one correction, the quotient is one of the two floats next to a / b. A second exact
+// remainder selects between them, since no quotient is half way between two floats.
 fn divide_normal(a: f32, by: Divisor) -> f32 {
     let guess = mul(a, by.inverse);
     let quotient = add(guess, mul(division_remainder(a, guess, by), by.inverse));
