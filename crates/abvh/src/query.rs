@@ -56,7 +56,7 @@ pub(crate) struct DeferredQuery {
 #[derive(Debug)]
 pub(crate) enum DeferredRays {
     Camera(Camera),
-    /// No rays: of an encoded step without queries, or of a query without rays.
+    /// No rays. Used for encoded steps without queries, and for queries of no rays.
     #[cfg(feature = "wgpu")]
     Empty,
     #[cfg(feature = "wgpu")]

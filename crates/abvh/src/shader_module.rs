@@ -49,8 +49,9 @@ impl Tracer {
     ///
     /// # Errors
     /// [`Error::Unsupported`] on devices other than wgpu's. [`Error::Misuse`] for another intersector than
-    /// `watertight`. Also [`Error::Misuse`] if no such step has succeeded since the tracer was built, a mesh was
-    /// [replaced](Tracer::commit), a step failed, or the encoder of a step was dropped.
+    /// `watertight`. Also [`Error::Misuse`] if neither such a step nor `warm_up` has succeeded since the tracer was
+    /// built, or if no such step has succeeded since a mesh was [replaced](Tracer::commit), a step failed, or the
+    /// encoder of a step was dropped.
     pub fn scene_buffers(&mut self) -> Result<SceneBuffers> {
         let current = &mut self.state().current;
         let is_stale = current.is_stale;

@@ -209,7 +209,7 @@ impl Tracer {
     ///
     /// # Errors
     /// [`Error::NoResult`] as for [`Tracer::hits`], and for a query without closest hits. Also [`Error::NoResult`] if
-    /// the scene has no triangle that can be hit, unless the query has [`RayBuffers::results`]. [`Error::Unsupported`]
+    /// the scene has no triangle that can be hit, unless the query has rays and [`RayBuffers::results`]. [`Error::Unsupported`]
     /// on other devices.
     pub fn hits_buffer(&self, step: StepId, query: QueryId) -> Result<wgpu::Buffer> {
         let mut state = self.shared_state();

@@ -196,10 +196,12 @@ impl JournalContents {
         let mut done = Self::default();
         for file in journals(folder)? {
             let cannot = |e| OutputError::reading(&file, e);
+            let mut expected = BTreeMap::new();
             for line in BufReader::new(host::open(&file).map_err(cannot)?).split(b'\n') {
                 match serde_json::from_slice(&line.map_err(cannot)?) {
                     Ok(JournalLine::Run { list, kinds, stats }) => {
-                        done.add_run(list, &kinds);
+                        // A later run of the same frames may write fewer kinds of files.
+                        expected.extend(list.into_iter().map(|frame| (frame, kinds.clone())));
                         done.stats = Some(stats).filter(Value::is_object).or(done.stats);
                     }
                     Ok(JournalLine::Frame { files, row }) if are_ours(&files) => {
@@ -208,15 +210,11 @@ impl JournalContents {
                     Ok(JournalLine::Frame { .. }) | Err(_) => {}
                 }
             }
+            for (frame, kinds) in expected {
+                done.expected.entry(frame).or_default().extend(kinds);
+            }
         }
         Ok(done)
-    }
-
-    /// Adds the frames of a run's line, and the kinds of their files.
-    fn add_run(&mut self, list: Vec<u64>, kinds: &[FileKind]) {
-        for frame in list {
-            self.expected.entry(frame).or_default().extend(kinds);
-        }
     }
 
     /// Adds a frame's line. Files that only earlier lines list remain known.

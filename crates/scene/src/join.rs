@@ -6,7 +6,7 @@
 use crate::mesh::joined_triangles;
 use crate::paging::{KeySize, check_keys, within};
 use crate::paths::{exists, path};
-use crate::rounding::{Position, Rounding};
+use crate::rounding::{Position, RoundedPosition, remarks};
 use crate::source::{is_gltf_input, open_one, refuse_clip};
 use crate::{Facts, Result, Scene, SceneError, SceneOptions, paging};
 use geom::Point;
@@ -157,12 +157,14 @@ fn join(spec: &str, inputs: &[Input<'_>], options: &SceneOptions) -> Result<Scen
     let mut places: Vec<_> = places.collect();
     let mut facts = facts(&scenes);
     facts.offset = options.recentre.then(|| recentre(&mut places, &scenes));
-    for ((input, scene), place) in inputs.iter().zip(&scenes).zip(&places) {
+    let positions = scenes.iter().zip(&places).flat_map(|(scene, place)| {
         let points = scene.animation.first().iter();
-        let placed = points.map(|p| place.put_exactly(p.map(f64::from)));
-        let remarks = Rounding::default().remarks(&path(input.spec), placed, options);
-        facts.notes.extend(remarks);
-    }
+        points.map(|&p| RoundedPosition {
+            exact: place.put_exactly(p.map(f64::from)),
+            rounded: place.put(p),
+        })
+    });
+    facts.notes.extend(remarks(&path(spec), positions, options));
     let placed: Vec<_> = animations().map(Arc::clone).zip(places).collect();
     let source = move |key: usize| {
         let mut all = Vec::with_capacity(vertices);

@@ -49,45 +49,63 @@ impl Rounding {
         options.recentre.then_some(self.offset)
     }
 
-    /// Returns a remark if a coordinate of the first key frame exceeds the range of single precision, and one if
-    /// rounding moves a coordinate by more than 0.001 of the key frame's size.
+    /// Returns the [remarks] for the first key frame.
     pub(crate) fn remarks(
         &self,
         path: &Path,
-        first: impl Iterator<Item = Position> + Clone,
+        first: &[Position],
         options: &SceneOptions,
     ) -> Vec<String> {
-        const SHARE: f64 = 1e-3;
-        let (mut remarks, file) = (Vec::new(), path.display());
-        let errors_of = |p: Position| -> [f64; 3] {
-            let rounded = self.point(p);
-            std::array::from_fn(|i| (f64::from(rounded[i]) - (p[i] - self.offset[i])).abs())
+        let rounded = |&p: &Position| RoundedPosition {
+            exact: std::array::from_fn(|i| p[i] - self.offset[i]),
+            rounded: self.point(p),
         };
-        let errors = first.clone().flat_map(errors_of);
-        // The error of a coordinate that is not finite is NaN.
-        if errors.clone().any(f64::is_infinite) {
-            remarks.push(format!(
-                "{file}: a coordinate exceeds the range of 32-bit floats, so no ray hits triangles with its vertex"
-            ));
-        }
-        let loss = errors.filter(|e| e.is_finite()).fold(0.0, f64::max);
-        let size = finite_bounds(first).map(|[min, max]| {
-            let [x, y, z]: [f64; 3] = std::array::from_fn(|i| max[i] - min[i]);
-            x.hypot(y).hypot(z)
-        });
-        if let Some(size) = size.filter(|size| loss > size * SHARE) {
-            let hint = if options.recentre {
-                ""
-            } else {
-                "; --recentre subtracts the centre before rounding"
-            };
-            let (loss, size) = (figure(loss), figure(size));
-            remarks.push(format!(
-                "{file}: coordinates lose up to {loss} when they are rounded to 32-bit floats, in a scene of size {size}{hint}"
-            ));
-        }
-        remarks
+        remarks(path, first.iter().map(rounded), options)
     }
+}
+
+/// A position before and after rounding.
+pub(crate) struct RoundedPosition {
+    pub(crate) exact: Position,
+    pub(crate) rounded: Point,
+}
+
+/// Returns a remark if a coordinate of a scene exceeds the range of single precision, and one if rounding moves a
+/// coordinate by more than 0.001 of the scene's size.
+pub(crate) fn remarks(
+    path: &Path,
+    positions: impl Iterator<Item = RoundedPosition> + Clone,
+    options: &SceneOptions,
+) -> Vec<String> {
+    const SHARE: f64 = 1e-3;
+    let (mut remarks, file) = (Vec::new(), path.display());
+    let errors_of = |p: RoundedPosition| -> [f64; 3] {
+        std::array::from_fn(|i| (f64::from(p.rounded[i]) - p.exact[i]).abs())
+    };
+    let errors = positions.clone().flat_map(errors_of);
+    // The error of a coordinate that is not finite is NaN.
+    if errors.clone().any(f64::is_infinite) {
+        remarks.push(format!(
+            "{file}: a coordinate exceeds the range of 32-bit floats, so no ray hits triangles with its vertex"
+        ));
+    }
+    let loss = errors.filter(|e| e.is_finite()).fold(0.0, f64::max);
+    let size = finite_bounds(positions.map(|p| p.exact)).map(|[min, max]| {
+        let [x, y, z]: [f64; 3] = std::array::from_fn(|i| max[i] - min[i]);
+        x.hypot(y).hypot(z)
+    });
+    if let Some(size) = size.filter(|size| loss > size * SHARE) {
+        let hint = if options.recentre {
+            ""
+        } else {
+            "; --recentre subtracts the centre before rounding"
+        };
+        let (loss, size) = (figure(loss), figure(size));
+        remarks.push(format!(
+            "{file}: coordinates lose up to {loss} when they are rounded to 32-bit floats, in a scene of size {size}{hint}"
+        ));
+    }
+    remarks
 }
 
 /// Formats a number with three decimals. Very small and large numbers use scientific notation.

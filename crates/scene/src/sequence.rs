@@ -59,7 +59,7 @@ pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &SceneOptions) ->
     let exact = pick(path, &mesh.points, &kept)?;
     drop(mesh.points);
     let rounding = Rounding::of(&exact, options);
-    notes.extend(rounding.remarks(path, exact.iter().copied(), options));
+    notes.extend(rounding.remarks(path, &exact, options));
     let first = rounding.points(&exact);
     drop(exact);
     let (keys, vertices) = (files.len(), kept.len());

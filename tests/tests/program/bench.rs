@@ -164,8 +164,15 @@ fn random_rays(sandbox: &Sandbox) {
 /// name. The files of an incomplete scene are not overwritten.
 fn failed(sandbox: &Sandbox) {
     sandbox.write("bad.obj", "f 1 2 3");
-    let overwriting = "bench bad.obj+gone.obj --backend cpu --json bad.obj";
-    sandbox.assert_refused(overwriting, &["would overwrite", "SCENE"]);
+    sandbox.write("in/bad.obj", "f 1 2 3");
+    for (scene, output) in [
+        ("bad.obj+gone.obj", "bad.obj"),
+        ("bad.obj@1,2,3+gone.obj", "bad.obj"),
+        ("in+gone.obj", "in/bad.obj"),
+    ] {
+        let overwriting = format!("bench {scene} --backend cpu --json {output}");
+        sandbox.assert_refused(&overwriting, &["would overwrite", "SCENE"]);
+    }
     let words = "bench gone.obj demo:twist:500 --backend wgpu,cpu --adapter host --update refit \
                  --size 16x12 --frames 2 --quiet --json b.json --csv b.csv";
     let run = sandbox.run(words);

@@ -267,6 +267,17 @@ fn other_kinds(sandbox: &Sandbox) {
     sandbox.run("merge o h").fails(1, &["2 of 4", "2, 3"]);
     sandbox.run_ok(&format!("{words} --shard 2/2 --hits h"));
     sandbox.run_ok("merge o h");
+    // A run that was killed after two frames, and continues without hits.
+    let words = format!("{SMALL} --frames 4 --out p");
+    sandbox.run_ok(&format!("{words} --hits p"));
+    let journal = sandbox.text("p/abvh-run.jsonl");
+    let begun: String = journal.split_inclusive('\n').take(3).collect();
+    sandbox.write("p/abvh-run.jsonl", begun);
+    for frame in [2, 3] {
+        sandbox.remove(&format!("p/hits_000{frame}.npz"));
+    }
+    sandbox.run_ok(&format!("{words} --resume"));
+    sandbox.run_ok("merge p");
 }
 
 fn tampered(sandbox: &Sandbox) {

@@ -14,6 +14,14 @@ pub(super) struct Removed {
     advice: &'static str,
 }
 
+const fn option(option: &'static str, advice: &'static str) -> Removed {
+    Removed {
+        option,
+        value: None,
+        advice,
+    }
+}
+
 const REMOVED: [Removed; 14] = [
     Removed {
         option: "--update",
@@ -25,66 +33,30 @@ const REMOVED: [Removed; 14] = [
         value: Some("auto"),
         advice: "use --intersector watertight (the default) or --intersector exact",
     },
-    Removed {
-        option: "--tolerance",
-        value: None,
-        advice: "use --intersector watertight (the default) or --intersector exact",
-    },
-    Removed {
-        option: "--layout",
-        value: None,
-        advice: "use --backend cpu-ref for the binary tree; other backends have one layout each",
-    },
-    Removed {
-        option: "--law",
-        value: None,
-        advice: "use --property",
-    },
-    Removed {
-        option: "--oracle-rays",
-        value: None,
-        advice: "use --property continued_rays_visit_every_crossing_once --cases N",
-    },
-    Removed {
-        option: "--leak-rays",
-        value: None,
-        advice: "use abvh stability, which counts leaks",
-    },
-    Removed {
-        option: "conform --intersector",
-        value: None,
-        advice: "use abvh stability",
-    },
-    Removed {
-        option: "--timeline",
-        value: None,
-        advice: "use --stats, which has the times of every frame",
-    },
-    Removed {
-        option: "--compare",
-        value: None,
-        advice: "compare the files of --json or --csv",
-    },
-    Removed {
-        option: "--against",
-        value: None,
-        advice: "compare the files of --json or --csv",
-    },
-    Removed {
-        option: "--fail-above",
-        value: None,
-        advice: "compare the files of --json or --csv",
-    },
-    Removed {
-        option: "--reduce-keys",
-        value: None,
-        advice: "there is no replacement",
-    },
-    Removed {
-        option: "--reduced-out",
-        value: None,
-        advice: "there is no replacement",
-    },
+    option(
+        "--tolerance",
+        "use --intersector watertight (the default) or --intersector exact",
+    ),
+    option(
+        "--layout",
+        "use --backend cpu-ref for the binary tree; other backends have one layout each",
+    ),
+    option("--law", "use --property"),
+    option(
+        "--oracle-rays",
+        "use --property continued_rays_visit_every_crossing_once --cases N",
+    ),
+    option("--leak-rays", "use abvh stability, which counts leaks"),
+    option("conform --intersector", "use abvh stability"),
+    option(
+        "--timeline",
+        "use --stats, which has the times of every frame",
+    ),
+    option("bench --compare", "compare the files of --json or --csv"),
+    option("bench --against", "compare the files of --json or --csv"),
+    option("bench --fail-above", "compare the files of --json or --csv"),
+    option("--reduce-keys", "there is no replacement"),
+    option("--reduced-out", "there is no replacement"),
 ];
 
 impl fmt::Display for Removed {

@@ -202,10 +202,10 @@ impl RunPlan {
 
     /// Fails if a folder contains another run.
     fn check(&self, folder: &Path) -> Result<(), CliError> {
-        let found = known_run(folder)?;
-        found.map_or(Ok(()), |found| {
-            check_same_run(folder, &found, &self.manifest)
-        })
+        match known_run(folder)? {
+            Some(found) => check_same_run(folder, &found, &self.manifest),
+            None => Ok(()),
+        }
     }
 }
 

@@ -76,7 +76,7 @@ pub(crate) fn open(name: String, path: &Path, options: &SceneOptions) -> Result<
     };
     let exact = positions(0)?;
     let rounding = Rounding::of(&exact, options);
-    notes.extend(rounding.remarks(path, exact.iter().copied(), options));
+    notes.extend(rounding.remarks(path, &exact, options));
     let facts = Facts {
         format: extension(path),
         files: vec![path.to_owned()],

@@ -158,10 +158,15 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let library = folder.path().join(OsStr::from_bytes(b"\xe9.mtl"));
         fs::write(library, b"newmtl \xe8\nKd 1 0 0\nnewmtl \xe9\nKd 0 1 0\n").unwrap();
-        let obj = b"mtllib \xe9.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl \xe8\nf 1 2 3\nusemtl \xe9\nf 1 2 3\n";
+        let obj = b"mtllib \xe9.mtl\n\xe9tat\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl \xe8\nf 1 2 3\nusemtl \xe9\nf 1 2 3\n";
         let name = put(&folder, "a.obj", obj).display().to_string();
         let scene = crate::open(&name, &crate::SceneOptions::default()).unwrap();
         assert_eq!(scene.colours[..], [[255, 0, 0], [0, 255, 0]]);
         assert_eq!(crate::files(&name, false).unwrap().len(), 2);
+        let notes = &scene.facts.notes;
+        assert!(
+            notes.len() == 1 && notes[0].contains("tat'") && !notes[0].contains('\0'),
+            "{notes:?}"
+        );
     }
 }

@@ -11,7 +11,7 @@ pub(crate) use materials::library_names;
 use crate::mesh::{
     Colours, MaterialUse, Materials, Paint, PolygonMesh, Polygons, SHORT_FACES, Skipped, append,
 };
-use crate::paths::encode;
+use crate::paths::{encode, path};
 use crate::rounding::Position;
 use crate::text::{LineError, before_comment, check_encoding, lines, number};
 use crate::{Result, SceneError};
@@ -103,7 +103,7 @@ impl Statements {
             | "shadow_obj" | "trace_obj" => {}
             word if word.starts_with('#') => {}
             word => {
-                let word = word.chars().take(24).collect();
+                let word = path(word).display().to_string().chars().take(24).collect();
                 self.skipped.entry(word).or_default().add(("line", line));
             }
         }

@@ -144,8 +144,22 @@ fn placements_that_lose_precision_are_noted() {
     let notes = |name: &str| open(&folder, name, false).facts.notes;
     assert!(notes("unit.obj@1,2,3*0.1").is_empty());
     let far = notes(&format!("unit.obj@{EAST},{NORTH},7"));
-    let says = "unit.obj: coordinates lose up to 0.2";
+    let says = ": coordinates lose up to 0.2";
     assert!(far.len() == 1 && far[0].contains(says), "{far:?}");
+    // The placement itself is rounded, too.
+    put(
+        &folder,
+        "far.obj",
+        "v 5000000 0 0\nv 5000001 0 0\nv 5000000 1 0\nf 1 2 3\n",
+    );
+    assert_eq!(notes("far.obj@-5000000.3,0,0").len(), 1);
+    // The loss is compared with the size of the whole scene.
+    put(
+        &folder,
+        "wide.obj",
+        "v 0 0 0\nv 100000 0 0\nv 0 100000 0\nf 1 2 3\n",
+    );
+    assert!(notes("wide.obj+unit.obj@50000.3,0,0").is_empty());
 }
 
 #[test]
