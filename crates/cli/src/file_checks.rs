@@ -34,13 +34,8 @@ impl<'a> CommandFiles<'a> {
             return Ok(());
         }
         for scene in scenes {
-            // Outside files are protected even if they are not read. If an input is invalid, opening the scene reports it.
-            // The files of the other inputs are still protected.
-            let of_input = |input| scene::files(input, true).unwrap_or_default();
-            let files = scene::files(scene, true)
-                .unwrap_or_else(|_| scene.split('+').flat_map(of_input).collect());
-            self.read
-                .extend(files.into_iter().map(|file| ("SCENE", file)));
+            let files = scene::protected_files(scene).into_iter();
+            self.read.extend(files.map(|file| ("SCENE", file)));
         }
         self.check_apart()?;
         for (_, folder) in &self.folders {

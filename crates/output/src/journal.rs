@@ -183,7 +183,7 @@ enum JournalLine {
 /// Combined contents of all journals of a folder.
 #[derive(Debug, Default)]
 pub struct JournalContents {
-    /// Kinds of files that each frame of all runs gets in the folder, by frame number.
+    /// Kinds of files that each frame gets in the folder, by frame number.
     pub expected: BTreeMap<u64, BTreeSet<FileKind>>,
     /// Statistics of the last run that recorded any, without those of its frames.
     pub stats: Option<Value>,

@@ -21,13 +21,33 @@ pub fn files(spec: &str, allow_outside: bool) -> Result<Vec<PathBuf>> {
         all: Vec::new(),
     };
     for input in inputs(spec, &exists)? {
-        if !input.spec.starts_with("demo:") {
-            list.add_input(input.spec)?;
-        }
+        list.add_input(input.spec)?;
     }
     list.all.sort();
     list.all.dedup();
     Ok(list.all)
+}
+
+/// Returns the files of the scene `spec` that no output may overwrite, including those outside its folder. Unlike [`files`],
+/// returns all files that it finds if the scene is invalid.
+pub fn protected_files(spec: &str) -> Vec<PathBuf> {
+    let mut list = FileList {
+        allow_outside: true,
+        all: Vec::new(),
+    };
+    let names: Vec<&str> = match inputs(spec, &exists) {
+        Ok(inputs) => inputs.iter().map(|input| input.spec).collect(),
+        // A placement is invalid.
+        Err(_) => spec
+            .split('+')
+            .map(|text| text.rsplit_once('@').map_or(text, |(name, _)| name))
+            .collect(),
+    };
+    for name in names {
+        // Opening the scene reports this error.
+        let _ = list.add_input(name);
+    }
+    list.all
 }
 
 /// Files found so far.
@@ -38,6 +58,9 @@ struct FileList {
 
 impl FileList {
     fn add_input(&mut self, spec: &str) -> Result<()> {
+        if spec.starts_with("demo:") {
+            return Ok(());
+        }
         let path = &path(spec);
         match fs::metadata(path) {
             Ok(metadata) if metadata.is_dir() => self.add_key_frames(&visible_files(path)?),
@@ -50,11 +73,14 @@ impl FileList {
         }
     }
 
-    /// Adds the key frames among several files.
+    /// Adds the key frames among several files. Returns the first error, after all files.
     fn add_key_frames(&mut self, files: &[PathBuf]) -> Result<()> {
         let is_mesh = |f: &&PathBuf| matches!(extension(f).as_str(), "obj" | "ply");
-        let mut meshes = files.iter().filter(is_mesh);
-        meshes.try_for_each(|f| self.add_with_companions(f))
+        let added = files
+            .iter()
+            .filter(is_mesh)
+            .map(|f| self.add_with_companions(f));
+        added.fold(Ok(()), Result::and)
     }
 
     /// Adds a file and the files that it refers to.
@@ -123,6 +149,8 @@ mod tests {
         assert_eq!(folder, [&a, &b, &x, &y].map(PathBuf::clone));
         assert_eq!(files(&name(&dir.path().join("a/[0-9n]*"))).unwrap(), folder);
         assert_eq!(files(&name(&a)).unwrap(), [a, x]);
+        let invalid = format!("nowhere.obj+{}@1,0", name(&b));
+        assert_eq!(protected_files(&invalid), [&b, &y].map(PathBuf::clone));
         let both = format!("{}+demo:hall+{}@1,0,0", name(&g), name(&b));
         assert_eq!(files(&both).unwrap(), [b, y, d, g]);
         assert!(files("demo:twist").unwrap().is_empty());

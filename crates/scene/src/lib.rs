@@ -26,7 +26,7 @@ mod source;
 mod text;
 mod viewpoint;
 
-pub use files::files;
+pub use files::{files, protected_files};
 pub use join::{is_joined, open};
 pub use paths::encode_path;
 use std::fmt::Display;

@@ -165,10 +165,13 @@ fn random_rays(sandbox: &Sandbox) {
 fn failed(sandbox: &Sandbox) {
     sandbox.write("bad.obj", "f 1 2 3");
     sandbox.write("in/bad.obj", "f 1 2 3");
+    sandbox.write("lfs.obj", "version https://git-lfs.github.com/spec/v1\n");
     for (scene, output) in [
         ("bad.obj+gone.obj", "bad.obj"),
         ("bad.obj@1,2,3+gone.obj", "bad.obj"),
         ("in+gone.obj", "in/bad.obj"),
+        ("bad.obj@1e+2,0,0+gone.obj", "bad.obj"),
+        ("lfs.obj", "lfs.obj"),
     ] {
         let overwriting = format!("bench {scene} --backend cpu --json {output}");
         sandbox.assert_refused(&overwriting, &["would overwrite", "SCENE"]);
