@@ -45,8 +45,8 @@ pub fn pool(threads: usize) -> ThreadPool {
     pool.expect("the machine can start threads")
 }
 
-/// Returns the stage that the first argument with a stage name at its beginning selects, or `None` to measure all
-/// stages. Other arguments are criterion's options and their values.
+/// Returns the stage whose name an argument begins with, or `None` to measure all stages. The first such argument counts.
+/// Other arguments are criterion's options and their values.
 pub fn selected_stage<'a>(
     stages: &[&'a str],
     arguments: impl IntoIterator<Item = String>,
@@ -68,7 +68,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn option_values_select_no_stage() {
+    fn stage_is_found_among_options() {
         for (line, expected) in [
             ("--bench", None),
             ("--save-baseline before --bench", None),

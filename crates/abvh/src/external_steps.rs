@@ -118,12 +118,12 @@ impl Step<'_> {
     /// The device waits. The host also waits if it needs results of the device: for hits, pictures and
     /// [`Tracer::commit`], for a tree before the first query, with [`Update::Rebuild`](crate::Update::Rebuild) and
     /// [`Update::Lockstep`](crate::Update::Lockstep), and while too many steps are in flight. If the value is never
-    /// reached, it waits forever. If the step is dropped, the next step waits and signals in its place.
+    /// reached, they wait forever. If the step is dropped, the next step waits and signals in its place.
     ///
     /// # Errors
     /// [`Error::TooLate`] after a query. [`Error::Unsupported`] on devices other than Vulkan's. [`Error::Misuse`] if
-    /// the semaphore belongs to another device, or if `signal` is not above `wait`, the semaphore's value and the
-    /// signals of earlier steps, or exceeds the semaphore's value by more than the device allows.
+    /// the semaphore belongs to another device, or if `wait`, the semaphore's value or an earlier step's
+    /// signal is at least `signal`. Also if `signal` exceeds the semaphore's value by more than the device allows.
     pub fn synchronize(
         &mut self,
         semaphore: &ExternalSemaphore,

@@ -105,7 +105,7 @@ impl Mesh {
     ///
     /// # Errors
     /// [`Error::Mesh`] without key frames, or as for [`Mesh::fixed`]. [`Error::KeyFrame`] if the numbers of vertices
-    /// differ, or with the message of `read`, also from later steps.
+    /// differ or `read` fails, also from later steps.
     pub fn sequence<E: Display>(
         keys: usize,
         window: usize,

@@ -49,9 +49,8 @@ impl Tracer {
     ///
     /// # Errors
     /// [`Error::Unsupported`] on devices other than wgpu's. [`Error::Misuse`] for another intersector than
-    /// `watertight`. Also [`Error::Misuse`] if neither such a step nor `warm_up` has succeeded since the tracer was
-    /// built, or if no such step has succeeded since a mesh was [replaced](Tracer::commit), a step failed, or the
-    /// encoder of a step was dropped.
+    /// `watertight`, and before the first such step or `warm_up`. After a mesh was [replaced](Tracer::commit), a step
+    /// failed, or the encoder of a step was dropped, also [`Error::Misuse`] until such a step succeeds.
     pub fn scene_buffers(&mut self) -> Result<SceneBuffers> {
         let current = &mut self.state().current;
         let is_stale = current.is_stale;

@@ -46,7 +46,7 @@ impl ResidentScene {
         }
     }
 
-    /// Waits for encoded steps, unless the next step is encoded too. Otherwise it would run before them.
+    /// Waits for encoded steps if the next step is not encoded and would overtake them.
     ///
     /// # Errors
     /// [`Error::Misuse`] if the program has not submitted them.

@@ -77,7 +77,7 @@ pub struct StageTimes {
     #[serde(serialize_with = "rounded")]
     pub interpolate_ms: Option<f64>,
     /// Computation of triangle records and boxes of leaves from positions or from key frames. Most devices also compute
-    /// boxes of inner nodes here, up to all of them. Includes the same work for a candidate tree. On the host, includes
+    /// some or all boxes of inner nodes here. Includes the same work for a candidate tree. On the host, includes
     /// its whole evaluation.
     #[serde(serialize_with = "rounded")]
     pub preprocess_ms: Option<f64>,

@@ -53,8 +53,8 @@ pub(crate) struct MeasureSettings {
     /// Intersectors
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = parsers::intersector())]
     pub(crate) intersector: Vec<Intersector>,
-    /// Frames of each run: N spread evenly over the time range, or those at key times A..B or in a list such as
-    /// 1,4,10-20x2
+    /// Frames of each run: N spread evenly over the time range, key times A..B, or a list such as 1,4,10-20x2 (every
+    /// second)
     #[arg(long, value_name = "N|A..B|LIST")]
     pub(crate) frames: FrameChoice,
     /// Time range, in key frames [default: the whole motion]

@@ -181,8 +181,8 @@ impl<L: Lanes> PreparedRays<L> {
         let negative = each!(i => d[i].less(L::splat(0.0)));
         let signed = each!(i => inverse[i].replace(negative[i], inverse[i].neg()));
         // At extreme moments, `starts` is unused. At others, it overflows only if the origin is so far away that
-        // `plane - origin` rounds to `-origin` for every plane. The box test then multiplies the same numbers, so its
-        // products overflow too.
+        // `plane - origin` rounds to `-origin` for every plane. Then `(plane - origin) * inverse` of the box test is
+        // the same product and overflows too.
         let starts = each!(i => {
             let from = origin[i].mul(signed[i]).neg();
             let wide = L::splat(INNER[0]).mul(farthest).add(L::splat(INNER[1]).mul(origin[i].abs()));

@@ -68,7 +68,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
         &mut self.engine.gpu
     }
 
-    /// Gives each submission that is known to never run an empty report, and returns their tickets. The next submission
+    /// Returns the tickets of submissions that are known to never run, and gives each an empty report. The next submission
     /// must then begin with `interpolate`.
     pub fn remove_dropped(&mut self) -> Vec<Ticket> {
         let dropped = self.engine.remove_dropped();

@@ -243,7 +243,7 @@ impl<D: GpuDevice> Engine<D> {
         Ok(ticket)
     }
 
-    /// Gives each submission that is known to never run an empty report, and returns their tickets. Later submissions
+    /// Returns the tickets of submissions that are known to never run, and gives each an empty report. Later submissions
     /// depend on earlier ones, so all data on the device is then stale.
     pub fn remove_dropped(&mut self) -> Vec<Ticket> {
         let dropped = self.frames.remove_dropped(&mut self.gpu);

@@ -152,7 +152,7 @@ impl<D: GpuDevice> Frames<D> {
     ) -> Result<Ticket> {
         self.recorder.close();
         let ticket = Ticket(self.submitted.0 + 1);
-        // The device reuses the resources of this submission, even if the one after it was dropped.
+        // The device reuses the resources of `earlier`, even if the submission after that was dropped.
         let earlier = ticket.0.saturating_sub(FRAMES_IN_FLIGHT as u64);
         self.finish(gpu, Ticket(earlier))?;
         let at = Instant::now();
@@ -187,7 +187,7 @@ impl<D: GpuDevice> Frames<D> {
         open.map(|s| s.ticket)
     }
 
-    /// Gives each submission that is known to never run an empty report, and returns their tickets.
+    /// Returns the tickets of submissions that are known to never run, and gives each an empty report.
     pub(crate) fn remove_dropped(&mut self, gpu: &mut D) -> Vec<Ticket> {
         let mut dropped = Vec::new();
         for ticket in self.unfinished().collect::<Vec<_>>() {

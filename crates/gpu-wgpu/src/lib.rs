@@ -7,7 +7,7 @@
 //!
 //! If the device accepts SPIR-V, wgpu passes it the same SPIR-V as `gpu-vulkan`, unchanged. Otherwise wgpu translates
 //! WGSL, which is written so that translators cannot simplify its arithmetic. Both forms produce the same bits, except
-//! for textbook tests and areas of boxes. When a device is opened, a test verifies its arithmetic.
+//! for textbook intersectors (`docs/design/hits.md`) and areas of boxes. When a device is opened, a test verifies its arithmetic.
 //!
 //! [`from_device`] creates a backend on a wgpu device that the program owns.
 

@@ -240,7 +240,7 @@ fn plain_target(path: &Path) -> io::Result<Option<PathBuf>> {
     }
 }
 
-/// Returns the path of the open file descriptor that `path` leads to, with a canonical folder. For example,
+/// Returns the path of the open file descriptor that `path` leads to. Its folder is canonical. For example,
 /// `/dev/stdout` leads to `/proc/PID/fd/1`. Returns `None` for other paths.
 fn descriptor(path: &Path) -> Option<PathBuf> {
     links(path).find_map(|link| {

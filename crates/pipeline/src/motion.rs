@@ -163,7 +163,7 @@ impl RefitDegradation {
         worst: 1.0,
     };
 
-    /// Samples the range of a run of frames at `times`, which are in key frames and in any order. Runs in the rayon
+    /// Samples the time range of frames at `times` (in key frames, in any order). Runs in the rayon
     /// pool that the caller installed.
     ///
     /// # Errors

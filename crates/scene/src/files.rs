@@ -37,7 +37,7 @@ pub fn protected_files(spec: &str) -> Vec<PathBuf> {
     };
     let names: Vec<&str> = match inputs(spec, &exists) {
         Ok(inputs) => inputs.iter().map(|input| input.spec).collect(),
-        // A placement is invalid.
+        // A placement is invalid, or an input has no name.
         Err(_) => spec
             .split('+')
             .map(|text| text.rsplit_once('@').map_or(text, |(name, _)| name))

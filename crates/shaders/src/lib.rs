@@ -1,9 +1,9 @@
 //! All WGSL kernels, compiled and reflected at build time.
 //!
-//! Each kernel comes in two forms. Both give the same bits as `cpu-ref`, except for textbook intersectors and areas of
-//! boxes. The first is SPIR-V whose additions, subtractions
-//! and multiplications are decorated NoContraction. The second is WGSL with arithmetic that a compiler cannot see through,
-//! for hosts that cannot load SPIR-V.
+//! Each kernel comes in two forms. Both give the same bits as `cpu-ref`, except for textbook intersectors
+//! (`docs/design/hits.md`) and areas of boxes. The first is SPIR-V whose additions, subtractions and multiplications are
+//! decorated NoContraction. The second is WGSL with arithmetic that a compiler cannot see through, for hosts that cannot
+//! load SPIR-V.
 //!
 //! The kernels are WESL: each file in `wgsl` imports what it uses, and conditions (`@if(EXACT)`) distinguish variants. A
 //! comment above an entry point lists the properties in which its variants differ: see `build/variants.rs`. This prints

@@ -160,8 +160,8 @@ fn random_rays(sandbox: &Sandbox) {
     }
 }
 
-/// Checks that other runs keep their rows when some fail. One scene is missing, and only the host has an adapter of this
-/// name. The files of an incomplete scene are not overwritten.
+/// Checks that other runs keep their rows when some fail. One scene is missing, and only the host has an adapter named
+/// `host`. The files of an incomplete scene are not overwritten.
 fn failed(sandbox: &Sandbox) {
     sandbox.write("bad.obj", "f 1 2 3");
     sandbox.write("in/bad.obj", "f 1 2 3");

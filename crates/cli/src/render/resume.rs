@@ -220,7 +220,7 @@ fn known_run(folder: &Path) -> Result<Option<Manifest>, CliError> {
     if journals.is_empty() {
         return Ok(None);
     }
-    // Lines follow a manifest. Another run may have written both just now.
+    // A manifest is written before any line. Another run may have written both just now.
     let found = manifest()?.ok_or_else(|| {
         CliError::invalid(format!(
             "{} holds an unknown run, because it has no manifest; --overwrite replaces it",

@@ -39,7 +39,7 @@ fn enqueue(node: u32) { queue[atomicAdd(&queue_length, 1u)] = node; }
 
 fn add_candidate(leaf: u32) {
     atomicAdd(&candidate_count, 1u);
-    // Once the buffer is full, the count must not increase further, because it could wrap around.
+    // Once the buffer is full, CANDIDATE_COUNT must not increase: it could wrap around.
     if atomicLoad(&counts[CANDIDATE_COUNT]) > params.search.candidate_capacity { return; }
     let candidate = allocate_candidate(leaf);
     if candidate != UNDECIDED { occluded[candidate_at(candidate) + 1u] = atomicExchange(&first_candidate, candidate); }

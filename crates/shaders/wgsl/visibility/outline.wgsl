@@ -211,7 +211,7 @@ fn loose_last_pixel(p: Projected, size: u32) -> i32 {
     return i32(clamp(floor(max_component(p.at + p.error_bound) + params.pixel_margin), -1.0, f32(size) - 1.0));
 }
 
-// Returns the difference of each coordinate and the next one, rounded exactly once, as the error bounds require.
+// Returns each coordinate's successor minus the coordinate itself, rounded exactly once, as the error bounds require.
 fn to_next(at: vec3<f32>) -> vec3<f32> { return sub_each(at.yzx, at); }
 
 // Moving the corners by their error bounds and the pixels by the margin moves the interior by at most the sum. Edges that are

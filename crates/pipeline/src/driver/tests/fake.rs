@@ -50,7 +50,7 @@ impl Deref for Vertices {
 
 /// A call that fails once.
 pub(in crate::driver) struct Failure {
-    /// Name of the method.
+    /// Name of the call: the argument of `check`.
     pub(in crate::driver) call: &'static str,
     /// Number of earlier calls of the method, which succeed.
     pub(in crate::driver) after: usize,
