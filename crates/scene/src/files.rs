@@ -3,9 +3,8 @@
 use crate::folder::Folder;
 use crate::gltf::buffer_files;
 use crate::join::inputs;
-use crate::obj::{library_names, whole_statement};
-use crate::paths::{encode, exists, extension, is_pattern, matching_files, path, visible_files};
-use crate::text::lines;
+use crate::obj::{library_names, statements};
+use crate::paths::{exists, extension, is_pattern, matching_files, path, visible_files};
 use crate::{Result, SceneError};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -109,14 +108,10 @@ impl FileList {
     }
 }
 
-/// Returns the text after each `mtllib`. Skips a byte order mark, and splits and joins lines, as the OBJ reader does.
+/// Returns the text after each `mtllib`.
 fn material_statements(obj: &Path) -> std::io::Result<Vec<String>> {
     let mut names = Vec::new();
-    let bytes = host::read(obj)?;
-    let text = bytes.strip_prefix("\u{feff}".as_bytes());
-    let mut lines = lines(text.unwrap_or(&bytes));
-    while let Some(line) = lines.next() {
-        let statement = whole_statement(encode(line), lines.by_ref().map(encode));
+    for (_, statement) in statements(&host::read(obj)?) {
         if let Some(("mtllib", name)) = statement.trim().split_once(char::is_whitespace) {
             names.push(name.trim().to_owned());
         }

@@ -22,8 +22,11 @@ pub(crate) fn open_one(spec: &str, options: &SceneOptions) -> Result<Scene> {
 
 /// Returns whether an input is a single glTF file, named by its path or by a glob.
 pub(crate) fn is_gltf_input(spec: &str) -> bool {
-    let matched = matching_files(spec).unwrap_or_default();
-    is_gltf(&path(spec)) || matches!(matched.as_slice(), [only] if is_gltf(only))
+    let is_only_match = || {
+        let matched = matching_files(spec).unwrap_or_default();
+        matches!(matched.as_slice(), [only] if is_gltf(only))
+    };
+    is_gltf(&path(spec)) || is_pattern(spec) && is_only_match()
 }
 
 /// Returns an error if `options` name a clip. Used for sources without clips.

@@ -17,6 +17,7 @@ use crate::text::{LineError, before_comment, check_encoding, lines, number};
 use crate::{Result, SceneError};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::iter;
 use std::path::Path;
 
 pub(crate) fn read(path: &Path) -> Result<PolygonMesh> {
@@ -66,13 +67,9 @@ impl Statements {
             open_end: !bytes.ends_with(b"\n") && !bytes.ends_with(b"\r") && !bytes.is_empty(),
             ..Self::default()
         };
-        let text = bytes.strip_prefix("\u{feff}".as_bytes()).unwrap_or(bytes);
-        let mut numbered = (1..).zip(lines(text).map(encode));
         let mut last_line = 0;
-        while let Some((number, line)) = numbered.next() {
+        for (number, statement) in statements(bytes) {
             last_line = number;
-            let rest = numbered.by_ref().map(|(_, line)| line);
-            let statement = whole_statement(line, rest);
             let done = found.statement(number, &statement);
             done.map_err(|e| LineError::new(number, e))?;
         }
@@ -176,15 +173,19 @@ impl Statements {
     }
 }
 
-/// Returns the statement that begins with `line`. Takes its continuation lines from `rest`.
-pub(crate) fn whole_statement<'a>(
-    line: Cow<'a, str>,
-    rest: impl Iterator<Item = Cow<'a, str>>,
-) -> Cow<'a, str> {
-    match continued(&line) {
-        None => line,
-        Some(head) => Cow::Owned(joined(head, rest)),
-    }
+/// Splits a file into statements, each with the number of its first line. Skips a byte order mark, and joins continued
+/// lines.
+pub(crate) fn statements(bytes: &[u8]) -> impl Iterator<Item = (usize, Cow<'_, str>)> {
+    let text = bytes.strip_prefix("\u{feff}".as_bytes()).unwrap_or(bytes);
+    let mut numbered = (1..).zip(lines(text).map(encode));
+    iter::from_fn(move || {
+        let (number, line) = numbered.next()?;
+        let statement = match continued(&line) {
+            None => line,
+            Some(head) => Cow::Owned(joined(head, numbered.by_ref().map(|(_, line)| line))),
+        };
+        Some((number, statement))
+    })
 }
 
 /// Returns the part before the backslash if the line continues in the next one. A backslash in a comment does not
