@@ -63,6 +63,12 @@ impl BackendError {
         Self::unsupported(backend, "rays in device memory")
     }
 
+    /// Returns whether memory is lacking, or a size exceeds a limit of the device. A smaller request may succeed.
+    #[must_use]
+    pub fn is_too_large(&self) -> bool {
+        matches!(self, Self::OutOfMemory { .. } | Self::Limit { .. })
+    }
+
     /// Returns the error of a backend that builds no trees on the device.
     pub fn no_device_trees(backend: &'static str) -> Self {
         Self::unsupported(backend, "tree builds on the device")

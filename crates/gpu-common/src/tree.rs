@@ -373,7 +373,7 @@ fn take_sent<D: GpuDevice>(
 pub(crate) fn unless_too_large<T>(made: Result<T>) -> Result<Option<T>> {
     match made {
         Ok(made) => Ok(Some(made)),
-        Err(BackendError::OutOfMemory { .. } | BackendError::Limit { .. }) => Ok(None),
+        Err(e) if e.is_too_large() => Ok(None),
         Err(e) => Err(e),
     }
 }

@@ -7,7 +7,7 @@ use crate::builder_thread::BuildResult;
 use crate::error::PipelineError;
 use crate::frame::ms;
 use crate::tree_builder::{BuildInput, Built, Job, Vertices};
-use backend::{BackendError, FrameReport, Generation, Ticket};
+use backend::{FrameReport, Generation, Ticket};
 use geom::Pose;
 use std::time::Instant;
 
@@ -81,7 +81,7 @@ impl Driver {
         };
         let (topology, generation) = (&tree.built.topology, tree.request.generation);
         match self.backend.upload_tree(topology, generation) {
-            Err(BackendError::OutOfMemory { .. } | BackendError::Limit { .. }) => {
+            Err(e) if e.is_too_large() => {
                 self.trees.next.advance(Event::UploadFailed);
                 self.pause_if_rejected();
                 Ok(true)
