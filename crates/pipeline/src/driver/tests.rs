@@ -9,7 +9,7 @@ use crate::tree_builder::tests::{apart, row};
 use crate::tree_builder::{BuildInput, Built, TreeBuilder, Vertices};
 use backend::{QueryKind, Rays};
 use bvh_build::{BinaryTree, BuildError, Cancel};
-use fake::{Failure, Fake, Gate, Log};
+use fake::{Fake, Gate, Log};
 use geom::{Camera, CameraPose};
 use std::ops::Deref;
 use std::sync::{LazyLock, Mutex};
@@ -201,11 +201,7 @@ fn static_scene_needs_no_builder() {
 fn frames_continue_after_a_failed_stage() {
     let animation = drifting(40);
     for failing in 0..20 {
-        let mut fake = Fake::new(Some(0));
-        fake.failure = Some(Failure {
-            call: "preprocess",
-            after: failing,
-        });
+        let fake = Fake::new(Some(0)).failing("preprocess", failing);
         let mut driver = driver(fake, &animation, (Policy::Async, false)).unwrap();
         let mut failed = 0;
         for index in 0..40 {
@@ -224,11 +220,7 @@ fn frames_continue_after_a_failed_stage() {
 
 #[test]
 fn first_tree_gets_a_new_generation_if_its_adoption_failed() {
-    let mut fake = Fake::new(Some(0));
-    fake.failure = Some(Failure {
-        call: "adopt",
-        after: 0,
-    });
+    let fake = Fake::new(Some(0)).failing("adopt", 0);
     let log = Arc::clone(&fake.log);
     let mut driver = driver(fake, &drifting(9), (Policy::Refit, false)).unwrap();
     let failed = [0, 1].map(|index| {
@@ -255,11 +247,7 @@ fn tree_is_built_if_its_writer_fails() {
         (Policy::Lockstep(2), false),
         (Policy::Lockstep(2), true),
     ] {
-        let mut fake = Fake::new(Some(0));
-        fake.failure = Some(Failure {
-            call: "tree_writer",
-            after: 0,
-        });
+        let fake = Fake::new(Some(0)).failing("tree_writer", 0);
         let r = play_with_failing_trees(fake, by);
         // A predicted tree may be superseded.
         let rejected = r.records.iter().filter_map(|f| f.rejected);

@@ -226,11 +226,7 @@ fn unsubmitted_evaluation_is_recorded_again() {
 
 #[test]
 fn failed_wait_leaves_the_frame_in_flight() {
-    let mut fake = measuring();
-    fake.failure = Some(Failure {
-        call: "wait for an evaluation",
-        after: 0,
-    });
+    let fake = measuring().failing("wait for an evaluation", 0);
     let log = Arc::clone(&fake.log);
     let mut driver = driver(fake, &shuffled(200, 64), (Policy::Async, false)).unwrap();
     let mut failures = 0;
@@ -309,12 +305,8 @@ fn device_only_vertices_need_two_readbacks() {
 
 #[test]
 fn failed_second_readback_is_repeated() {
-    let mut fake = Fake::new(Some(1));
     // The first two read-backs are those of the first tree and of the frame that requests the second tree.
-    fake.failure = Some(Failure {
-        call: "request_positions",
-        after: 2,
-    });
+    let fake = Fake::new(Some(1)).failing("request_positions", 2);
     let log = Arc::clone(&fake.log);
     let mut driver = driver(fake, &shuffled(65, 64), ASYNC_PREDICTED).unwrap();
     driver.forget_key_frames();

@@ -49,11 +49,11 @@ impl Deref for Vertices {
 }
 
 /// A call that fails once.
-pub(in crate::driver) struct Failure {
+struct Failure {
     /// Name of the call: the argument of `check`.
-    pub(in crate::driver) call: &'static str,
-    /// Number of earlier calls of the method, which succeed.
-    pub(in crate::driver) after: usize,
+    call: &'static str,
+    /// Number of earlier calls of this name, which succeed.
+    after: usize,
 }
 
 /// Calls that the fake received, shared with the test.
@@ -98,7 +98,7 @@ pub(in crate::driver) struct Fake {
     /// Costs of a candidate and of the current tree, in the recording and per submission.
     recorded: Option<[f64; 2]>,
     costs: HashMap<Ticket, [f64; 2]>,
-    pub(in crate::driver) failure: Option<Failure>,
+    failure: Option<Failure>,
     /// Whether there is no memory to upload a tree in advance.
     pub(in crate::driver) lacks_memory: bool,
     /// Snapshots that were allocated in advance. With these, the fake allocates no memory, so it logs nothing.
@@ -111,6 +111,12 @@ impl Fake {
             polls,
             ..Self::default()
         }
+    }
+
+    /// Makes a call fail once, after `after` calls of the same name.
+    pub(in crate::driver) fn failing(self, call: &'static str, after: usize) -> Self {
+        let failure = Some(Failure { call, after });
+        Self { failure, ..self }
     }
 
     /// Returns an error if this call is to fail.
