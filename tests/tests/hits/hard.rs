@@ -242,42 +242,47 @@ fn pictures() -> Vec<Picture> {
             dark.len() >= 60 && lit.len() >= 60
         },
     });
-    all.push(Picture {
-        animation: seam(),
-        time: 0.0,
-        camera: at_seam(),
-        light: [0.0, 3.0, 1.0],
-        tells: |hits| {
-            let column = hits.closest.iter().zip(&hits.blocked);
-            let column: Vec<_> = column.skip(8).step_by(17).collect();
-            let wall = column.iter().filter(|(h, _)| h.triangle < 2).count();
-            let dark = column.iter().filter(|(h, b)| h.triangle == 2 && **b == 1);
-            wall >= 3 && dark.count() >= 3
-        },
-    });
+    // Rays through the edge, and rays beside it, in a scene that is scaled when it is loaded.
+    all.extend(
+        [(0.0, 1.0), (1e-8, 2_f32.powi(-20))].map(|(x, scale)| Picture {
+            animation: seam(x, scale),
+            time: 0.0,
+            camera: at_seam(scale),
+            light: [0.0, 3.0 * scale, scale],
+            tells: |hits| {
+                let column = hits.closest.iter().zip(&hits.blocked);
+                let column: Vec<_> = column.skip(8).step_by(17).collect();
+                let wall = column.iter().filter(|(h, _)| h.triangle < 2).count();
+                let dark = column.iter().filter(|(h, b)| h.triangle == 2 && **b == 1);
+                wall >= 3 && dark.count() >= 3
+            },
+        }),
+    );
     all
 }
 
-/// A wall of two triangles above a floor. Their common edge is in the plane of the middle column of rays and of the
-/// shadow rays from their hits on the floor. One of its ends is so near to zero along z that the triangles need more
-/// than 60 bits, so a device leaves the hits on the wall to its last kernel.
-fn seam() -> Arc<Animation> {
-    let points = vec![
-        [0.0, 0.25, 0.0],
-        [0.0, 2.0, 1.234_5e-12],
+/// A wall of two triangles above a floor. The rays of the middle column, and the shadow rays from their hits on the
+/// floor, are at the distance `x` from the common edge. One of its ends is so near to zero along z that the triangles
+/// need more than 60 bits. If `x` is zero, a device needs integers of that length, and leaves the hits on the wall to
+/// its last kernel.
+fn seam(x: f32, scale: f32) -> Arc<Animation> {
+    let points = [
+        [x, 0.25, 0.0],
+        [x, 2.0, 1.234_5e-12],
         [-2.0, 0.25, 0.0],
         [2.0, 0.25, 0.0],
         [0.0, -0.5, -6.0],
         [-3.0, -0.5, 3.0],
         [3.0, -0.5, 3.0],
     ];
-    still(points, vec![[0, 1, 2], [1, 0, 3], [4, 5, 6]])
+    let points = points.map(|point| point.map(|x| x * scale));
+    still(points.into(), vec![[0, 1, 2], [1, 0, 3], [4, 5, 6]])
 }
 
 /// A camera whose middle column of 17 has rays with x = 0.
-fn at_seam() -> Camera {
+fn at_seam(scale: f32) -> Camera {
     Camera {
-        eye: [0.0, 0.0, 2.0],
+        eye: [0.0, 0.0, 2.0 * scale],
         width: 17,
         height: 16,
         corner: [-17.0 / 16.0, 0.2, -1.0],

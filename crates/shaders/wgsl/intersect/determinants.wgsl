@@ -1,18 +1,23 @@
-// Ray-triangle intersection by four determinants of 192 bits in registers.
+// Ray-triangle intersection by four determinants of 192 bits in registers, and of longer numbers.
 
+import package::geometry::ray::{PreparedRay, main_axis, permute, permuted_axes};
 import package::geometry::triangle::points_of;
+import package::geometry::units::{scale_point, snapped3};
 import package::intersect::candidates::{NO_CANDIDATE, candidate_at};
 import package::intersect::line::{ExactIntersection, is_within_limits, line, unit_range};
+import package::intersect::round_hit::{RoundedHit, round_hit};
 import package::intersect::round_intersection::round_long_quotient;
 import package::lib::buffers::{counts, occluded, records};
 import package::lib::fixed::{
     Int192, Int64x3, abs_192, add_192, negate_192, round_quotient_192, select_192, sign_192, sub_64, to_fixed_point,
     triple_product_192,
 };
+import package::lib::ieee::decode_float;
 import package::lib::integers::{INTERSECTIONS_OFFSET, words};
+import package::lib::params::params;
 
-// A decision on a triangle. `t` is rounded once, as bits. The exact t is N / D * 2^exponent. If `is_long` is 1, the numbers exceed
-// 192 bits, and N and D are not stored.
+// A decision on a triangle. `t` is rounded once, as bits. The exact t is N / D * 2^exponent. If `is_long` is 1, the numbers may
+// exceed 192 bits, and N and D are not stored.
 struct CandidateResult { is_hit: u32, is_long: u32, triangle: u32, exponent: i32, t: u32 }
 
 struct FixedTriangle { fits: bool, unit: i32, a: Int64x3, b: Int64x3, c: Int64x3 }
@@ -114,6 +119,20 @@ fn candidate_after(list: u32, count: u32) -> u32 {
     return candidate;
 }
 
+// Returns the hit of the current line with a leaf's triangle, if about 48 bits suffice.
+fn round_hit_of_line(leaf: u32) -> RoundedHit {
+    let magnitudes = line.direction & vec3<u32>(0x7fffffffu);
+    let exponent = decode_float(max(magnitudes.x, max(magnitudes.y, magnitudes.z))).exponent - 127;
+    let direction = scale_point(line.direction, -exponent);
+    // Only what `round_hit` needs.
+    var ray: PreparedRay;
+    ray.axis = main_axis(direction);
+    ray.axes = permuted_axes(ray.axis);
+    ray.permuted_origin = permute(snapped3(scale_point(line.origin, line.shift - params.scale_exponent)), ray.axis);
+    ray.exponent = exponent + line.shift - params.scale_exponent;
+    return round_hit(ray, leaf, direction);
+}
+
 // Decides the first four candidates of `list`, and stores the results in `candidate_results`. The ray's line must be set. May
 // overwrite the intersection in slot `slot`. All invocations of the workgroup must call it.
 fn decide_candidates(list: u32, slot: u32, local: u32) {
@@ -143,9 +162,15 @@ fn decide_candidates(list: u32, slot: u32, local: u32) {
             result.t = round_quotient_192(dividend, solved.d, select(0, result.exponent, side == 0u));
         }
     } else if candidate != NO_CANDIDATE && side < 3u {
-        let quotient = round_long_quotient(points_of(result.triangle), side, slot);
-        solved.is_hit = quotient.is_hit;
-        result.t = quotient.bits;
+        let rounded = round_hit_of_line(occluded[candidate_at(candidate)]);
+        if rounded.is_rounded {
+            solved.is_hit = true;
+            result.t = rounded.hit[side];
+        } else if !rounded.is_missed {
+            let quotient = round_long_quotient(points_of(result.triangle), side, slot);
+            solved.is_hit = quotient.is_hit;
+            result.t = quotient.bits;
+        }
     }
     workgroupBarrier();
     rounded_quotients[local] = result.t;

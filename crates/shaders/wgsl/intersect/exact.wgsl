@@ -4,6 +4,7 @@ import package::geometry::node::NO_LEAF;
 import package::geometry::queries::direction_of_ray;
 import package::geometry::ray::{MISS, PreparedRay};
 import package::geometry::record::corners_of;
+import package::geometry::units::scale_point;
 import package::intersect::candidates::{NO_CANDIDATE, UNDECIDED_HIT, prepend_candidate};
 import package::intersect::filter::{classify, set_shear_view};
 import package::intersect::round_hit::round_hit;
@@ -26,11 +27,17 @@ fn exact_initial_best(ray: PreparedRay) -> ExactBest {
     return ExactBest(ray.t_max, NO_INTERVAL, NO_INTERVAL, NO_LEAF, NO_CANDIDATE);
 }
 
-// Returns the direction of an explicit ray or of a pixel's ray, as bits.
+// Returns the direction of an explicit ray or of a pixel's ray, scaled as in `PreparedRay`, with its small components.
 @if(trace_rays)
-fn exact_direction_of(i: u32) -> vec3<u32> { return rays[2u * i + 1u].xyz; }
+fn exact_direction_of(i: u32, ray: PreparedRay) -> vec3<f32> { return scale_direction(rays[2u * i + 1u].xyz, ray); }
 @else
-fn exact_direction_of(i: u32) -> vec3<u32> { return bitcast<vec3<u32>>(direction_of_ray(i)); }
+fn exact_direction_of(i: u32, ray: PreparedRay) -> vec3<f32> {
+    return scale_direction(bitcast<vec3<u32>>(direction_of_ray(i)), ray);
+}
+
+fn scale_direction(direction: vec3<u32>, ray: PreparedRay) -> vec3<f32> {
+    return scale_point(direction, -ray.exponent - params.scale_exponent);
+}
 
 // Returns the distance beyond which nodes are skipped.
 fn exact_search_limit(best: ExactBest) -> f32 { return best.bound; }
@@ -59,7 +66,7 @@ fn exact_intersect_leaf_closest(ray: PreparedRay, leaf: u32, best: ExactBest) ->
 fn exact_nearest_t(i: u32, ray: PreparedRay, leaf: u32) -> f32 {
     set_shear_view(ray);
     let classified = classify(ray, corners_of(leaf));
-    if !classified.possible || (!classified.certain && round_hit(ray, leaf, exact_direction_of(i)).is_missed) {
+    if !classified.possible || (!classified.certain && round_hit(ray, leaf, exact_direction_of(i, ray)).is_missed) {
         return bitcast<f32>(0x7f800000u | params.zero);
     }
     // Rounding may make the lower end negative.
@@ -74,7 +81,7 @@ fn exact_hit_of(i: u32, ray: PreparedRay, best: ExactBest) -> vec4<u32> {
         return append_undecided(i, best.bound, first_candidate);
     }
     if best.leaf == NO_LEAF { return MISS; }
-    let rounded = round_hit(ray, best.leaf, exact_direction_of(i));
+    let rounded = round_hit(ray, best.leaf, exact_direction_of(i, ray));
     if !rounded.is_rounded { return append_undecided(i, best.bound, prepend_candidate(NO_CANDIDATE, best.leaf)); }
     atomicAdd(&counts[HIT_COUNT], 1u);
     return rounded.hit;

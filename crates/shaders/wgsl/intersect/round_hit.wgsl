@@ -2,13 +2,12 @@
 // reported" in docs/design/exact-arithmetic.md.
 
 import package::geometry::ray::{PreparedRay, max_component, permute};
-import package::geometry::units::{in_ray_units, scale_point};
+import package::geometry::units::in_ray_units;
 import package::intersect::sheared::permuted_corners;
 import package::lib::double_float::{
     DoubleFloat3, add_double, add_each, fast_two_sum, mul_each, multiply_double, negate_double, two_product, two_sum,
 };
 import package::lib::ieee::{add, division_remainder, divisor, mul, sub};
-import package::lib::params::params;
 
 // `is_rounded`: the triangle is surely hit, and `hit` and `t` are rounded once. `is_missed`: the line surely passes beside the
 // triangle. `t` is in scaled units.
@@ -83,14 +82,14 @@ fn has_zero(v: vec3<f32>) -> bool { return any(v == vec3<f32>(0.0)); }
 
 fn exact_difference(corners: vec3<f32>, start: f32) -> DoubleFloat3 { return two_sum(corners, vec3<f32>(-start)); }
 
-// Returns the hit of a leaf's triangle by a ray with the direction `direction`. The ray's limits are not tested.
-fn round_hit(ray: PreparedRay, leaf: u32, direction: vec3<u32>) -> RoundedHit {
+// Returns the hit of a leaf's triangle. `direction` is scaled as in `PreparedRay`, but keeps its small components. The ray's
+// limits are not tested.
+fn round_hit(ray: PreparedRay, leaf: u32, direction: vec3<f32>) -> RoundedHit {
     let corners = permuted_corners(ray, leaf);
     let x = exact_difference(corners.x, ray.permuted_origin.x);
     let y = exact_difference(corners.y, ray.permuted_origin.y);
     let z = exact_difference(corners.z, ray.permuted_origin.z);
-    // The scaled direction. Unlike `PreparedRay`, it keeps its small components.
-    let d = permute(scale_point(direction, -ray.exponent - params.scale_exponent), ray.axis);
+    let d = permute(direction, ray.axis);
     let p = shear_exactly(x, z, d.x, d.z);
     let q = shear_exactly(y, z, d.y, d.z);
     let edges = exact_edges(p, q);

@@ -19,20 +19,20 @@ fn intersect_within_limits(corners: array<vec3<u32>, 3>, slot: u32) -> ExactInte
 }
 
 // One number of an intersection, rounded once to a float, as bits. If `is_hit` is false, the line misses the triangle.
-struct RoundedQuotient { is_hit: bool, bits: u32 }
+struct RoundedLongQuotient { is_hit: bool, bits: u32 }
 
 // Intersects the line with a closed triangle, at any t. Rounds t, or the weight of the second or third corner if `side` is 1
 // or 2. Overwrites the intersection in slot 0 or 1.
-fn round_long_quotient(corners: array<vec3<u32>, 3>, side: u32, slot: u32) -> RoundedQuotient {
+fn round_long_quotient(corners: array<vec3<u32>, 3>, side: u32, slot: u32) -> RoundedLongQuotient {
     prepare_line();
     var quotient = intersect_exactly(corners, slot, false);
-    if !quotient.is_hit { return RoundedQuotient(false, 0u); }
+    if !quotient.is_hit { return RoundedLongQuotient(false, 0u); }
     if side != 0u {
         store_determinant(quotient.numerator, side, store_corners(corners).len);
         words[quotient.numerator] = 0u;
         quotient.exponent = 0;
     }
-    return RoundedQuotient(true, rounded_t(quotient));
+    return RoundedLongQuotient(true, rounded_t(quotient));
 }
 
 // Returns an intersection's t, rounded once to a float, as bits. A zero is positive.

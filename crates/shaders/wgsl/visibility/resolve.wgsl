@@ -83,7 +83,7 @@ fn resolve_pixel(i: u32, ray: PreparedRay, is_complete: bool, origin: vec3<f32>)
     var is_first = false;
     if is_complete {
         best.leaf = visibility[2u * i].x;
-        let rounded = round_hit(ray, best.leaf, direction_of(i));
+        let rounded = round_hit(ray, best.leaf, direction_of(i, ray));
         hit = rounded.hit;
         is_first = rounded.is_rounded && rounds_within(ray, vec2<f32>(rounded.t))
             && bitcast<u32>(rounded.t) < visibility[2u * i + 1u].y;
