@@ -145,7 +145,8 @@ crate::named! {
         MollerTrumbore = "moller-trumbore",
         /// Woop 2004: one affine transform per triangle, computed each frame. Used by Kim, Kim, Lee, Han 2014.
         Woop = "woop",
-        /// Woop, Benthin, Wald 2013, with exact signs and symbolic tie-breaking: no gaps and no double hits.
+        /// Woop, Benthin, Wald 2013, with exact signs and symbolic tie-breaking: no gaps and no double hits between
+        /// triangles with a nonzero area.
         Watertight = "watertight",
         /// The result of exact arithmetic for every ray.
         Exact = "exact",

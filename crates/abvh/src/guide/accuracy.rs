@@ -73,7 +73,8 @@
 //! - A ray whose direction is zero, whose origin or direction is not finite, or whose interval is empty.
 //! - A triangle whose reported `t` is not strictly between `t_min` and `t_max`. No epsilon is added to `t_min`: a ray
 //!   that starts on a surface needs a `t_min` above 0 to miss that surface.
-//! - A triangle with a vertex that is not finite, or without area. [`Statistics`](crate::Statistics) counts both.
+//! - A triangle with a vertex that is not finite, or without area. [`Statistics`](crate::Statistics) counts both. With
+//!   `Watertight`, a closed mesh may leak at a triangle without area that has three different vertices.
 //!
 //! Both sides of a triangle are hit.
 //!

@@ -1,4 +1,4 @@
-//! The watertight test: no leak and no double hit at edges and vertices.
+//! The watertight test: no leak and no double hit at edges and vertices of triangles with a nonzero area.
 //!
 //! Woop, Benthin, Wald, *Watertight Ray/Triangle Intersection* (JCGT 2013).
 //! Exact signs and a symbolic perturbation (Edelsbrunner, Mücke 1990) replace the paper's double-precision fallback. So
