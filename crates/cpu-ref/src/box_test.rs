@@ -10,7 +10,7 @@ pub const MIN_DIRECTION: f32 = f32::from_bits((127 - 60) << 23);
 ///
 /// `D` is the largest distance along one axis from the ray's origin to a corner of the box.
 pub const PAD: f32 = 17.0 / 16_777_216.0;
-/// Upper bound of `D`, `2^80`, so that no product is infinite.
+/// Upper bound of `D`, `2^80`, so that the padding is finite.
 pub const MAX_PADDING_DISTANCE: f32 = f32::from_bits((127 + 80) << 23);
 /// Lower bound of `D`, `2^-38`. Coordinates that were flushed to zero are negligible relative to this.
 pub const MIN_PADDING_DISTANCE: f32 = f32::from_bits((127 - 38) << 23);

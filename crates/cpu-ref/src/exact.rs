@@ -13,8 +13,8 @@ use std::cmp::Ordering;
 
 /// Bound on the error of a sheared coordinate relative to the magnitude of its terms, `9.5 * 2^-24`.
 pub const SHEAR_ERROR: f32 = 9.5 / 16_777_216.0;
-/// Bound on the error of a depth relative to its magnitude, `32 * 2^-24`.
-pub const DEPTH_ERROR: f32 = 32.0 / 16_777_216.0;
+/// Bound on the rounding errors of `t`, relative to the largest depth, `32 * 2^-24`.
+pub const T_ERROR: f32 = 32.0 / 16_777_216.0;
 /// Bound on the error from flushing small numbers to zero, `2^-60`.
 pub const FILTER_UNDERFLOW_ERROR: f32 = f32::from_bits((127 - 60) << 23);
 
@@ -55,7 +55,7 @@ impl RaySearch<'_> {
             [only] if only.is_certain => self.certain_hit(only.triangle),
             _ => {
                 self.count_exact();
-                let (line, first) = (self.scaled_ray(), self.first(&possible)?);
+                let (line, first) = (self.exact_ray(), self.first(&possible)?);
                 let rounded = line.rounded(&self.geometry.corners(first))?;
                 Some(hit(first, rounded))
             }
@@ -84,7 +84,7 @@ impl RaySearch<'_> {
 
     /// Returns the hit of a triangle that the ray certainly hits. `t`, `u` and `v` are rounded once.
     pub fn certain_hit(&self, triangle: u32) -> Option<Hit> {
-        let (line, corners) = (self.scaled_ray(), self.geometry.corners(triangle));
+        let (line, corners) = (self.exact_ray(), self.geometry.corners(triangle));
         let rounded = line.try_rounded(&corners).or_else(|| {
             self.count_exact();
             line.rounded(&corners)
@@ -108,7 +108,7 @@ impl RaySearch<'_> {
         let corners = self.geometry.corners(triangle);
         let can_be_hit = is_active(&corners) && !is_degenerate(&corners);
         can_be_hit
-            .then(|| self.scaled_ray().intersect(&corners))
+            .then(|| self.exact_ray().intersect(&corners))
             .flatten()
     }
 }
@@ -168,7 +168,7 @@ fn interval_of_t(edges: [f32; 3], depths: [f32; 3], doubt: f32) -> Option<[f32; 
     let spread = greatest(depths) - least(depths);
     let size = largest(depths);
     let of_weights = 3.0 * (doubt * spread + MIN_NONZERO * (1.0 + size)) / least_det;
-    let error = of_weights + DEPTH_ERROR * size + FILTER_UNDERFLOW_ERROR;
+    let error = of_weights + T_ERROR * size + FILTER_UNDERFLOW_ERROR;
     let t = solve(&edges, &depths).t;
     Some([t - error, t + error])
 }

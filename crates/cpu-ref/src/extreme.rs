@@ -5,11 +5,12 @@
 use crate::geometry::Geometry;
 use crate::search::RaySearch;
 use crate::traversal::Child;
-use geom::exact::{ExactDistance, ScaledRay};
+use geom::exact::{ExactDistance, ExactRay};
 use geom::{Aabb, Hit, Point, Ray, Triangle, is_active, is_degenerate, normal_signs, side_of};
 use std::cmp::Ordering;
 
-/// Returns whether a ray from `origin` must be traced in exact arithmetic.
+/// Returns whether a ray from `origin`, in the scene's units, is extreme. `watertight` and `exact` trace such rays in
+/// exact arithmetic.
 #[inline]
 pub fn is_extreme(geometry: &Geometry<'_>, origin: Point) -> bool {
     geometry.range.is_extreme(geometry.scale.apply(origin))
@@ -18,7 +19,7 @@ pub fn is_extreme(geometry: &Geometry<'_>, origin: Point) -> bool {
 /// The search for hits of an extreme ray.
 pub(crate) struct ExtremeSearch<'a> {
     search: RaySearch<'a>,
-    line: ScaledRay,
+    line: ExactRay,
 }
 
 impl<'a> ExtremeSearch<'a> {
@@ -32,7 +33,7 @@ impl<'a> ExtremeSearch<'a> {
 
     fn new(search: RaySearch<'a>) -> Self {
         search.count_exact();
-        let line = search.scaled_ray();
+        let line = search.exact_ray();
         Self { search, line }
     }
 
@@ -79,7 +80,7 @@ impl<'a> ExtremeSearch<'a> {
 
     /// Returns the distance to a triangle, or `None` if the ray does not hit it.
     ///
-    /// With `watertight`, the ray is perturbed: see [`ScaledRay::intersect_perturbed`]. The limits apply to the rounded
+    /// With `watertight`, the ray is perturbed: see [`ExactRay::intersect_perturbed`]. The limits apply to the rounded
     /// `t`.
     fn crossing(&self, triangle: u32) -> Option<ExactDistance> {
         if self.search.intersector.is_exact() {
@@ -187,8 +188,8 @@ impl WideBox {
 
 /// Returns the shadow ray from a hit of `ray` to a light, with `t` in `(0, 2)`, in the scene's units.
 ///
-/// The [hit point](hit_point) is moved to the light's side of the triangle by at least its error. The direction is half
-/// the vector to the light, which cannot overflow.
+/// The [hit point](hit_point) is moved to the light's side of the triangle, by at least about its error. The direction
+/// is half the vector to the light, which cannot overflow.
 fn shadow_ray(ray: &Ray, hit: &Hit, corners: &Triangle, light: Point) -> Ray {
     let (point, error) = hit_point(ray, hit, corners);
     let side = match side_of(corners, light) {
@@ -211,8 +212,8 @@ fn shadow_ray(ray: &Ray, hit: &Hit, corners: &Triangle, light: Point) -> Ray {
 
 /// Returns the point where a ray hits, and a bound on the error of each coordinate.
 ///
-/// Computes the point along the ray. If the ray's numbers are at least four times the triangle's, computes the point
-/// from the corners, because the error is then smaller.
+/// Computes the point along the ray. If the largest `|coordinate|` of the origin and of `t * direction` is at least
+/// four times that of the corners, computes the point from the corners, because the error is then smaller.
 fn hit_point(ray: &Ray, hit: &Hit, corners: &Triangle) -> (Point, f32) {
     const UNIT: f32 = 1.0 / 16_777_216.0;
     let offset: Point = std::array::from_fn(|i| saturated(hit.t * ray.direction[i]));

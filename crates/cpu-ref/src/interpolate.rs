@@ -35,14 +35,14 @@ struct InterpolateTask<'a> {
 /// Splits the runs into tasks of at most `RUN` vertices.
 fn cut<'a>(runs: &[Range<usize>], mut rest: &'a mut [Point]) -> Vec<InterpolateTask<'a>> {
     let mut tasks = Vec::with_capacity(runs.len());
-    let mut begun = 0;
+    let mut rest_start = 0;
     for run in runs {
-        let (_, from) = rest.split_at_mut(run.start - begun);
+        let (_, from) = rest.split_at_mut(run.start - rest_start);
         let (to, after) = from.split_at_mut(run.len());
         let firsts = run.clone().step_by(RUN);
         let parts = firsts.zip(to.chunks_mut(RUN));
         tasks.extend(parts.map(|(first, to)| InterpolateTask { first, to }));
-        (rest, begun) = (after, run.end);
+        (rest, rest_start) = (after, run.end);
     }
     tasks
 }

@@ -1,8 +1,9 @@
 //! The reference backend, `cpu-ref`: runs every stage in scalar code on the host's cores with rayon.
 //!
 //! It is written for clarity, not for speed. It follows the definition of a hit (`docs/design/hits.md`) exactly, and
-//! tests compare all other backends with it bit for bit. Its tree is the breadth-first binary tree of Kim and others
-//! (2014), with one triangle per leaf. Every frame processes all leaves and all nodes.
+//! tests compare all other backends with it bit for bit (GPUs only with `watertight` and `exact`). Its tree is the
+//! breadth-first binary tree of Kim and others (2014), with one triangle per leaf. Every frame processes all leaves and
+//! all nodes.
 //!
 //! Each module uses only modules above it in this list:
 //!
@@ -41,7 +42,7 @@ pub use box_test::{
     MIN_PADDING_DISTANCE, PAD,
 };
 pub use bvh2::Bvh2;
-pub use exact::{DEPTH_ERROR, FILTER_UNDERFLOW_ERROR, SHEAR_ERROR};
+pub use exact::{FILTER_UNDERFLOW_ERROR, SHEAR_ERROR, T_ERROR};
 pub use extreme::is_extreme;
 pub use geometry::{Geometry, Unhittable};
 pub use output::{HitCounts, RayResult, TraceOutput};

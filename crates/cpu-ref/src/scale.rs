@@ -4,7 +4,7 @@ use geom::{Aabb, Animation, Point, Ray};
 
 /// Least nonzero component of a direction, `2^-37`, where the largest is in `[1, 2)`. Smaller ones are flushed to zero.
 pub const MIN_NONZERO_COMPONENT: f32 = power(-37);
-/// Least nonzero product, weight or distance, `2^-100`. Smaller ones are flushed to zero.
+/// Least nonzero edge function, product or distance, `2^-100`. Smaller ones are flushed to zero.
 pub const MIN_NONZERO: f32 = power(-100);
 
 /// The factor `2^-k` of all vertices, so that products of a few coordinates neither overflow nor vanish.
@@ -110,10 +110,11 @@ impl PreparedRay {
     /// `t'` in the interval is valid: converted to the ray's own units and rounded once, it is strictly between the
     /// ray's `t_min` and `t_max`.
     ///
-    /// A limit of the ray suffices if it is a normal number: `low` is at least the next float after `t_min`, and rounding
-    /// is monotone. Subnormal numbers have fewer bits than scaled ones. So a limit whose magnitude is below `2^-125` in
-    /// the ray's own units, or below `2^-99` in scaled units, is replaced by the number of this magnitude that makes the
-    /// interval smaller. Large numbers overflow. So the interval is limited to `-2^127..2^127` in the ray's own units.
+    /// A limit of the ray suffices if it is a normal number: `low` is at least the next float after `t_min`, and
+    /// rounding is monotone. Subnormal numbers have fewer bits than scaled ones. So small limits are replaced. Let `s`
+    /// be `2^-125` in the ray's own units, but at least `2^-99` in scaled units. A lower limit within `-s..s` is
+    /// replaced by `s`, an upper one by `-s`. Both make the interval smaller. Large numbers overflow. So the interval
+    /// is limited to `-2^127..2^127` in the ray's own units.
     pub fn sure_limits(&self) -> Limits {
         // 2^-125 and 2^127 in the ray's own units. Scaled distances below `MIN_NONZERO`, 2^-100, are flushed to zero.
         let small = ldexp(1.0, -125 - self.unscale).max(power(-99));
@@ -151,7 +152,8 @@ pub fn flushed(x: f32) -> f32 {
     without(MIN_NONZERO, x)
 }
 
-/// Returns a direction times `2^-e`, which brings its largest component into `[1, 2)`.
+/// Returns a direction times `2^-e`, which brings its largest component into `[1, 2)`. Components whose magnitude is
+/// below `2^-37` become zero.
 #[inline]
 pub fn unit_direction(direction: Point, e: i32) -> Point {
     direction.map(|x| without(MIN_NONZERO_COMPONENT, ldexp(x, -e)))

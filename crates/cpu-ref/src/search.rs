@@ -5,7 +5,7 @@ use crate::intersect::SinglePrecisionTest;
 use crate::scale::{MIN_NONZERO, PreparedRay, Scale, flushed};
 use crate::traversal::{TreeTraversal, VisitedTriangle};
 use backend::Intersector;
-use geom::exact::ScaledRay;
+use geom::exact::ExactRay;
 use geom::{Hit, Ray};
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -29,10 +29,10 @@ pub struct RaySearch<'a> {
 
 impl RaySearch<'_> {
     /// Returns the ray as input of exact arithmetic.
-    pub(crate) fn scaled_ray(&self) -> ScaledRay {
-        ScaledRay {
+    pub(crate) fn exact_ray(&self) -> ExactRay {
+        ExactRay {
             ray: self.ray,
-            shift: self.geometry.scale.k() - self.scale.k(),
+            corner_shift: self.geometry.scale.k() - self.scale.k(),
         }
     }
 

@@ -118,7 +118,7 @@ impl<'a> QueryTracer<'a> {
     }
 }
 
-/// Searches for hits of a ray that is not [extreme](crate::is_extreme).
+/// Searches for hits of a ray. With `watertight` and `exact`, the ray must not be [extreme](crate::is_extreme).
 impl RaySearch<'_> {
     /// Returns the closest hit, with `t` in the ray's own units.
     pub fn closest(&self) -> Option<Hit> {

@@ -113,7 +113,8 @@ impl Accelerator for WideAccelerator {
             None => task.fit_all(None),
         };
         self.areas = fitted.areas;
-        // At extreme moments, the faster test of inner boxes may overflow: see `PreparedRays::starts`.
+        // At extreme moments, the faster test of inner boxes may overflow: see the comment on `starts` in
+        // `PreparedRays::prepared`.
         self.tree.own_padding = geometry.range.spread || geometry.range.extreme;
         self.tree.prepare(intersector);
         fitted.unhittable

@@ -12,7 +12,7 @@ use crate::single::PlacedHit;
 use crate::tree::{Bvh8, LANES, NOWHERE, place};
 use crate::walk::{NodeRay, TraversalStack, Visitor, walk};
 use cpu_ref::scale::MIN_NONZERO;
-use cpu_ref::{DEPTH_ERROR, FILTER_UNDERFLOW_ERROR, SHEAR_ERROR};
+use cpu_ref::{FILTER_UNDERFLOW_ERROR, SHEAR_ERROR, T_ERROR};
 use geom::Hit;
 
 /// Intersector `exact` in lanes.
@@ -140,7 +140,7 @@ fn filter<L: Lanes>(
         .mul(doubt.mul(spread).add(small))
         .div(least_det);
     let error = of_weights
-        .add(L::splat(DEPTH_ERROR).mul(size))
+        .add(L::splat(T_ERROR).mul(size))
         .add(L::splat(FILTER_UNDERFLOW_ERROR));
     let (near, far) = (t.sub(error).max(spans.entry), t.add(error).min(spans.exit));
     let is_bounded = L::both(L::both(certain, four.less(least_det)), near.at_most(far));

@@ -110,8 +110,8 @@ pub(crate) fn shadow_rays<L: Lanes>(
     });
     let normal = cross(&e1, &e2);
     let side = sign(dot(&normal, &minus(&at, &p)));
-    let level = side.abs().less(L::splat(1.0));
-    let side = side.replace(level, sign(dot(&normal, &minus(eyes, &p))));
+    let in_plane = side.abs().less(L::splat(1.0));
+    let side = side.replace(in_plane, sign(dot(&normal, &minus(eyes, &p))));
     let largest = p[0].abs().max(p[1].abs()).max(p[2].abs());
     let longest = each!(i => e1[i].abs().max(e2[i].abs()));
     let longest = longest[0].max(longest[1]).max(longest[2]);

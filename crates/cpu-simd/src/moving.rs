@@ -30,9 +30,9 @@ impl MovingLanes {
         let lanes = moving_lanes(shape, is_static);
         let numbers = 0..lanes.len() as u32;
         let nodes: Vec<u32> = numbers.filter(|&n| lanes[n as usize] != 0).collect();
-        let place = |n: usize| nodes.partition_point(|&i| (i as usize) < n);
+        let index_of = |n: usize| nodes.partition_point(|&i| (i as usize) < n);
         let levels = shape.levels.iter();
-        let levels = levels.map(|l| place(l.start)..place(l.end)).collect();
+        let levels = levels.map(|l| index_of(l.start)..index_of(l.end)).collect();
         let moving: u32 = lanes.iter().map(|lanes| lanes.count_ones()).sum();
         // Every block and every node but the root is in a lane.
         let all = shape.blocks.len() + shape.nodes.len() - 1;

@@ -25,7 +25,8 @@ const TWO_TO_60: f32 = (1_u64 << 60) as f32;
 /// in the order x, y, z.
 pub(crate) struct PreparedRays<L: Lanes> {
     /// Lanes that hold a prepared ray. Other lanes hold invalid rays, or rays that `cpu-ref` must trace because their
-    /// direction, their distance or the scene's scale is extreme.
+    /// direction, their distance or the scene's scale is outside the limits of the vector code (`USUAL`,
+    /// `MAX_FINITE_PRODUCT_DISTANCE`, `Scale::usual_inverse`).
     pub(crate) ready: u32,
     pub(crate) origin: [L::Array; 3],
     pub(crate) direction: [L::Array; 3],
@@ -280,7 +281,8 @@ struct Shears<L> {
     shear: [L; 3],
 }
 
-/// Returns the axis of the largest component of `d`, the first of equals, and the shear from `r`.
+/// Returns the axis of the largest component of `d`, the first of equals, and the shear. The third number of the shear
+/// is taken from `r`, the signed reciprocals.
 #[inline(always)]
 fn shears<L: Lanes>(d: &[L; 3], r: &[L; 3]) -> Shears<L> {
     let [x, y, z] = each!(i => d[i].abs());

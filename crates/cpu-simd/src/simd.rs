@@ -103,13 +103,14 @@ pub(crate) trait Eight: Lanes<Array = [f32; 8]> {
     fn coordinates(points: [&Point; 8]) -> [Self; 3];
     /// Returns a lower bound of [`PlaneVector::max`], which differs only if both operands are negative. With AVX2 and
     /// AVX-512, this is the operand whose bits are greater as a signed integer (Embree's `maxi`), in a quarter of the
-    /// time.
+    /// time. If an operand is NaN, returns either operand.
     #[inline(always)]
     fn maxi(self, other: Self) -> Self {
         self.max(other)
     }
     /// Returns an upper bound of [`PlaneVector::min`], which differs only if both operands are negative. With AVX2 and
-    /// AVX-512, this is the operand whose bits are less as a signed integer.
+    /// AVX-512, this is the operand whose bits are less as a signed integer. If an operand is NaN, returns either
+    /// operand.
     #[inline(always)]
     fn mini(self, other: Self) -> Self {
         self.min(other)

@@ -87,8 +87,8 @@ pub(crate) fn closest<I: Isa, T: LaneTest>(
 
 /// Searches for any hit of a ray except triangle `skipped`. The result is in lane 0.
 ///
-/// Visits the last child of each node first: the collapse moves the child that any-hit searches should visit first
-/// there (`bvh_layout::FirstVisited`).
+/// Visits the last child of each node first. When the tree was collapsed, the child to visit first was placed last
+/// (`bvh_layout::FirstVisited`).
 #[inline(always)]
 pub(crate) fn any<I: Isa, T: AnyHitTest>(
     tree: &Bvh8,

@@ -1,5 +1,5 @@
-//! Compares every instruction set of the machine with the reference: all properties, and hits of rays that are traced
-//! or prepared together.
+//! Compares every instruction set of the machine with the reference: by all properties of `conformance`, and by the
+//! hits of packets and of groups of rays.
 
 use backend::{Backend, Generation, Inspect, Intersector, QueryKind, Rays};
 use bvh_layout::{CollapseOptions, Topology};

@@ -27,7 +27,8 @@ impl Animation {
 
     /// Creates an animation that holds all its key frames in memory.
     ///
-    /// Checks that the parts are consistent, and finds triangles that are inactive in some key frames.
+    /// Checks that the parts are consistent, and surveys all key frames: bounds, ranges, static parts, and triangles
+    /// that are inactive in the first or in all.
     ///
     /// # Errors
     /// There is no key frame, or key frames have different numbers of vertices. A triangle names a vertex that does not
@@ -71,7 +72,7 @@ impl Animation {
         fixed: &[bool],
         triangles: Vec<[u32; 3]>,
     ) -> Result<Self, KeyFrameError> {
-        check_streamed(fixed.len(), first.len())?;
+        check_fixed(fixed.len(), first.len())?;
         let keys = StreamedKeys::new(Arc::new(first.into()));
         let mut streamed = Self::over(KeyFrames::Streamed(Arc::new(keys)), triangles)?;
         let (first, triangles) = (streamed.keys.first(), &streamed.triangles);
@@ -138,7 +139,7 @@ impl Animation {
         (0..self.key_count()).map(|key| self.key(key)).collect()
     }
 
-    /// Returns the number of key frames in memory at a time, or `None` if all are.
+    /// Returns the number of key frames kept in memory besides the first, or `None` if all are.
     pub fn window(&self) -> Option<usize> {
         match &self.keys {
             KeyFrames::Held(_) => None,
@@ -184,7 +185,7 @@ impl Animation {
             return Err(KeyFrameError(cause.to_owned()));
         };
         let frame = Arc::new(frame.into());
-        check_streamed(frame.len(), self.vertex_count())?;
+        check_pushed(frame.len(), self.vertex_count())?;
         Ok(keys.push(frame) as f64)
     }
 
@@ -355,7 +356,16 @@ fn check_keys(count: usize) -> Result<(), KeyFrameError> {
     Err(KeyFrameError(cause.to_owned()))
 }
 
-fn check_streamed(found: usize, vertices: usize) -> Result<(), KeyFrameError> {
+fn check_fixed(marks: usize, vertices: usize) -> Result<(), KeyFrameError> {
+    if marks == vertices {
+        return Ok(());
+    }
+    let cause =
+        format!("{marks} marks of fixed vertices were given, the scene has {vertices} vertices");
+    Err(KeyFrameError(cause))
+}
+
+fn check_pushed(found: usize, vertices: usize) -> Result<(), KeyFrameError> {
     if found == vertices {
         return Ok(());
     }
@@ -478,16 +488,15 @@ mod tests {
     #[test]
     fn rejects_mismatched_vertex_counts() {
         let no = |made: Result<Animation, KeyFrameError>| made.unwrap_err().to_string();
-        let says = "2 vertices were given, the scene has 3";
         assert_eq!(
             no(Animation::streamed(at(0.0), &[true; 2], Vec::new())),
-            says
+            "2 marks of fixed vertices were given, the scene has 3 vertices"
         );
         let streamed = Animation::streamed(at(0.0), &[true; 3], vec![[0, 1, 2]]).unwrap();
         assert_eq!(streamed.static_parts().triangle_count(), 1);
         assert_eq!(
             streamed.push(REST[1..].to_vec()).unwrap_err().to_string(),
-            says
+            "2 vertices were given, the scene has 3"
         );
         let known = Animation::new(vec![at(0.0)], Vec::new()).unwrap();
         assert!(known.push(at(1.0)).is_err());

@@ -15,8 +15,9 @@ const MOST_AHEAD: usize = 128;
 ///
 /// Key frames are read in a separate thread pool. It has half as many threads as [`parallelism`], because trees are
 /// built at the same time. The pool runs the [`KeySource`], which is code of the program and may call the library. In a
-/// pool of [`crate::start_library_pool`], such a call would do its parallel work in the same pool, and could wait there
-/// for other tasks of the program. So the pool is created directly: see module `threads`.
+/// pool of [`crate::start_library_pool`], the parallel work of such a call would run in the same pool. While the call
+/// waits, its thread could start another call of the [`KeySource`], which may need a lock that the first one holds. So
+/// the pool is created directly: see module `threads`.
 pub(crate) struct KeyWindow {
     /// Number of key frames in the whole sequence.
     pub(crate) keys: usize,
@@ -118,7 +119,8 @@ impl KeyWindow {
         state.upcoming = upcoming;
     }
 
-    /// Returns the key frames to be played, with their numbers: up to `most`, and up to the first that is not read yet.
+    /// Returns at most `most` of the key frames to be played, with their numbers. Stops before the first that is not
+    /// read yet or could not be read.
     pub(crate) fn upcoming(&self, most: usize) -> Vec<(usize, KeyFrame)> {
         let mut state = lock(&self.shared.state);
         let keys: Vec<usize> = state.upcoming.iter().copied().take(most).collect();
@@ -219,14 +221,14 @@ mod tests {
 
     #[test]
     fn prefetched_frames_are_read_once() {
-        let (source, window) = window();
+        let (counter, window) = window();
         for key in 0..80 {
             window.look_ahead(key..key + 20);
             assert_eq!(window.get(key).unwrap()[0][0], key as f32);
             assert_eq!(window.upcoming(1)[0].0, key);
         }
         drop(window);
-        let reads = source.load(Ordering::Relaxed);
+        let reads = counter.load(Ordering::Relaxed);
         assert!(reads <= 80 + FEW, "{reads}");
     }
 
@@ -248,22 +250,22 @@ mod tests {
 
     #[test]
     fn first_key_frame_is_never_reread() {
-        let (source, window) = window();
+        let (counter, window) = window();
         window.look_ahead([0]);
         assert_eq!(window.upcoming(1)[0].0, 0);
         assert_eq!(window.get(0).unwrap()[0], [0.0; 3]);
         drop(window);
-        assert_eq!(source.load(Ordering::Relaxed), 0);
+        assert_eq!(counter.load(Ordering::Relaxed), 0);
     }
 
     #[test]
     fn threads_share_one_key_frame_read() {
-        let (source, window) = window();
+        let (counter, window) = window();
         std::thread::scope(|s| {
             let all: Vec<_> = (0..8).map(|_| s.spawn(|| window.get(7).unwrap())).collect();
             let all = all.into_iter().map(|thread| thread.join().unwrap());
             assert!(all.into_iter().all(|frame| frame[0] == [7.0; 3]));
         });
-        assert_eq!(source.load(Ordering::Relaxed), 1);
+        assert_eq!(counter.load(Ordering::Relaxed), 1);
     }
 }

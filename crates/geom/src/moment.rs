@@ -1,4 +1,4 @@
-//! Moments of an animation, which blend two key frames.
+//! Moments of an animation, which blend two key frames, or show one if the blend weight is zero.
 
 use crate::{Aabb, Animation, KeyFrame, KeyFrameError, Point, Pose, Triangle};
 use std::sync::Arc;
@@ -36,7 +36,7 @@ impl<'a> Moment<'a> {
         self.pose
     }
 
-    /// Returns the two blended key frames. At a weight of 0 the later one is not read.
+    /// Returns the earlier and the later key frame. If the blend weight is zero, only the earlier one is read.
     pub fn key_frames(&self) -> [&[Point]; 2] {
         [&self.earlier, &self.later]
     }

@@ -56,8 +56,9 @@ impl Pose {
     /// Returns the position of a vertex at `a` in key frame `key` and at `b` in key frame `key + 1`.
     ///
     /// The position is `a + (b - a) * alpha`, with each operation rounded once and never fused. If `alpha` is 0, the
-    /// position is `a`, bit for bit. If `a` and `b` are equal and finite, so is the result, bit for bit, except that
-    /// `-0` becomes `+0`. If `a` or a `b` that is read is not finite, the result is not finite.
+    /// position is `a`, bit for bit. Otherwise, if `a` and `b` are equal and finite, the result has the bits of `a`,
+    /// except that `-0` becomes `+0`. If `a` is not finite, neither is the result. If `alpha` is not 0, the same holds
+    /// for `b`.
     #[inline]
     pub fn blend(self, a: Point, b: Point) -> Point {
         if self.alpha == 0.0 {

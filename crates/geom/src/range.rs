@@ -7,8 +7,8 @@ use crate::{Point, Pose};
 const OUTLYING: f32 = 65_536.0;
 /// A key frame is spread if its largest coordinate exceeds this multiple of [`Sizes::typical`].
 ///
-/// A box is padded by `17 * 2^-24` of `D`, the largest distance along one axis from the ray's origin to a corner. At this
-/// limit, a `D` of the largest coordinate gives a padding of `17 * 2^-14` of the typical size.
+/// A box is padded by `17 * 2^-24` of `D`, the largest distance along one axis from the ray's origin to a corner. At
+/// this limit, if `D` equals the largest coordinate, the padding is `17 * 2^-14` of the typical size.
 const SPREAD: f32 = 1024.0;
 /// [`CoordinateRange::clearance`] as a multiple of the typical size.
 const CLEARANCE: f32 = 256.0;
@@ -26,7 +26,7 @@ pub struct CoordinateRange {
     /// True if the largest coordinate far exceeds the typical one. Backends then compute the padding of each inner box
     /// from that box instead of the root box. This changes no hit.
     pub spread: bool,
-    /// Upper limit, in scene units, of the root box's longest edge in the formula for the offset of shadow rays.
+    /// The offset of shadow rays grows with the root box's longest edge, but at most with this length, in scene units.
     pub clearance: f32,
 }
 
@@ -40,13 +40,14 @@ impl CoordinateRange {
     };
 
     /// A ray is extreme if a coordinate of its origin is at least `2^40` scaled units. A moment is extreme if a vertex
-    /// has a coordinate larger than this.
+    /// of one of its key frames has a larger coordinate.
     pub const FAR: f32 = 1_099_511_627_776.0;
     /// In a moment with tiny triangles, a ray is also extreme if all coordinates of its origin are below `2^-24` scaled
     /// units.
     pub const NEAR: f32 = 1.0 / 16_777_216.0;
 
-    /// Returns whether a ray from `origin`, in scaled units, is tested in exact arithmetic.
+    /// Returns whether a ray from `origin`, in scaled units, is extreme. `watertight` and `exact` trace such rays in
+    /// exact arithmetic.
     #[inline]
     pub fn is_extreme(&self, origin: Point) -> bool {
         let farthest = size(origin);
@@ -141,11 +142,11 @@ pub(crate) mod tests {
     fn far_vertex_marks_spread_or_extreme() {
         for far in [1e6, 1e12, 1.2e12, 1e19, f32::MAX] {
             let keys = [cloud(0.7), cloud(0.7), cloud(far)];
-            for (time, is_near) in [(0.0, false), (1.0, false), (1.25, true), (2.0, true)] {
+            for (time, blends_far_key) in [(0.0, false), (1.0, false), (1.25, true), (2.0, true)] {
                 let (k, range) = range(&keys, time);
-                let extreme = is_near && far > CoordinateRange::FAR;
+                let extreme = blends_far_key && far > CoordinateRange::FAR;
                 let found = (k, range.spread, range.extreme);
-                assert_eq!(found, (0, is_near, extreme), "{far} at {time}");
+                assert_eq!(found, (0, blends_far_key, extreme), "{far} at {time}");
             }
         }
         assert!(!range(&[cloud(500.0)], 0.0).1.spread);

@@ -120,7 +120,7 @@ mod tests {
     use crate::range::tests::cloud;
 
     #[test]
-    fn extremes_ignore_non_finite_vertices() {
+    fn extremes_ignore_non_finite_coordinates() {
         let mut points = cloud(0.5);
         points.extend([[f32::NAN, 9.0, 0.0], [1.0, f32::INFINITY, 2.0], [1e-9; 3]]);
         points.extend([[0.0; 3], [0.0, -0.0, 0.0]]);

@@ -43,11 +43,12 @@ impl Survey {
         for key in 1..count {
             keys.look_ahead(key..count);
             let frame = &keys.get(key)?[..];
-            // `a` is the same vertex for every `key`, so one check of its bits suffices.
-            let is_first_blend = sizes.len() == 1;
+            // `a` is the vertex in the first key frame, the same in every iteration. So its bits are checked only in
+            // the first iteration.
+            let is_first_comparison = sizes.len() == 1;
             let check = |(is_static, (a, b)): (&mut bool, (&Point, &Point))| {
-                let blends_exactly = !is_first_blend || keeps_its_bits(a);
-                *is_static = *is_static && blends_exactly && bits(a) == bits(b);
+                let may_be_static = !is_first_comparison || keeps_its_bits(a);
+                *is_static = *is_static && may_be_static && bits(a) == bits(b);
             };
             in_parallel(|| {
                 let pairs = first.par_iter().zip(frame);

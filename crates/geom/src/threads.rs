@@ -3,7 +3,7 @@
 //! While a rayon worker waits for other threads, it runs queued tasks of its own pool. The program may call the library
 //! from a task of its own rayon pool. If the call waited in rayon, that worker could start other tasks of the program.
 //! These may need a lock that the first task holds, or nest until the stack overflows. Therefore no worker of a pool that
-//! runs tasks of the program waits in rayon for parallel work of the library.
+//! runs tasks of the program waits in rayon for parallel work of the library. [`use_global_pool`] is an exception.
 
 use rayon::prelude::*;
 use rayon::{Scope, ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
@@ -28,7 +28,9 @@ static GLOBAL_POOL_IS_LIBRARY: AtomicBool = AtomicBool::new(false);
 
 /// Makes the library work in rayon's global pool, so that the program controls the number of threads.
 ///
-/// The program must not run its own tasks in that pool.
+/// Tasks of the program may also run in that pool. While a worker waits for parallel work of the library, it may start
+/// another task of the program. So a task must not call the library while it holds a lock that other tasks need. Few
+/// tasks should be queued, because they can nest.
 pub fn use_global_pool() {
     GLOBAL_POOL_IS_LIBRARY.store(true, Ordering::Relaxed);
 }
@@ -174,7 +176,8 @@ where
     for_each_in_parallel(to.chunks_mut(run).zip(from.chunks(run)), convert);
 }
 
-/// Passes each part to `work`, on the calling thread and a few helpers. A helper that starts late may find no parts.
+/// Passes each part to `work`, on the calling thread (or one in its place: see `in_parallel_scope`) and a few helpers.
+/// A helper that starts late may find no parts.
 pub fn for_each_in_parallel<P: Send>(
     parts: impl Iterator<Item = P> + Send,
     work: impl Fn(P) + Sync,

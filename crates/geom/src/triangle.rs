@@ -1,4 +1,4 @@
-//! Predicates that determine whether a ray can hit a triangle.
+//! Exact predicates of triangles: activity, zero area, signs of the normal, side of a point.
 
 use crate::Point;
 use robust::{Coord, Coord3D, orient2d, orient3d};
@@ -20,15 +20,15 @@ pub fn is_active(corners: &Triangle) -> bool {
 
 /// Returns whether the area of an active triangle is exactly zero. A degenerate triangle is never hit.
 ///
-/// The double-precision cross product decides if it exceeds its rounding error. Otherwise Shewchuk's adaptive
-/// predicates (1997) decide.
+/// If a component of the double-precision cross product exceeds its rounding error, the area is not zero. Otherwise
+/// Shewchuk's adaptive predicates (1997) decide.
 #[must_use]
 pub fn is_degenerate(corners: &Triangle) -> bool {
     let [a, b, c] = corners.map(|p| p.map(f64::from));
     let e = [b[0] - a[0], b[1] - a[1], b[2] - a[2]];
     let f = [c[0] - a[0], c[1] - a[1], c[2] - a[2]];
     // Each product has three roundings: two differences and the product. The difference of products adds one more.
-    // A relative error of eight units bounds their sum.
+    // `8 * EPSILON`, times the sum of both magnitudes, bounds these four roundings.
     let is_certainly_nonzero = |i: usize, j: usize| {
         let (p, q) = (e[i] * f[j], e[j] * f[i]);
         (p - q).abs() > 8.0 * f64::EPSILON * (p.abs() + q.abs())

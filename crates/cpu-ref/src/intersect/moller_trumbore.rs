@@ -1,6 +1,6 @@
-//! Möller and Trumbore's test, as published. It leaks near edges.
+//! Möller and Trumbore's test, without its epsilon. It leaks near edges.
 //!
-//! *Fast, Minimum Storage Ray/Triangle Intersection* (1997), without culling and without its epsilon.
+//! *Fast, Minimum Storage Ray/Triangle Intersection* (1997), without culling.
 
 use super::triangle_data::{TriangleData, TriangleHit};
 use crate::scale::PreparedRay;

@@ -2,8 +2,8 @@
 //! leaks near edges.
 //!
 //! Woop, *A Ray Tracing Hardware Architecture for Dynamic Scenes* (2004).
-//! The third row of the transform is the unit normal. In the inverse of the basis `e1, e2, e1 x e2`, the third row is
-//! the normal divided by its squared length, and the squared length of small triangles' normals underflows.
+//! The third row of the transform is the unit normal. The inverse of the basis `e1, e2, e1 x e2` would instead have the
+//! normal divided by its squared length. For small triangles, this squared length underflows.
 
 use super::triangle_data::{TriangleData, TriangleHit};
 use crate::scale::PreparedRay;

@@ -1,8 +1,8 @@
 //! Vectors in AVX2 and AVX-512 registers.
 //!
-//! Only [`super::InstructionSet::run`] uses `Avx2` and `Avx512`, and a [`super::InstructionSet`] exists only for an
-//! instruction set that was detected on this machine. So code that holds a vector of a set may use the instructions of
-//! that set.
+//! Outside this module, only [`super::InstructionSet::run`] names `Avx2` and `Avx512`. Generic code receives them only
+//! from there. A [`super::InstructionSet`] exists only for an instruction set that was detected on this machine. So
+//! code that holds a vector of a set may use the instructions of that set.
 
 #![expect(
     unsafe_code,
@@ -32,7 +32,8 @@ impl Isa for Avx2 {
         fn inside<P: Outlined<Avx2>>(part: P) -> P::Out {
             part.run()
         }
-        // SAFETY: only `InstructionSet::run` uses this set, and its value exists only if `has_avx2` returned `true`.
+        // SAFETY: generic code receives this set only from `InstructionSet::run`. The set's `InstructionSet` exists
+        // only if `has_avx2` returned `true`.
         unsafe { inside(part) }
     }
 }
@@ -51,7 +52,8 @@ impl Isa for Avx512 {
         fn inside<P: Outlined<Avx512>>(part: P) -> P::Out {
             part.run()
         }
-        // SAFETY: only `InstructionSet::run` uses this set, and its value exists only if `has_avx512` returned `true`.
+        // SAFETY: generic code receives this set only from `InstructionSet::run`. The set's `InstructionSet` exists
+        // only if `has_avx512` returned `true`.
         unsafe { inside(part) }
     }
 

@@ -13,7 +13,7 @@ fn near(reach: f32) -> impl Strategy<Value = Point> {
     [-reach..reach, -reach..reach, -reach..reach]
 }
 
-/// A box of all triangles, near the origin or far from it, and a box within it.
+/// A root box, near the origin or far from it, and a box within it.
 fn boxes() -> impl Strategy<Value = [Aabb; 2]> {
     let middle = prop_oneof![near(1.0), near(1e3), near(1e6)];
     (middle, near(1.0), near(1.0)).prop_map(|(middle, a, b)| {

@@ -83,8 +83,8 @@ fn load<L: Lanes>(numbers: &[f32; 16], first: usize) -> L {
     L::load(&lanes)
 }
 
-/// Returns the results of all operations that must not differ between sets, on two times sixteen numbers, one operation
-/// after the other.
+/// Returns the results of the lane-wise operations on the lists `a` and `b`: all results of the first operation, then
+/// those of the next.
 #[inline(always)]
 fn operations<L: Lanes>(a: &[f32; 16], b: &[f32; 16]) -> Vec<u32> {
     let lanes = L::ALL.count_ones() as usize;

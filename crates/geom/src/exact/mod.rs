@@ -16,11 +16,11 @@ type IntegerVector = [BigInt; 3];
 
 /// A ray to intersect with triangles that are scaled by a power of two.
 #[derive(Clone, Copy, Debug)]
-pub struct ScaledRay {
+pub struct ExactRay {
     /// The ray.
     pub ray: Ray,
-    /// Corners are multiplied by `2^-shift`, exactly, before they are tested.
-    pub shift: i32,
+    /// Corners are multiplied by `2^-corner_shift`, exactly, before they are tested.
+    pub corner_shift: i32,
 }
 
 /// Hit of a ray and a triangle. Each number is the exact one, rounded once to the nearest float, ties to even.
@@ -43,7 +43,7 @@ pub struct ExactDistance {
     e: i32,
 }
 
-impl ScaledRay {
+impl ExactRay {
     /// Returns the intersection with the closed triangle, or `None` if the ray misses it or is in its plane.
     ///
     /// The rounded [`t`](ExactDistance::t) is within the ray's open interval. So a ray that continues from a reported
@@ -88,10 +88,10 @@ impl ScaledRay {
     fn integers(&self, corners: &Triangle) -> (IntegerVector, [IntegerVector; 3], i32) {
         let direction_unit = unit(&[self.ray.direction]);
         let direction = whole(self.ray.direction, direction_unit);
-        let position_unit = unit(corners).min(unit(&[self.ray.origin]) + self.shift);
-        let origin = whole(self.ray.origin, position_unit - self.shift);
+        let position_unit = unit(corners).min(unit(&[self.ray.origin]) + self.corner_shift);
+        let origin = whole(self.ray.origin, position_unit - self.corner_shift);
         let corners = corners.map(|p| minus(&whole(p, position_unit), &origin));
-        let e = position_unit - self.shift - direction_unit;
+        let e = position_unit - self.corner_shift - direction_unit;
         (direction, corners, e)
     }
 
@@ -116,11 +116,11 @@ impl ScaledRay {
 
 /// Returns whether double precision proves that the line misses the triangle.
 ///
-/// Each difference of floats has one rounding. The side of an edge is a sum of six products, each with at most eight
-/// more roundings. So the error is at most `16 * 2^-53` times the sum of the products' absolute values. A product of
-/// three numbers in the range of `f32` is in the range of `f64`.
-fn certainly_misses(line: &ScaledRay, corners: &Triangle) -> bool {
-    let scale = f64::from(-line.shift).exp2();
+/// The side of an edge is a sum of six products. Each has at most eight roundings, including those of the differences
+/// of floats and of the sum. That is `8 * 2^-53` of the sum of absolute values. The factor 16 leaves room for the
+/// roundings of `size` and for higher orders. No product leaves the range of `f64`.
+fn certainly_misses(line: &ExactRay, corners: &Triangle) -> bool {
+    let scale = f64::from(-line.corner_shift).exp2();
     let direction = line.ray.direction.map(f64::from);
     let [a, b, c]: [[f64; 3]; 3] = corners
         .map(|p| std::array::from_fn(|i| f64::from(p[i]) * scale - f64::from(line.ray.origin[i])));
@@ -139,13 +139,14 @@ fn certainly_misses(line: &ScaledRay, corners: &Triangle) -> bool {
     sides.contains(&1) && sides.contains(&-1)
 }
 
-/// Returns whether the line from zero along `direction` intersects the closed triangle.
+/// Returns whether the line from zero along `direction` intersects the closed triangle. Also true for every line in the
+/// triangle's plane.
 fn passes_within(direction: &IntegerVector, [a, b, c]: [&IntegerVector; 3]) -> bool {
     let signs = sides(direction, [a, b, c]).map(|side| side.sign());
     !(signs.contains(&Sign::Plus) && signs.contains(&Sign::Minus))
 }
 
-/// Returns whether the line intersects the triangle after the perturbation of [`ScaledRay::intersect_perturbed`].
+/// Returns whether the line intersects the triangle after the perturbation of [`ExactRay::intersect_perturbed`].
 fn moved_passes_within(direction: &IntegerVector, [a, b, c]: [&IntegerVector; 3]) -> bool {
     let side = |p: &IntegerVector, q: &IntegerVector| match dot(direction, &cross(p, q)).sign() {
         Sign::NoSign => {
@@ -195,8 +196,10 @@ impl ExactDistance {
     }
 }
 
-/// Returns an exponent `e` such that all coordinates are integer multiples of `2^e`: the least exponent of the nonzero
-/// coordinates, with integer mantissas.
+/// Returns an exponent `e` such that all coordinates are integer multiples of `2^e`.
+///
+/// Each nonzero coordinate is an integer mantissa times a power of two. `e` is the least of these exponents, or 0 if
+/// all coordinates are zero.
 fn unit(points: &[Point]) -> i32 {
     let parts = points.iter().flatten().map(|x| x.integer_decode());
     let exponents = parts.filter(|part| part.0 != 0).map(|part| part.1);
@@ -237,7 +240,11 @@ mod tests {
     fn double_precision_detects_only_clear_misses() {
         let misses = |x, y| {
             let ray = Ray::new([x, y, 0.0], [0.0, 0.0, 0.5]);
-            certainly_misses(&ScaledRay { ray, shift: 0 }, &UNIT)
+            let line = ExactRay {
+                ray,
+                corner_shift: 0,
+            };
+            certainly_misses(&line, &UNIT)
         };
         for (x, y) in [(-0.001, 0.5), (0.501, 0.5), (3.0, -1.0), (1e6, 0.1)] {
             assert!(misses(x, y), "{x} {y}");
@@ -249,7 +256,8 @@ mod tests {
 
     #[test]
     fn shared_edges_are_crossed_once() {
-        // Eight triangles around the centre of a square. A ray along the grid and two tilted rays intersect them.
+        // Eight triangles around the centre of a square. Through each of five points, one vertical and two tilted rays
+        // pass.
         let ring = [1.0, 1.0, 0.0, -1.0, -1.0, -1.0, 0.0, 1.0];
         let at = |i: usize| -> Point {
             let (x, y) = (ring[i % 8], ring[(i + 6) % 8]);
@@ -261,9 +269,9 @@ mod tests {
             for direction in [[0.0, 0.0, -1.0], [0.25, 0.0, -1.0], [-0.5, 0.25, -2.0]] {
                 let height = 0.5 * x * y;
                 let origin = [x - direction[0], y - direction[1], height - direction[2]];
-                let line = ScaledRay {
+                let line = ExactRay {
                     ray: Ray::new(origin, direction),
-                    shift: 0,
+                    corner_shift: 0,
                 };
                 let moved = fan
                     .iter()
@@ -282,7 +290,10 @@ mod tests {
             let s = 2.0_f64.powi(e) as f32;
             let corners = UNIT.map(|p| p.map(|x| x * s));
             let ray = Ray::new([0.25 * s, 0.5 * s, 0.0], [0.0, 0.0, -3.0]);
-            let line = ScaledRay { ray, shift: 0 };
+            let line = ExactRay {
+                ray,
+                corner_shift: 0,
+            };
             assert_eq!(line.weights(&corners), [0.25, 0.5], "2^{e}");
             let turned = [corners[2], corners[0], corners[1]];
             assert_eq!(line.weights(&turned), [0.25, 0.25], "2^{e}");
@@ -302,7 +313,7 @@ mod tests {
             let at: Point = std::array::from_fn(|i| corners[0][i] + [0.0, w, 1.0, -0.001][aim] * (corners[1][i] - corners[0][i]));
             let origin: Point = std::array::from_fn(|i| origin[i] * (far as f32).exp2());
             let direction: Point = std::array::from_fn(|i| (at[i] - origin[i]) * (e as f32).exp2());
-            let line = ScaledRay { ray: Ray::new(origin, direction), shift: 0 };
+            let line = ExactRay { ray: Ray::new(origin, direction), corner_shift: 0 };
             prop_assume!(line.ray.is_valid());
             let (direction, [a, b, c], _) = line.integers(&corners);
             let within = passes_within(&direction, [&a, &b, &c]);

@@ -1,6 +1,6 @@
 //! Distances and weights in double precision. Error bounds prove that they round like the exact values.
 
-use super::{RoundedHit, ScaledRay};
+use super::{ExactRay, RoundedHit};
 use crate::{Point, Triangle};
 
 /// A number and a bound of its absolute error.
@@ -13,18 +13,18 @@ struct WithError {
 /// Relative bound of a few roundings: eight units of `2^-53`.
 const ROUNDING: f64 = 4.0 * f64::EPSILON;
 
-impl ScaledRay {
+impl ExactRay {
     /// Returns the distance and the weights at the intersection, each rounded once. The line must
     /// [intersect](Self::intersect) the triangle.
     ///
     /// Returns `None` if the error bounds of double precision allow several results. Use [`Self::rounded`] then.
     pub fn try_rounded(&self, corners: &Triangle) -> Option<RoundedHit> {
         // Corners are sheared along the direction's largest component, as in the watertight test but without a
-        // division: `x * dz - dx * z`. Errors are then relative to the triangle's size along the other axes, not to
-        // its distance.
+        // division: `x * dz - dx * z`. Sheared coordinates of a triangle near the ray are small. So the errors of edge
+        // functions grow with the distance times the triangle's size, not with the squared distance.
         //
-        // `shift` is a scale exponent or a difference of two, so `2^-shift` is a normal number.
-        let scale = f64::from_bits(((1023 - self.shift) as u64) << 52);
+        // `corner_shift` is a scale exponent or a difference of two, so `2^-corner_shift` is a normal number.
+        let scale = f64::from_bits(((1023 - self.corner_shift) as u64) << 52);
         let axes = axes_along(self.ray.direction);
         let direction = axes.map(|k| f64::from(self.ray.direction[k]));
         let origin = axes.map(|k| f64::from(self.ray.origin[k]));
@@ -115,9 +115,12 @@ mod tests {
             [0.002, -0.004, 0.0],
         ];
         let ray = Ray::new([0.004, -0.006, -0.006], [-0.0050000004, 0.005, 0.01]);
-        let line = ScaledRay { ray, shift: 0 };
+        let line = ExactRay {
+            ray,
+            corner_shift: 0,
+        };
         let hit = line.rounded(&corners).unwrap();
-        // Single precision computes 0.39999816.
+        // In single precision, `t` is 0.3, and clamping to the own box yields 0.39999816.
         assert_eq!(hit.t, 0.5);
         let fast = line.try_rounded(&corners);
         assert!(fast.is_none_or(|fast| fast == hit), "{fast:?}");
@@ -132,7 +135,10 @@ mod tests {
                 [random(i), random(3 * i + 1), -7.0],
                 [0.1 * random(7 * i), 0.05, 1.1],
             );
-            let line = ScaledRay { ray, shift: 0 };
+            let line = ExactRay {
+                ray,
+                corner_shift: 0,
+            };
             line.rounded(&corners).is_none() || line.try_rounded(&corners).is_some()
         });
         assert!(count.count() > 990);
@@ -157,7 +163,7 @@ mod tests {
             let at = |i: usize| scale * (corners[0][i] * (1.0 - v - w) + corners[1][i] * v + corners[2][i] * w);
             let origin: Point = std::array::from_fn(|i| from[i] * ((size + far) as f32).exp2());
             let direction: Point = std::array::from_fn(|i| (at(i) - origin[i]) * (e as f32).exp2());
-            let line = ScaledRay { ray: Ray::new(origin, direction), shift };
+            let line = ExactRay { ray: Ray::new(origin, direction), corner_shift: shift };
             prop_assume!(line.ray.is_valid());
             if let (Some(fast), Some(exact)) = (line.try_rounded(&corners), line.rounded(&corners)) {
                 prop_assert_eq!(fast, exact);
