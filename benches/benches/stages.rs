@@ -1,4 +1,4 @@
-//! Compares every stage with other crates: tree builds, conversion, refits and rays.
+//! Measures builds, conversions, refits and rays. Compares all but conversions with other crates.
 //!
 //! `cargo bench -p benches --bench stages [-- STAGE]`, where a stage is `build`, `convert`, `refit` or `trace`.
 
@@ -40,7 +40,7 @@ fn group<'a>(criterion: &'a mut Criterion, stage: &str, mesh: &Mesh) -> Group<'a
     group
 }
 
-/// Measures builds with one thread and with all, and reports the surface area cost of the trees.
+/// Measures builds with each of `thread_counts`, and reports the surface area cost of the trees.
 fn build(criterion: &mut Criterion, mesh: &Mesh) {
     let mut group = group(criterion, "build", mesh);
     for threads in thread_counts() {
@@ -68,8 +68,8 @@ fn build(criterion: &mut Criterion, mesh: &Mesh) {
 /// Measures our builds.
 ///
 /// `abvh` is the build and the conversion to treelets, which run outside the frame. `abvh and refit` is the build, the
-/// conversion to eight-wide blocks, and the work of the backend before rays can be traced. The other crates' builds include
-/// this work.
+/// conversion to nodes of eight children, and the work of the backend before rays can be traced. The other crates'
+/// builds include this work.
 fn build_ours(group: &mut Group<'_>, mesh: &Mesh, threads: usize) {
     let pool = pool(threads);
     let positions = mesh.positions(mesh.start());
@@ -80,7 +80,7 @@ fn build_ours(group: &mut Group<'_>, mesh: &Mesh, threads: usize) {
     let mut tracer = Tracer::new(mesh, Intersector::Watertight, threads);
     group.bench_function(BenchmarkId::new("abvh and refit", threads), |b| {
         b.iter(|| {
-            tracer.adopt(&pool.install(|| ours.make_with_blocks(mesh, &positions)));
+            tracer.adopt(&pool.install(|| ours.make_eight_wide(mesh, &positions)));
             tracer.refit();
         });
     });
@@ -98,6 +98,9 @@ fn cost_row(name: &str, [cost, ours]: [f64; 2], nodes: usize) -> Vec<String> {
     vec![name.to_owned(), cost, ratio, nodes.to_string()]
 }
 
+/// Size of a tree with boxes, per triangle: two nodes of 32 bytes.
+const BYTES_WITH_BOXES: f64 = 64.0;
+
 /// Measures conversions of binary trees to treelets.
 fn convert(criterion: &mut Criterion, mesh: &Mesh) {
     let mut group = group(criterion, "convert", mesh);
@@ -114,16 +117,20 @@ fn convert(criterion: &mut Criterion, mesh: &Mesh) {
     let row = vec![
         mesh.label.clone(),
         format!("{bytes:.3}"),
-        format!("{:.1} %", bytes / 0.64),
+        format!("{:.1} %", 100.0 * bytes / BYTES_WITH_BOXES),
     ];
-    print_table("treelets", "mesh|bytes/triangle|of 64 bytes", vec![row]);
+    print_table(
+        "treelets",
+        "mesh|bytes/triangle|share of a tree with boxes",
+        vec![row],
+    );
 }
 
 /// Measures refits: from new positions to boxes of an unchanged tree.
 ///
-/// For `abvh` this is `preprocess` and `refit`: triangle data for the intersector, boxes of leaves, boxes of inner
-/// nodes. The other crates compute boxes of leaves and of inner nodes, and trace the original triangles. `bvh` has no
-/// refit.
+/// For `abvh` this is `preprocess` and `refit`: triangle records for the intersector, boxes of leaves, boxes of inner
+/// nodes. The other crates compute only the boxes. They intersect the vertices directly, so they have no triangle
+/// records to update. `bvh` has no refit.
 fn refit(criterion: &mut Criterion, mesh: &Mesh) {
     let mut group = group(criterion, "refit", mesh);
     for threads in thread_counts() {
@@ -144,12 +151,12 @@ fn refit(criterion: &mut Criterion, mesh: &Mesh) {
     group.finish();
 }
 
-/// Number of rays per task of another crate.
+/// Number of rays in a rayon task, when another crate's tree is traced.
 const TASK: usize = 512;
 
-/// Our intersectors to measure. Camera rays form packets of neighbouring pixels. Rays of a list form packets of neighbours
-/// in the list.
-const OURS: [Intersector; 2] = [Intersector::Watertight, Intersector::MollerTrumbore];
+/// Intersectors of abvh to measure. Camera rays form packets of neighbouring pixels. Rays of a list form packets of
+/// neighbours in the list.
+const INTERSECTORS: [Intersector; 2] = [Intersector::Watertight, Intersector::MollerTrumbore];
 
 /// Rays of a group.
 struct Work<'a> {
@@ -159,7 +166,7 @@ struct Work<'a> {
     threads: usize,
 }
 
-/// Measures rays on all threads: through the pixels of an image, and from their hits to a light.
+/// Measures rays with the last of `thread_counts`: through the pixels of an image, and from their hits to a light.
 ///
 /// A table of hits follows each group, because trees with different hits do not do the same work.
 fn trace(criterion: &mut Criterion, mesh: &Mesh) {
@@ -189,7 +196,7 @@ fn trace_all(group: &mut Group<'_>, work: &Work<'_>, camera: Rays<'_>) -> Vec<Ve
     let list = Rays::List(work.rays);
     let rays = if work.any { list } else { camera };
     let mut hits = Vec::new();
-    for intersector in OURS {
+    for intersector in INTERSECTORS {
         hits.push(trace_ours(group, work, intersector, rays));
         if !work.any {
             hits.push(trace_ours(group, work, intersector, list));

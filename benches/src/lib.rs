@@ -1,7 +1,8 @@
 //! Shared code of the benchmarks: meshes, rays, and other crates behind one trait.
 //!
-//! Every group names a mesh and its number of triangles. All functions in a group use the same triangles or rays. The
-//! comments on the stages in `benches/stages.rs` state where their work differs.
+//! A criterion group measures one stage on one mesh, by abvh and, except for conversions, by other crates. All
+//! functions in a group use the same triangles or rays. The comments on the stages in `benches/stages.rs` state where
+//! abvh and the other crates do different work.
 
 mod mesh;
 mod ours;
@@ -45,8 +46,8 @@ pub fn pool(threads: usize) -> ThreadPool {
     pool.expect("the machine can start threads")
 }
 
-/// Returns the stage whose name an argument begins with, or `None` to measure all stages. The first such argument counts.
-/// Other arguments are criterion's options and their values.
+/// Returns the stage whose name is a prefix of an argument. If several arguments match, the first one counts. `None`
+/// means all stages. Other arguments are criterion's options and their values.
 pub fn selected_stage<'a>(
     stages: &[&'a str],
     arguments: impl IntoIterator<Item = String>,

@@ -1,4 +1,4 @@
-//! This program's stages, combined as in the pipeline.
+//! The stages of abvh, in the order of crate `pipeline`: build, conversion, adoption, `preprocess`, `refit`, `trace`.
 
 use crate::{Mesh, pool};
 use backend::{Backend, Generation, Hits, Intersector, Query, QueryKind, Rays};
@@ -53,8 +53,9 @@ impl Ours {
         &self.topology
     }
 
-    /// Builds a tree for backend `cpu`, in the caller's pool: a binary tree with eight-wide blocks.
-    pub fn make_with_blocks(&mut self, mesh: &Mesh, positions: &[Point]) -> Topology {
+    /// Builds a tree for backend `cpu`, in the caller's pool: a binary tree, collapsed to nodes of eight
+    /// children.
+    pub fn make_eight_wide(&mut self, mesh: &Mesh, positions: &[Point]) -> Topology {
         self.builder.block_size = BlockSize::Eight;
         let boxes = boxes(mesh, positions);
         self.build(&boxes);
@@ -106,7 +107,7 @@ impl Tracer {
     pub fn ready(mesh: &Mesh, intersector: Intersector, threads: usize) -> Self {
         let (pool, positions) = (pool(threads), mesh.positions(mesh.start()));
         let mut tracer = Self::new(mesh, intersector, threads);
-        tracer.adopt(&pool.install(|| Ours::default().make_with_blocks(mesh, &positions)));
+        tracer.adopt(&pool.install(|| Ours::default().make_eight_wide(mesh, &positions)));
         tracer.refit();
         tracer
     }
@@ -123,7 +124,7 @@ impl Tracer {
         done(self.backend.adopt(tree, self.generation));
     }
 
-    /// Computes triangle data and boxes from positions, as rays require.
+    /// Runs `preprocess` and `refit`: computes triangle records and boxes, which must precede `trace`.
     pub fn refit(&mut self) {
         done(self.backend.preprocess());
         done(self.backend.refit());

@@ -17,7 +17,8 @@ pub fn camera(mesh: &Mesh, size: [u32; 2]) -> Camera {
     camera.expect("a mesh has some extent")
 }
 
-/// Returns a ray over `(0, 1)` from near each hit of `primary` to a light high above the mesh.
+/// For each hit of `primary`, returns a ray that starts near the hit and reaches a light at `t = 1`. The light is high
+/// above the mesh.
 pub fn shadow_rays(mesh: &Mesh, primary: &[Ray], tracer: &mut Tracer) -> Vec<Ray> {
     let (centre, radius) = sphere(mesh);
     let light = centre + radius * Vec3::new(-1.0, 3.0, 0.7);

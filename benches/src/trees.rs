@@ -95,8 +95,8 @@ mod tests {
                 let pairs = primary.iter().zip(&closest);
                 let wrong = pairs.filter(|(ray, hit)| other(ray) != hit.triangle);
                 let pairs = shadow.iter().zip(&blocked);
-                let dark = pairs.filter(|(ray, dark)| tree.blocked(ray) != (**dark == 1));
-                let count = wrong.count() + dark.count();
+                let wrong_shadows = pairs.filter(|(ray, mark)| tree.blocked(ray) != (**mark == 1));
+                let count = wrong.count() + wrong_shadows.count();
                 assert!(count < 512 * 320 / 1_000, "{}: {count}", tree.name());
             }
         }

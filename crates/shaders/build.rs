@@ -29,8 +29,9 @@ fn main() -> Result<()> {
     let files = read(Path::new("wgsl"))?;
     let entries = variants::entries(&files)?;
     let sources = Sources::new(&files, variants::conditions(&entries))?;
-    let (ray_kernels, kernels): (Vec<_>, Vec<_>) =
-        entries.iter().partition(|e| e.file == rays::KERNELS);
+    let (ray_kernels, kernels): (Vec<_>, Vec<_>) = entries
+        .iter()
+        .partition(|e| e.file == rays::SUPPORT_KERNELS_FILE);
     let table = |about, constant, some: &[&EntryPoint]| {
         let all = compile_all(&out, &sources, some)?;
         anyhow::Ok(format!(
@@ -38,9 +39,10 @@ fn main() -> Result<()> {
         ))
     };
     let kernels = table("Every kernel.", "KERNELS", &kernels)?;
-    let about = "Kernels that support [`RAYS`], for trees that a driver builds.";
+    let about = "Compute kernels that support the ray-tracing pipeline [`RAYS`], which traces trees built by the \
+                 Vulkan driver.";
     let ray_kernels = table(about, "RAY_KERNELS", &ray_kernels)?;
-    let pipeline = rays::compile(&out, &sources).context(rays::PIPELINE)?;
+    let pipeline = rays::compile(&out, &sources).context(rays::PIPELINE_FILE)?;
     let module = variants::module(&sources).context("cannot compose the module")?;
     parse(&module, CAPABILITIES)?;
     std::fs::write(out.join("module.wgsl"), module)?;
@@ -136,7 +138,8 @@ fn include_words(out: &Path, name: &str, words: &[u32]) -> Result<String> {
     ))
 }
 
-/// Capabilities that kernels may use. Hosts load kernels with optional capabilities only where the device has them.
+/// Capabilities that kernels may use. A backend loads a kernel only on devices that have all capabilities that the
+/// kernel uses.
 const CAPABILITIES: Capabilities = Capabilities::SUBGROUP
     .union(Capabilities::SHADER_INT64)
     .union(Capabilities::SHADER_INT64_ATOMIC_ALL_OPS);
@@ -157,7 +160,8 @@ fn parse(source: &str, capabilities: Capabilities) -> Result<(naga::Module, Modu
 fn options(minor_version: u8) -> spv::Options<'static> {
     spv::Options {
         lang_version: (1, minor_version),
-        // `harden` needs names to find the functions that may be fused. It then removes all names.
+        // `harden` needs names to find `multiply_32` and the functions whose operations may be fused. It then removes
+        // all names.
         flags: spv::WriterFlags::DEBUG,
         zero_initialize_workgroup_memory: spv::ZeroInitializeWorkgroupMemoryMode::None,
         force_loop_bounding: false,

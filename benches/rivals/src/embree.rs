@@ -1,7 +1,8 @@
 //! Embree 4 (Wald, Woop, Benthin, Johnson, Ernst 2014) through its C interface.
 //!
 //! The library `libembree4` is loaded at run time from where the system finds libraries, such as a folder in
-//! `LD_LIBRARY_PATH`. The Python wheel `embreex` has it under another name.
+//! `LD_LIBRARY_PATH`. The Python wheel `embreex` contains the library under another name. To use it, link it as
+//! `libembree4.so.4` in the same folder.
 
 mod raw;
 mod scene;
@@ -163,7 +164,7 @@ impl Loaded {
         if let Some(scene) = &mut self.scene {
             times.interpolate_ms = pool.install(|| interpolate(scene.vertices()));
             begun_tree = Instant::now();
-            scene.rebuild();
+            scene.update_tree();
         } else {
             let mut vertices = vec![[0.0; 3]; self.animation.vertex_count()];
             times.interpolate_ms = pool.install(|| interpolate(&mut vertices));
@@ -183,7 +184,8 @@ fn ms_since(begun: Instant) -> f64 {
 }
 
 /// Returns the light for shadow rays. Their origins are offset from the hits by the same rule as ours, but with the box
-/// of all key frames instead of the frame's box.
+/// of all key frames instead of the frame's box. Embree traces in scene units, so scaled and unscaled positions are
+/// equal.
 fn offset_light(animation: &Animation, pose: Pose, at: Point) -> Light {
     let [x, y, z] = animation.bounds().extent();
     Light {

@@ -38,7 +38,7 @@ pub trait Rival {
     /// With a `light`, also traces a shadow ray from each hit to the light. Blocks until all work has finished.
     ///
     /// The report contains the time to build or refit the tree as `refit_ms`, and the time of primary and shadow rays
-    /// as `trace_primary_ms`. Inactive and degenerate triangles are not counted.
+    /// as `trace_primary_ms`. The fields `inactive` and `degenerate` of the report stay 0.
     ///
     /// # Errors
     /// The device failed, or the rays do not fit it.
@@ -56,7 +56,8 @@ pub trait Rival {
     /// Before a frame was traced.
     fn hits(&mut self) -> Result<&Hits>;
 
-    /// Returns the bytes of device memory that the rival has allocated, if the driver reports it.
+    /// Returns the bytes of device memory that the rival has allocated, or `None` if the rival has no device memory or
+    /// does not count it.
     fn device_bytes(&self) -> Option<DeviceBytes> {
         None
     }
@@ -97,8 +98,8 @@ impl RivalName {
         }
     }
 
-    /// Opens the rival on the adapter with index `adapter`, by default the first GPU. A rival on the host uses
-    /// `threads` threads.
+    /// Opens the rival on the adapter with index `adapter`, by default the first GPU, or the first adapter if there is
+    /// no GPU. A rival on the host uses `threads` threads.
     ///
     /// # Errors
     /// The rival is not available on this machine.

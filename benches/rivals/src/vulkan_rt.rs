@@ -1,9 +1,10 @@
 //! The Vulkan driver's own trees: acceleration structures that are built or updated in each frame and traced by a
 //! ray-tracing pipeline.
 //!
-//! The kernel that interpolates our positions writes the vertices, and the driver's structure is built from them in place.
-//! Primary and shadow rays are computed with our arithmetic and traced in one launch. The driver decides what they hit, within the
-//! Vulkan specification. Kernels count hits after the end of the last stage, so that the driver's time excludes the counting.
+//! The kernel that interpolates our positions writes the vertices. The driver's structure is built directly from that
+//! vertex buffer. If vertices may be non-finite, it is built from a copy. Primary and shadow rays are computed with our
+//! arithmetic and traced in one launch. The driver decides what they hit, within the Vulkan specification. Kernels
+//! count hits after the end of the last stage, so that the driver's time excludes the counting.
 
 mod frame;
 mod pipeline;
@@ -21,7 +22,7 @@ use gpu_vulkan::VulkanDevice;
 use gpu_vulkan::gpu::Gpu;
 use gpu_vulkan::instance::VulkanInstance;
 use pipeline::RayPipeline;
-use scene::DriverScene;
+use scene::VulkanScene;
 use shaders::{RAY_KERNELS, common};
 use support::RayTracing;
 
@@ -29,7 +30,7 @@ use support::RayTracing;
 pub struct VulkanRt {
     engine: Engine<VulkanDevice>,
     name: RivalName,
-    scene: Option<DriverScene>,
+    scene: Option<VulkanScene>,
     /// The pose of the tree; `None` before the first frame.
     pose: Option<Pose>,
     /// The last frame.

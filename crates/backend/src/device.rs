@@ -15,8 +15,9 @@ crate::named! {
     }
 }
 
-/// How the device rounds divisions and sums of products for which the shader does not enforce IEEE 754 rounding. It affects
-/// only intersectors whose hits differ between backends (see [`Intersector::is_equal_across_backends`]).
+/// How the device rounds divisions and sums of products for which the shader does not enforce IEEE 754 rounding. Among
+/// hits, it affects only those of intersectors whose hits differ between backends (see
+/// [`Intersector::is_equal_across_backends`]). It also affects costs of trees.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Arithmetic {
     /// Whether division is correctly rounded.
@@ -55,7 +56,7 @@ pub struct Device {
     pub driver: String,
     /// Kind of processor.
     pub kind: DeviceKind,
-    /// Number of host threads that compute; 0 if the device computes.
+    /// Number of threads on which this program computes; 0 if a graphics driver runs the kernels.
     pub threads: usize,
     /// How the device rounds operations for which the shader does not enforce IEEE 754 rounding.
     pub arithmetic: Arithmetic,
@@ -98,17 +99,20 @@ impl Capabilities {
 /// Device memory of a backend.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MemoryUse {
-    /// Bytes that the backend holds, or `None` if unknown.
+    /// Bytes that the backend holds, or `None` if unknown. With `vulkan`, includes buffers of other scenes on a shared
+    /// device.
     pub held: Option<DeviceBytes>,
-    /// Bytes that were available when the device was opened, or `None` if the driver does not report them.
+    /// Bytes that were available when the device was opened, or `None` if unknown. `vulkan` gives a heap's size if the
+    /// driver does not report the use of memory.
     pub available: Option<u64>,
 }
 
 /// Bytes of device memory by purpose.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DeviceBytes {
-    /// Trees, triangle records, and the buffer with the pixels that triangles and boxes may cover. Includes a tree that
-    /// is being uploaded, a second tree after the first evaluation, and unused buffers of earlier trees.
+    /// Trees, triangle records, and the buffer of the pixels that triangles and boxes may cover (for packets and
+    /// rasterization). Includes a tree that is being uploaded, a second tree after the first evaluation, and unused
+    /// buffers of earlier trees.
     pub tree: u64,
     /// Scratch memory of tree builds. With `vulkan`, also staging buffers that are free or that unfinished uploads use.
     pub scratch: u64,

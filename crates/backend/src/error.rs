@@ -31,7 +31,7 @@ pub enum BackendError {
         /// Maximum amount.
         limit: u64,
     },
-    /// Device memory is exhausted.
+    /// Memory of the device or the host is exhausted.
     #[error("out of device memory: {what}{}", need(*bytes))]
     OutOfMemory {
         /// The object that could not be created.
@@ -39,8 +39,8 @@ pub enum BackendError {
         /// Required bytes; 0 if only the driver knows.
         bytes: u64,
     },
-    /// The program that owns the device misused it, for example dropped the command buffer into
-    /// which the library had recorded a frame.
+    /// The calling program misused a resource that it shares with the library. For example, it dropped the command
+    /// buffer into which the library had recorded a frame.
     #[error("{0}")]
     Misuse(String),
     /// The graphics API or the driver rejected a call. This indicates a bug in the library or in the driver.
@@ -58,7 +58,7 @@ pub enum BackendError {
 
 impl BackendError {
     /// Returns the error of a query with [`Rays::OnDevice`](crate::Rays::OnDevice) on a backend that received no
-    /// buffer of rays.
+    /// buffers for it, or too small ones.
     pub fn no_rays_on_device(backend: &'static str) -> Self {
         Self::unsupported(backend, "rays in device memory")
     }

@@ -29,8 +29,8 @@
 //!
 //! 1. `interpolate` blends two key frames and writes vertex positions.
 //! 2. `preprocess` reads the latest positions and writes one triangle record and one box per leaf. It needs a tree,
-//!    because leaves are in tree order. Instead of waiting for `interpolate`, it may blend the key frames itself. The
-//!    result is bit-identical.
+//!    because it stores records and boxes in the order of the tree's leaves. Instead of waiting for `interpolate`, it
+//!    may blend the key frames itself. The result is bit-identical.
 //! 3. `refit` reads the boxes of leaves and writes the boxes of inner nodes.
 //! 4. `trace` reads records and boxes and writes hits.
 //!
@@ -58,8 +58,8 @@
 //! # Errors
 //!
 //! [`BackendError`] reports failures, unsupported operations and trees that do not fit the scene. Calls in a wrong order,
-//! such as tracing a stale tree, and unknown tickets panic. [`BackendError::Misuse`] reports an error of the program that
-//! owns the device.
+//! such as tracing a stale tree, and unknown tickets panic. [`BackendError::Misuse`] reports that the calling program
+//! misused a resource that it shares with the library.
 
 /// Defines an enum whose variants have names for the command line or for tables and files, and a list of all variants.
 #[macro_export]
@@ -196,7 +196,7 @@ pub trait Backend: Send + Any {
         self.device().capabilities.device_rebuild.clone()
     }
 
-    /// Records the interpolation of key frames to the positions at `pose`.
+    /// Records the interpolation of key frames to the positions at `pose`: a key frame and the weight of the next one.
     fn interpolate(&mut self, pose: Pose) -> Result<()>;
 
     /// Records the computation of triangle records and boxes of leaves from positions.
@@ -270,8 +270,11 @@ pub trait Inspect: Backend {
     /// those of its nodes.
     ///
     /// # Errors
-    /// [`BackendError::WrongTree`] if the device's output is no tree over the live triangles;
-    /// [`BackendError::Unsupported`] if the device builds no trees.
+    /// [`BackendError::WrongTree`] if the device's output is no tree over the live triangles. The error of
+    /// [`Capabilities::device_rebuild`] if the device builds no trees.
+    ///
+    /// # Panics
+    /// If the current tree was built on the host.
     fn rebuilt(&mut self) -> Result<Topology> {
         Err(BackendError::no_device_trees(self.device().backend))
     }

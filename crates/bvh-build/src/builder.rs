@@ -25,7 +25,7 @@ pub struct SahBuilder {
     pub block_size: BlockSize,
 }
 
-/// Options of a build for which [`SahBuilder::build`] and `SubtreeRebuilder` use different values.
+/// Options whose values differ between [`SahBuilder::build`] and `SubtreeRebuilder`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RootOptions {
     /// Depth of the root: see [`SahBuilder::build_below`].

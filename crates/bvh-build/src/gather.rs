@@ -25,7 +25,8 @@ impl Boxes for [Aabb] {
     }
 }
 
-/// The boxes of an animation's triangles with the given vertices.
+/// The boxes over which a tree of an animation is built, with the given vertices. A triangle that is inactive at these
+/// vertices has its [`Animation::fallback_box`], so a tree contains all live triangles.
 #[derive(Clone, Copy, Debug)]
 pub struct AnimationBoxes<'a> {
     /// The animation.

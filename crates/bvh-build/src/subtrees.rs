@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn trees_below_two_leaves_are_unchanged() {
+    fn trees_of_fewer_than_two_leaves_are_unchanged() {
         for n in [0, 1] {
             let boxes = clumps(n, |_| 0.0, 1.0);
             let previous = BinaryTree::over(&boxes[..]);

@@ -2,7 +2,7 @@
 
 use backend::StageTimes;
 
-/// A stage of a frame, in order of execution. A tree build also runs after `Preprocess`.
+/// A stage of a frame, in order of execution. A tree build runs partly before and partly after `Preprocess`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     /// Blends key frames to positions.

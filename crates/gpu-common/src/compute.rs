@@ -19,7 +19,7 @@ use std::sync::Arc;
 /// The backend that runs the kernels of crate `shaders` on a device.
 pub struct ComputeBackend<D: GpuDevice> {
     pub(crate) engine: Engine<D>,
-    pub(crate) tree: Option<TreeBuffers<D>>,
+    pub(crate) trees: Option<TreeBuffers<D>>,
     /// The intersector of the loaded scene.
     intersector: Intersector,
     /// Range of the coordinates at the current pose, or `None` if the host has not computed it. A kernel then measures
@@ -52,7 +52,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
     fn with(engine: Engine<D>) -> Self {
         Self {
             engine,
-            tree: None,
+            trees: None,
             intersector: Intersector::Watertight,
             range: None,
         }
@@ -72,18 +72,18 @@ impl<D: GpuDevice> ComputeBackend<D> {
     /// must then begin with `interpolate`.
     pub fn remove_dropped(&mut self) -> Vec<Ticket> {
         let dropped = self.engine.remove_dropped();
-        if let Some(tree) = self.tree.as_mut().filter(|_| !dropped.is_empty()) {
-            tree.submitted(false);
+        if let Some(trees) = self.trees.as_mut().filter(|_| !dropped.is_empty()) {
+            trees.recording_dropped();
         }
         dropped
     }
 
-    pub(crate) fn tree(&self) -> &TreeBuffers<D> {
-        self.tree.as_ref().expect("a scene was loaded")
+    pub(crate) fn trees(&self) -> &TreeBuffers<D> {
+        self.trees.as_ref().expect("a scene was loaded")
     }
 
-    fn tree_mut(&mut self) -> &mut TreeBuffers<D> {
-        self.tree.as_mut().expect("a scene was loaded")
+    fn trees_mut(&mut self) -> &mut TreeBuffers<D> {
+        self.trees.as_mut().expect("a scene was loaded")
     }
 
     /// Checks that all stages before `stage` are up to date.
@@ -93,7 +93,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
 
     fn require_later(&self, generation: Generation) {
         assert!(
-            generation > self.tree().current.generation,
+            generation > self.trees().current.generation,
             "generations must increase"
         );
     }
@@ -104,13 +104,14 @@ impl<D: GpuDevice> ComputeBackend<D> {
     }
 
     fn params_at(&self, pose: Pose) -> Params {
-        self.params_of(&self.tree().current.shape, pose)
+        self.params_of(&self.trees().current.shape, pose)
     }
 
     fn params_of(&self, shape: &Shape, pose: Pose) -> Params {
         let params = Params {
             alpha: pose.alpha,
-            // Used if the host has not computed the range. It selects kernels and affects speed, but changes no hit.
+            // `with_range(None)` keeps this value: whether coordinates differ greatly in magnitude, as last measured by
+            // the device. It only selects faster or slower kernels.
             spread: self.engine.frames.spread.into(),
             ..Params::of(self.engine.scene().scale_exponent, shape)
         };
@@ -119,15 +120,15 @@ impl<D: GpuDevice> ComputeBackend<D> {
 
     /// Records a stage of the current tree.
     fn run(&mut self, stage: Stage, work: &[work::Work]) -> Result<()> {
-        let tree = self.tree.as_ref().expect("a scene was loaded");
-        self.engine.run(Some(stage), work, |name| tree.get(name))
+        let trees = self.trees.as_ref().expect("a scene was loaded");
+        self.engine.run(Some(stage), work, |name| trees.get(name))
     }
 
     /// Records the stages of the candidate. They precede those of the current tree, because the last `preprocess`
     /// of a submission determines its counts of inactive and degenerate triangles.
     fn record_candidate(&mut self, params: Params) -> Result<()> {
         let (intersector, engine) = (self.intersector, &mut self.engine);
-        let trees = self.tree.as_mut().expect("a scene was loaded");
+        let trees = self.trees.as_mut().expect("a scene was loaded");
         let tree = trees.candidate.as_mut().expect("it was loaded");
         let (work, _) = tree.progress.preprocess(intersector, params, &tree.shape);
         engine.run(Some(Stage::Preprocess), &work, |name| tree.get(name))?;
@@ -141,7 +142,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
     /// Returns whether the current tree was built on the device from the current positions. Its triangle records and
     /// boxes are then up to date. Panics if it was built on the device from other positions.
     fn is_built_at_pose(&self) -> bool {
-        let built_on_device = self.tree().built_on_device;
+        let built_on_device = self.trees().built_on_device;
         let is_stale = built_on_device && self.engine.next_stage < NextStage::Trace;
         assert!(!is_stale, "new positions require a rebuild of the tree");
         built_on_device
@@ -151,26 +152,28 @@ impl<D: GpuDevice> ComputeBackend<D> {
     fn build_tree(&mut self, generation: Generation) -> Result<()> {
         let animation = Arc::clone(&self.engine.scene().animation);
         let shape = Shape::built_on_device(animation.live_count() as u32);
-        let tree = self.tree.as_mut().expect("a scene was loaded");
+        let trees = self.trees.as_mut().expect("a scene was loaded");
         let engine = &mut self.engine;
-        if tree.build.is_none() {
+        if trees.build.is_none() {
             let kernels = builders(self.intersector);
             engine.pipelines.prepare(&engine.gpu, kernels)?;
-            tree.allocate_build(&mut engine.gpu)?;
+            trees.allocate_build(&mut engine.gpu)?;
         }
-        tree.current.grow(&engine.gpu, &mut engine.frames, &shape)?;
+        trees
+            .current
+            .grow(&engine.gpu, &mut engine.frames, &shape)?;
         let params = Params::of(animation.scale_exponent(), &shape);
         let tree_stages = &mut engine.frames.recorder.tree_stages;
         tree_stages.skipped_degenerate = Some(0);
         tree_stages.summed_areas = true;
         let sort = rebuild::sort(params, animation.vertex_count(), &shape);
-        engine.run(Some(Stage::Rebuild), &sort, |name| tree.get(name))?;
+        engine.run(Some(Stage::Rebuild), &sort, |name| trees.get(name))?;
         let leaves = rebuild::leaves(self.intersector, params, &shape);
-        engine.run(Some(Stage::Preprocess), &[leaves], |name| tree.get(name))?;
+        engine.run(Some(Stage::Preprocess), &[leaves], |name| trees.get(name))?;
         let cluster = rebuild::cluster(params, &shape);
-        engine.run(Some(Stage::Rebuild), &cluster, |name| tree.get(name))?;
-        (tree.current.generation, tree.current.shape) = (generation, shape);
-        tree.built_on_device = true;
+        engine.run(Some(Stage::Rebuild), &cluster, |name| trees.get(name))?;
+        (trees.current.generation, trees.current.shape) = (generation, shape);
+        trees.built_on_device = true;
         Ok(())
     }
 }
@@ -180,7 +183,7 @@ impl<D: GpuDevice> Drop for ComputeBackend<D> {
         // The engine closes the device, so drop all other buffers first. An error means that the device is lost; there
         // is nothing to wait for.
         let _ = self.engine.gpu.wait(None);
-        self.tree = None;
+        self.trees = None;
     }
 }
 
@@ -196,9 +199,9 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     }
 
     fn memory(&self) -> MemoryUse {
-        let tree = self.tree.as_ref().map_or([0; 3], TreeBuffers::held);
+        let trees = self.trees.as_ref().map_or([0; 3], TreeBuffers::held);
         MemoryUse {
-            held: Some(self.engine.bytes(tree)),
+            held: Some(self.engine.bytes(trees)),
             available: self.engine.info.free_bytes,
         }
     }
@@ -214,10 +217,10 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
             engine.pipelines.begin(&engine.gpu, later.chain(copies));
         }
         engine.unload()?;
-        self.tree = None;
-        let tree = TreeBuffers::new(&engine.gpu, &animation, intersector)?;
+        self.trees = None;
+        let trees = TreeBuffers::new(&engine.gpu, &animation, intersector)?;
         engine.load(animation)?;
-        (self.tree, self.intersector) = (Some(tree), intersector);
+        (self.trees, self.intersector) = (Some(trees), intersector);
         Ok(())
     }
 
@@ -226,8 +229,8 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         let Engine { gpu, frames, .. } = &mut self.engine;
         let is_between = frames.recorder.is_empty();
         assert!(is_between, "trees are adopted between submissions");
-        let current = self.tree.as_mut().expect("a scene was loaded");
-        current.adopt(gpu, frames, tree, generation)?;
+        let trees = self.trees.as_mut().expect("a scene was loaded");
+        trees.adopt(gpu, frames, tree, generation)?;
         self.engine.next_stage = self.engine.next_stage.min(NextStage::Preprocess);
         Ok(())
     }
@@ -236,7 +239,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         self.require(NextStage::Preprocess, "call `interpolate` first");
         self.require_later(generation);
         let Engine { gpu, frames, .. } = &mut self.engine;
-        let trees = self.tree.as_mut().expect("a scene was loaded");
+        let trees = self.trees.as_mut().expect("a scene was loaded");
         let loaded = trees.load_candidate(gpu, frames, tree, generation)?;
         let Some(shape) = loaded.map(|candidate| candidate.shape.clone()) else {
             return Ok(false);
@@ -244,20 +247,20 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         let params = self.params_of(&shape, self.engine.pose);
         let recorded = self.record_candidate(params);
         if recorded.is_err() {
-            self.tree_mut().abandon_candidate();
+            self.trees_mut().abandon_candidate();
         }
         recorded.map(|()| true)
     }
 
     fn tree_writer(&mut self, generation: Generation) -> Result<Option<TreeWriter>> {
-        let tree = self.tree.as_mut().expect("a scene was loaded");
-        tree.writer(&mut self.engine.gpu, generation)
+        let trees = self.trees.as_mut().expect("a scene was loaded");
+        trees.writer(&mut self.engine.gpu, generation)
     }
 
     fn upload_tree(&mut self, tree: &Topology, generation: Generation) -> Result<bool> {
-        let (gpu, current) = (&mut self.engine.gpu, self.tree.as_mut());
-        let current = current.expect("a scene was loaded");
-        let upload_value = current.send(gpu, tree, generation)?;
+        let (gpu, trees) = (&mut self.engine.gpu, self.trees.as_mut());
+        let trees = trees.expect("a scene was loaded");
+        let upload_value = trees.send(gpu, tree, generation)?;
         gpu.has_finished(PendingWork::Use(LastUse::by_upload(upload_value)))
     }
 
@@ -272,17 +275,18 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
 
     fn preprocess(&mut self) -> Result<()> {
         self.require(NextStage::Preprocess, "call `interpolate` first");
-        let generation = self.tree().current.generation;
+        let generation = self.trees().current.generation;
         assert!(generation > Generation(0), "there is no tree yet");
         if self.is_built_at_pose() {
             return Ok(());
         }
-        let (params, tree) = (self.params(), &self.tree().current);
+        let (params, tree) = (self.params(), &self.trees().current);
         let progress = &tree.progress;
+        // `skipped_degenerate` counts zero-area triangles that this `preprocess` skips; the report adds them.
         let (work, skipped_degenerate) = progress.preprocess(self.intersector, params, &tree.shape);
         self.run(Stage::Preprocess, &work)?;
         self.engine.frames.recorder.tree_stages.skipped_degenerate = Some(skipped_degenerate);
-        let tree = &mut self.tree_mut().current;
+        let tree = &mut self.trees_mut().current;
         tree.progress.preprocessed(&tree.shape);
         self.engine.next_stage = NextStage::Refit;
         Ok(())
@@ -293,11 +297,11 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         if self.is_built_at_pose() {
             return Ok(());
         }
-        let (params, tree) = (self.params(), &self.tree().current);
+        let (params, tree) = (self.params(), &self.trees().current);
         let work = tree.progress.refit(params, &tree.shape);
         self.run(Stage::Refit, &work)?;
         self.engine.frames.recorder.tree_stages.summed_areas = true;
-        self.tree_mut().current.progress.refitted();
+        self.trees_mut().current.progress.refitted();
         self.engine.next_stage = NextStage::Trace;
         Ok(())
     }
@@ -362,7 +366,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
             scene, gpu, frames, ..
         } = &mut self.engine;
         let scene = scene.as_mut().expect("a scene was loaded");
-        frames.replace(scene.load_palette(gpu, palette)?);
+        frames.drop_when_unused(scene.load_palette(gpu, palette)?);
         Ok(true)
     }
 
@@ -376,8 +380,10 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
 
     fn submit(&mut self) -> Result<Ticket> {
         let submitted = self.engine.submit(self.engine.scene().never_active);
-        self.tree_mut().submitted(submitted.is_ok());
-        if submitted.is_err() {
+        if submitted.is_ok() {
+            self.trees_mut().recording_submitted();
+        } else {
+            self.trees_mut().recording_dropped();
             self.engine.abandon();
         }
         submitted

@@ -83,7 +83,8 @@ pub struct MemoryReport {
     pub waiting: u64,
     /// Bytes of parameters, counts and timestamps. Used only if `allocated` is `None`.
     pub submissions: u64,
-    /// Number of buffers created so far, for any purpose.
+    /// Number of buffers created so far, for any purpose. On some devices, also rises when the program passes other ray
+    /// buffers.
     pub buffers_made: u64,
 }
 
@@ -280,7 +281,7 @@ pub trait GpuDevice: Send + Sized + 'static {
     /// May be called again after an error or [`Outcome::Dropped`].
     fn finish(&mut self, ticket: Ticket) -> Result<Outcome>;
 
-    /// Returns the copied positions of a submission, once the copy has finished. They may outlive the device.
+    /// Returns the copied positions of a submission. The copy must have finished. The positions may outlive the device.
     fn take_positions(&mut self, ticket: Ticket, vertices: usize) -> Result<Snapshot>;
 
     /// Waits for all unfinished work and frees all resources of the scene.

@@ -237,8 +237,9 @@ impl<D: GpuDevice> Engine<D> {
         self.snapshots.submitted(ticket);
         let scene = self.scene.as_mut().expect("a scene was loaded");
         let (keys, gpu) = (&mut scene.keys, &mut self.gpu);
-        // The submission runs, so an error of this early upload must not discard it. `interpolate` uploads the key frame
-        // again if necessary, and returns the error if it persists.
+        // `submitted` also uploads the next key frame in advance. The submission already runs, so an error of that
+        // upload must not discard it. `interpolate` uploads the key frame again if necessary, and returns the error if
+        // it persists.
         let _ = keys.submitted(gpu, &scene.animation, ticket);
         Ok(ticket)
     }

@@ -42,7 +42,7 @@ impl<B> ExternalPoints<B> {
     /// Removes the source of a run. The host is then its source again.
     pub fn release(&mut self, run: &Range<usize>) {
         self.pending.retain(|source| source.run != *run);
-        self.runs = without(&self.runs, std::slice::from_ref(run));
+        self.runs = subtract(&self.runs, std::slice::from_ref(run));
     }
 
     /// Returns the runs, in order.
@@ -52,12 +52,12 @@ impl<B> ExternalPoints<B> {
 
     /// Returns the parts of `runs` whose source is the host.
     pub fn host_runs(&self, runs: &[Range<usize>]) -> Vec<Range<usize>> {
-        without(runs, &self.runs)
+        subtract(runs, &self.runs)
     }
 }
 
 /// Returns the parts of `runs` that `others` does not cover. Both lists must be sorted.
-fn without(runs: &[Range<usize>], others: &[Range<usize>]) -> Vec<Range<usize>> {
+fn subtract(runs: &[Range<usize>], others: &[Range<usize>]) -> Vec<Range<usize>> {
     let rest = runs.iter().flat_map(|run| {
         let within = others
             .iter()
@@ -74,8 +74,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn without_subtracts_ranges() {
-        let cut = |others: &[Range<usize>]| without(&[0..10, 20..30], others);
+    fn subtracts_ranges() {
+        let cut = |others: &[Range<usize>]| subtract(&[0..10, 20..30], others);
         assert_eq!(cut(&[]), [0..10, 20..30]);
         assert_eq!(cut(&[0..10, 12..14]), [20..30; 1]);
         assert_eq!(cut(&[2..4, 8..25]), [0..2, 4..8, 25..30]);

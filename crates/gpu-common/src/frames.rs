@@ -78,10 +78,10 @@ impl<D: GpuDevice> Frames<D> {
         self.awaited_upload = self.awaited_upload.max(upload_value);
     }
 
-    /// Drops a buffer once the work recorded so far no longer uses it.
-    pub(crate) fn replace(&mut self, buffer: impl IntoIterator<Item = D::Buffer>) {
+    /// Drops buffers once the work recorded so far no longer uses them.
+    pub(crate) fn drop_when_unused(&mut self, buffers: impl IntoIterator<Item = D::Buffer>) {
         let last = Ticket(self.submitted.0 + 1);
-        self.replaced.extend(buffer.into_iter().map(|b| (last, b)));
+        self.replaced.extend(buffers.into_iter().map(|b| (last, b)));
     }
 
     /// Returns the bytes of device memory of all traces and replaced buffers.
@@ -152,7 +152,8 @@ impl<D: GpuDevice> Frames<D> {
     ) -> Result<Ticket> {
         self.recorder.close();
         let ticket = Ticket(self.submitted.0 + 1);
-        // The device reuses the resources of `earlier`, even if the submission after that was dropped.
+        // The device reuses the resources of submission `earlier`. So wait for it, even if it is the only unfinished
+        // one because the one after it was dropped.
         let earlier = ticket.0.saturating_sub(FRAMES_IN_FLIGHT as u64);
         self.finish(gpu, Ticket(earlier))?;
         let at = Instant::now();

@@ -19,7 +19,9 @@ impl<D: GpuDevice> Inspect for ComputeBackend<D> {
     }
 
     fn rebuilt(&mut self) -> Result<Topology> {
-        let built_on_device = self.tree().built_on_device;
+        let capabilities = &self.engine.info.device.capabilities;
+        capabilities.device_rebuild.clone()?;
+        let built_on_device = self.trees().built_on_device;
         assert!(built_on_device, "the tree in use was built on the host");
         self.view(|tree| tree.topology())
     }
@@ -35,16 +37,16 @@ impl<D: GpuDevice> ComputeBackend<D> {
     /// # Panics
     /// If the tree has no such buffer.
     pub fn read_tree<T: Pod>(&mut self, name: BufferName, count: usize) -> Result<Vec<T>> {
-        let tree = self.tree.as_ref().expect("a scene was loaded");
-        let buffer = tree.get(name).expect("the tree has this buffer");
+        let trees = self.trees.as_ref().expect("a scene was loaded");
+        let buffer = trees.get(name).expect("the tree has this buffer");
         self.engine.gpu.wait(None)?;
         read_all(&mut self.engine.gpu, buffer, count)
     }
 
     /// Reads the current tree back, after all submissions, and passes it to `read`.
     fn view<T>(&mut self, read: impl Fn(&View<'_>) -> std::result::Result<T, String>) -> Result<T> {
-        let shape = self.tree().current.shape.clone();
-        let built_on_device = self.tree().built_on_device;
+        let shape = self.trees().current.shape.clone();
+        let built_on_device = self.trees().built_on_device;
         let leaves = shape.leaf_count as usize;
         let (name, at) = if built_on_device {
             (BufferName::Sorted, 0)

@@ -1,4 +1,6 @@
 //! Key frames on the device: all of them, or those around the current pose.
+//!
+//! *Paged* key frames are read during playback; *streamed* ones are pushed by the program.
 
 use crate::device::has_ended;
 use crate::pool::LARGE;
@@ -148,8 +150,8 @@ impl<D: GpuDevice> KeySlots<D> {
 
     /// Uploads a paged or streamed key frame, in place of the least recently used one.
     fn upload(&mut self, gpu: &mut D, key: usize, frame: &KeyFrame) -> Result<()> {
-        // Positions from a buffer of the program may exist only in the newest key frame. The device then copies them from
-        // there to this one.
+        // The newest key frame may be the only copy of positions from a buffer of the program. The recording then
+        // copies them from there, so it counts as a reader of that key frame.
         if let Some(before) = self.slots.last_mut() {
             before.read_by = self.next;
         }

@@ -7,7 +7,7 @@
 //! - [`Engine`] holds the state that does not depend on the kind of tree: a scene, submissions, traces, and copies of
 //!   positions to the host. A backend for another kind of tree can reuse it.
 //! - A [`Recording`] holds the commands of a submission as data, with the buffers that they use. [`Recorder`] adds the
-//!   commands of each stage. [`GpuDevice::submit`] executes them, so recording never waits.
+//!   commands of each stage. [`GpuDevice::submit`] executes them, so recording a command does not wait for the device.
 //! - Buffers are looked up by [`shaders::BufferName`], never by text.
 //!
 //! To add a GPU interface, implement [`GpuDevice`]. Its documentation states which methods may block.

@@ -154,14 +154,18 @@ impl<D: GpuDevice> Pipelines<D> {
 
 /// Lock between compilation of kernels and creation or destruction of devices. NVIDIA's driver 580 deadlocks if they
 /// run at the same time.
-static DRIVER_LOCK: RwLock<()> = RwLock::new(());
+static COMPILATION_LOCK: RwLock<()> = RwLock::new(());
 
 /// Locks out creation and destruction of devices while kernels are compiled. Several threads may hold this lock.
 pub fn lock_compilation() -> RwLockReadGuard<'static, ()> {
-    DRIVER_LOCK.read().unwrap_or_else(PoisonError::into_inner)
+    COMPILATION_LOCK
+        .read()
+        .unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Locks out compilation of kernels while a device is created or destroyed.
 pub fn lock_device_lifetime() -> RwLockWriteGuard<'static, ()> {
-    DRIVER_LOCK.write().unwrap_or_else(PoisonError::into_inner)
+    COMPILATION_LOCK
+        .write()
+        .unwrap_or_else(PoisonError::into_inner)
 }

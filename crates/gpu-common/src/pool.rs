@@ -6,8 +6,8 @@ use backend::{FRAMES_IN_FLIGHT, Result};
 /// Minimum bytes of a large buffer. Fewer large buffers are kept, because their memory costs more than a wait.
 pub(crate) const LARGE: u64 = 64 << 20;
 
-/// Creates a buffer of `bytes` plus slack, or of exactly `bytes` if the device has not enough memory. With slack the
-/// next tree fits too, because trees of one scene have similar sizes.
+/// Creates a buffer of `bytes` plus slack, or of exactly `bytes` if that fails. With slack the next tree fits too,
+/// because trees of one scene have similar sizes.
 pub fn with_slack<B>(bytes: u64, make: impl Fn(u64) -> Result<B>) -> Result<B> {
     make(bytes + bytes / 32).or_else(|_| make(bytes))
 }

@@ -63,8 +63,8 @@ impl<D: GpuDevice> Recorder<D> {
 
     /// Records dispatches, and then the end of `stage` if there is one. Checks all dispatches before it records the
     /// first one. `interpolate` stays open for kernels that may run concurrently, and is then timed together with them.
-    /// A stage without work is reported with a time of 0. Its end is recorded only if it is the first stage, to mark
-    /// the start of the frame.
+    /// A stage without work is reported with a time of 0. If it is the first stage, its end is recorded too, so that
+    /// the frame has a first timestamp.
     pub(crate) fn record<'a>(
         &mut self,
         pipelines: &Pipelines<D>,

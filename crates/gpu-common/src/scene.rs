@@ -18,7 +18,7 @@ pub struct AnimationBuffers<D: GpuDevice> {
     /// [rows with moving vertices](shaders::moving_rows), both contain the static vertices from the start.
     pub positions: Vec<D::Buffer>,
     /// Buffers of the triangles' vertex indices, of the coordinate range that a kernel measures, and of the list of
-    /// these rows. The list is empty if it would not save time.
+    /// rows with moving vertices. The list is empty if it would not save time.
     others: BufferTable<D>,
     pub(crate) moving_row_count: Option<usize>,
     /// Colour tables; empty until a palette is loaded.

@@ -18,7 +18,7 @@ pub struct TraceBuffers<D: GpuDevice> {
     shaded: bool,
     /// Buffers of this trace, and buffers of earlier traces, which it may reuse.
     buffers: BufferTable<D>,
-    /// Buffers lent by the device's owner, which replace the trace's own.
+    /// Buffers lent by the calling program, which replace the trace's own.
     lent: Option<LentRays<D::Buffer>>,
     /// Whether kernels write to the trace's own buffer, from which the results are copied to the lent buffer.
     pub(crate) copies_results: bool,
@@ -99,6 +99,7 @@ impl<D: GpuDevice> TraceBuffers<D> {
         };
         let copies = self.copies_results;
         let name = match name {
+            // `extreme_rays` binds either kind of results as `Answers`.
             BufferName::Answers => results,
             // `copy_points` copies the results. It reads `CopySource` and writes `KeyFrame`.
             BufferName::CopySource if copies => results,
@@ -179,6 +180,11 @@ impl<D: GpuDevice> TraceBuffers<D> {
     }
 }
 
+/// Removes and returns the buffers that the program lent for this query. Returns `None` if its rays are not
+/// [`Rays::OnDevice`].
+///
+/// # Errors
+/// [`BackendError::Unsupported`] if no buffers were lent, or a lent buffer is too small.
 fn lent_rays<D: GpuDevice>(gpu: &mut D, query: &Query<'_>) -> Result<Option<LentRays<D::Buffer>>> {
     if !matches!(query.rays, Rays::OnDevice(_)) {
         return Ok(None);

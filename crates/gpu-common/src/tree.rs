@@ -19,8 +19,8 @@ pub(crate) struct TreeBuffers<D: GpuDevice> {
     /// The tree that was evaluated last or, once it is adopted, the one that it replaced. Its buffers are created at the
     /// first evaluation.
     pub(crate) candidate: Option<DeviceTree<D>>,
-    /// Visibility buffers, as large as the largest trace so far.
-    visibility_buffers: BufferTable<D>,
+    /// Buffers of pixel coverage and visibility, as large as the largest trace so far needs.
+    picture_buffers: BufferTable<D>,
     /// Topology buffers that no tree uses.
     free: Pool<D::Buffer>,
     /// Bytes of the topology that was uploaded last; 0 before the first.
@@ -42,6 +42,7 @@ pub(crate) struct DeviceTree<D: GpuDevice> {
     /// Buffers by name. The node and cost buffers fit the largest tree so far.
     pub(crate) buffers: BufferTable<D>,
     pub(crate) generation: Generation,
+    /// Sizes, treelets per level and kernel parameters of the tree.
     pub(crate) shape: Shape,
     /// The parts of the tree that are up to date.
     pub(crate) progress: TreeProgress,
@@ -72,7 +73,7 @@ impl<D: GpuDevice> DeviceTree<D> {
             (BufferName::Nodes, shape.node_rows * 16),
             (BufferName::Costs, shape.cost_bytes),
         ];
-        frames.replace(self.buffers.grow(gpu, &sizes)?);
+        frames.drop_when_unused(self.buffers.grow(gpu, &sizes)?);
         Ok(())
     }
 
@@ -108,7 +109,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
             intersector,
             current: DeviceTree::new(gpu, intersector, leaves)?,
             candidate: None,
-            visibility_buffers: BufferTable::new(gpu, names.map(|name| (name, 0)))?,
+            picture_buffers: BufferTable::new(gpu, names.map(|name| (name, 0)))?,
             free: Pool::default(),
             last_bytes: 0,
             sent: None,
@@ -123,7 +124,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
         let own = self
             .current
             .get(name)
-            .or_else(|| self.visibility_buffers.get(name));
+            .or_else(|| self.picture_buffers.get(name));
         own.or_else(build)
     }
 
@@ -251,7 +252,9 @@ impl<D: GpuDevice> TreeBuffers<D> {
             let old = candidate.place(uploaded, shape, TreeProgress::of_candidate());
             match old {
                 // The recording also evaluates the previous candidate in this buffer, so the pool must not reuse it yet.
-                Some(old) if frames.recorder.uses(&old.buffer) => frames.replace([old.buffer]),
+                Some(old) if frames.recorder.uses(&old.buffer) => {
+                    frames.drop_when_unused([old.buffer]);
+                }
                 old => self.release(old, frames.submitted),
             }
         }
@@ -267,12 +270,14 @@ impl<D: GpuDevice> TreeBuffers<D> {
         }
     }
 
-    /// Updates the progress of both trees: the recording was submitted, or dropped if `is_submitted` is `false`.
-    pub(crate) fn submitted(&mut self, is_submitted: bool) {
-        if !is_submitted {
-            self.current.progress = TreeProgress::default();
-            return self.abandon_candidate();
-        }
+    /// Discards the progress of both trees, because recorded or submitted work never runs.
+    pub(crate) fn recording_dropped(&mut self) {
+        self.current.progress = TreeProgress::default();
+        self.abandon_candidate();
+    }
+
+    /// Updates the progress of both trees, because the recording was submitted.
+    pub(crate) fn recording_submitted(&mut self) {
         self.current.progress.submitted();
         if let Some(candidate) = &mut self.candidate {
             candidate.progress.submitted();
@@ -306,19 +311,19 @@ impl<D: GpuDevice> TreeBuffers<D> {
         }
     }
 
-    /// Enlarges the visibility buffers to fit a trace.
-    pub(crate) fn grow_visibility_buffers(
+    /// Enlarges the buffers of pixel coverage and visibility to fit a trace.
+    pub(crate) fn grow_picture_buffers(
         &mut self,
         gpu: &D,
         frames: &mut Frames<D>,
         tracing: &Trace,
     ) -> Result<()> {
-        let buffers = &mut self.visibility_buffers;
+        let buffers = &mut self.picture_buffers;
         let sizes = [
             (BufferName::PixelCoverage, tracing.coverage_bytes),
             (BufferName::Visibility, tracing.visibility_bytes),
         ];
-        frames.replace(buffers.grow(gpu, &sizes)?);
+        frames.drop_when_unused(buffers.grow(gpu, &sizes)?);
         Ok(())
     }
 
@@ -335,9 +340,9 @@ impl<D: GpuDevice> TreeBuffers<D> {
     pub(crate) fn held(&self) -> [u64; 3] {
         let build = self.build.as_ref().map_or(0, BufferTable::held);
         let candidate = self.candidate.as_ref().map_or(0, DeviceTree::held);
-        let visibility = self.visibility_buffers.get(BufferName::Visibility);
+        let visibility = self.picture_buffers.get(BufferName::Visibility);
         let visibility = visibility.map_or(0, |b| D::size(b).allocated);
-        let coverage = self.visibility_buffers.held() - visibility;
+        let coverage = self.picture_buffers.held() - visibility;
         let sent = self.sent.as_ref();
         let sent = sent.map_or(0, |topology| D::size(&topology.buffer).allocated);
         let trees = self.current.held() + candidate + sent + coverage + self.free.held();
@@ -369,7 +374,7 @@ fn take_sent<D: GpuDevice>(
     sent
 }
 
-/// Converts errors for lack of memory to `None`.
+/// Converts errors for lack of memory, or for an exceeded limit, to `None`.
 pub(crate) fn unless_too_large<T>(made: Result<T>) -> Result<Option<T>> {
     match made {
         Ok(made) => Ok(Some(made)),

@@ -17,7 +17,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 pub(crate) struct Memory {
     /// `None` once closed, because the allocator must be dropped before the device is destroyed.
     allocator: Mutex<Option<Allocator>>,
-    /// Lock for submitting, allocating and freeing.
+    /// Lock for submitting to this device and for allocating and freeing its memory. Independent of
+    /// [`gpu_common::lock_compilation`], which only excludes creation and destruction of devices.
     driver_lock: FairMutex<()>,
     pub(crate) physical: vk::PhysicalDevice,
     /// Bytes of buffers in device memory, except external buffers.
@@ -106,7 +107,7 @@ impl Memory {
     }
 
     /// Locks submitting, allocating and freeing with a fair lock. NVIDIA's driver has its own lock, which is not fair:
-    /// a thread that frees a scene would hold it until all buffers are freed.
+    /// a thread that frees a scene would take it again for each buffer, and block submissions until the last one.
     pub(crate) fn lock_driver(&self) -> FairMutexGuard<'_, ()> {
         self.driver_lock.lock()
     }
@@ -139,7 +140,7 @@ impl Memory {
     fn refused(&self, what: &str, bytes: u64, why: &AllocationError) -> BackendError {
         let held = self.held();
         let what = match why {
-            AllocationError::OutOfMemory => format!("{what}, with {held} bytes allocated,"),
+            AllocationError::OutOfMemory => format!("{what} (with {held} bytes already allocated)"),
             other => format!("{what} ({other})"),
         };
         BackendError::OutOfMemory { what, bytes }

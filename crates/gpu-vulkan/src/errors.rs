@@ -17,7 +17,7 @@ pub fn failed_for(what: &str, bytes: u64) -> impl FnOnce(vk::Result) -> BackendE
                 bytes,
             }
         }
-        vk::Result::ERROR_DEVICE_LOST => BackendError::DeviceLost(what.to_owned()),
+        vk::Result::ERROR_DEVICE_LOST => BackendError::DeviceLost(format!("during {what}")),
         _ => BackendError::rejected(what, code.to_string()),
     }
 }
@@ -39,7 +39,7 @@ mod tests {
     #[test]
     fn result_codes_become_descriptive_errors() {
         let lost = failed("a submission")(vk::Result::ERROR_DEVICE_LOST);
-        assert_eq!(lost.to_string(), "the device was lost: a submission");
+        assert_eq!(lost.to_string(), "the device was lost: during a submission");
         let full = failed_for("hits", 64)(vk::Result::ERROR_OUT_OF_DEVICE_MEMORY);
         let expected = "out of device memory: hits needs 64 bytes";
         assert_eq!(full.to_string(), expected);

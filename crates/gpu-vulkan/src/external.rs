@@ -88,7 +88,7 @@ impl ExternalMemory {
     /// Returns a new file descriptor of the allocation. The caller owns it.
     ///
     /// # Errors
-    /// The process has too many file descriptors; see [`BackendError`].
+    /// [`BackendError::Rejected`] if the process has too many file descriptors.
     #[cfg(unix)]
     pub fn fd(&self) -> Result<OwnedFd> {
         let info = vk::MemoryGetFdInfoKHR::default()
@@ -126,8 +126,8 @@ impl Timeline {
     /// Creates a timeline with value 0 that can be exported.
     ///
     /// # Errors
-    /// [`BackendError::Unsupported`], with the extension's name, if the device cannot export semaphores; see
-    /// [`BackendError`].
+    /// [`BackendError::Unsupported`], with the extension's name, if the device cannot export semaphores;
+    /// [`BackendError::OutOfMemory`].
     pub fn exportable(gpu: &Arc<Gpu>) -> Result<Self> {
         gpu.check_export(
             "an external semaphore",
@@ -141,7 +141,7 @@ impl Timeline {
     /// Returns a new file descriptor of an exportable timeline. The caller owns it.
     ///
     /// # Errors
-    /// The process has too many file descriptors; see [`BackendError`].
+    /// [`BackendError::Rejected`] if the process has too many file descriptors.
     #[cfg(unix)]
     pub fn fd(&self) -> Result<OwnedFd> {
         let info = vk::SemaphoreGetFdInfoKHR::default()

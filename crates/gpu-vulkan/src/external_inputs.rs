@@ -13,7 +13,7 @@ pub(crate) struct ExternalInputs {
     /// Buffer for all positions of the scene. Contains the latest external ones.
     pub(crate) positions: Option<Buffer>,
     /// Rays of the next query.
-    pub(crate) rays: LentBuffers<Buffer>,
+    pub(crate) lent: LentBuffers<Buffer>,
     /// Semaphore values that must be reached before external memory is read or written.
     pub(crate) waits: Vec<SemaphoreValue>,
     /// Signals that are not known to have been reached.

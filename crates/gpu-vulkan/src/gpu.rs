@@ -58,7 +58,7 @@ impl Queue {
     pub(crate) fn wait_idle(&self, gpu: &Gpu) -> Result<()> {
         let queue = lock(&self.queue);
         // SAFETY: the queue belongs to the device, and the lock excludes other users.
-        unsafe { gpu.vk.queue_wait_idle(*queue) }.map_err(failed("waiting for a queue"))
+        unsafe { gpu.vk.queue_wait_idle(*queue) }.map_err(failed("a wait for a queue"))
     }
 }
 

@@ -123,7 +123,7 @@ impl VulkanDevice {
     /// Makes the next query of [`backend::Rays::OnDevice`] trace these rays. Their buffers must be
     /// [external](Buffer::external).
     pub fn set_external_rays(&mut self, rays: LentRays<Buffer>) {
-        self.external.rays.rays = [rays].into();
+        self.external.lent.rays = [rays].into();
     }
 
     /// Makes the next submission wait until `timeline` reaches `wait`, before external memory is read or written.
@@ -156,7 +156,8 @@ impl VulkanDevice {
             return Err(BackendError::Misuse(why));
         }
         self.gpu.limits.admit_signal(now, signal)?;
-        // A lower value is reached already, but may differ from the current one by more than the device allows.
+        // If `wait` is below the current value, wait for the current value instead. Both are reached, but the device
+        // limits the distance of an awaited value from the current one.
         self.external.waits.push(timeline.at(wait.max(now)));
         self.external.signals.push(Signal {
             timeline: Arc::clone(timeline),
@@ -166,7 +167,8 @@ impl VulkanDevice {
         Ok(())
     }
 
-    /// Copies the signals of another device, so that later signals of this one must exceed them. All must be submitted.
+    /// Copies the signals of another scene on the same logical device, so that later signals of this scene must exceed
+    /// them. All signals of the other scene must be submitted.
     pub fn copy_signals(&mut self, other: &Self) {
         let signals = other.external.signals.iter().cloned();
         self.external.signals.extend(signals);

@@ -6,7 +6,7 @@
 //!
 //! Each frame is one submission to one compute queue. A timeline semaphore orders submissions; its values are the
 //! tickets. Trees are uploaded and vertices are read back on queues of their own if the device has them. Each of these
-//! queues has its own timeline. A submission waits for the copies that it reads, and for uploads that started before them.
+//! queues has its own timeline. A submission waits for the uploads whose data it reads, and for all earlier uploads.
 //! The host does not wait for these copies:
 //!
 //! - The copy of vertices starts as soon as they are interpolated, while their frame continues.

@@ -196,7 +196,7 @@ mod tests {
     };
 
     #[test]
-    fn refused_buffer_names_need_and_limit() {
+    fn buffer_error_states_need_and_limit() {
         assert_eq!(LIMITS.admit("hits", 1 << 27), Ok(()));
         let refused = LIMITS.admit("hits", (1 << 27) + 16).unwrap_err();
         let expected =
@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn refused_kernel_names_its_limit() {
+    fn kernel_error_states_limit() {
         let always = |k: &Kernel| !k.builds_trees();
         let admit = |limits: DeviceLimits, kernels: fn(&Kernel) -> bool| {
             check_kernels(&limits.of_kernels(), kernels)

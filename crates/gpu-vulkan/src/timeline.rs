@@ -51,7 +51,7 @@ impl Timeline {
     pub(crate) fn value(&self) -> Result<u64> {
         // SAFETY: the semaphore belongs to the device.
         let now = unsafe { self.gpu.vk.get_semaphore_counter_value(self.vk) };
-        now.map_err(failed("reading a semaphore"))
+        now.map_err(failed("a read of a semaphore"))
     }
 
     /// Returns whether `value` is reached. Never blocks.
@@ -75,7 +75,7 @@ impl Timeline {
             .values(&values);
         // SAFETY: the semaphore belongs to the device.
         unsafe { self.gpu.vk.wait_semaphores(&info, u64::MAX) }
-            .map_err(failed("waiting for a submission"))
+            .map_err(failed("a wait for a submission"))
     }
 
     /// Sets the timeline to `value` from the host.

@@ -66,8 +66,8 @@ pub struct VulkanDevice {
     spares: Spares<HostPoints>,
     /// Copies of positions that `take_positions` has not returned yet, by the submission that requested them.
     copies: BTreeMap<Ticket, Result<ReadbackCopy>>,
-    /// Timeline value of the upload that fills an external result buffer with misses, because no kernel traces a scene
-    /// without a tree. The next submission waits for it. 0 if there is no such upload.
+    /// Without a tree no kernel writes results, so an upload fills an external result buffer with misses. This is its
+    /// timeline value, for which the next submission waits; 0 if there is none.
     results_at: u64,
     pub(crate) external: ExternalInputs,
     /// The logical device and its memory.
@@ -322,7 +322,7 @@ impl GpuDevice for VulkanDevice {
     }
 
     fn lent(&mut self) -> &mut LentBuffers<Buffer> {
-        &mut self.external.rays
+        &mut self.external.lent
     }
 
     fn upload(&mut self, all: &[(&[u8], &Buffer)]) -> Result<()> {

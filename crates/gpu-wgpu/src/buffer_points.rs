@@ -34,7 +34,7 @@ impl BufferPoints {
             return;
         }
         for run in self.points.runs() {
-            // The previous key frame may have used the same buffer.
+            // If this key frame reuses the buffer of the newest one, the positions are already in place.
             let source = self.source(run).filter(|source| source.buffer != *key);
             let Some(PointsSource { buffer, offset, .. }) = source else {
                 continue;

@@ -10,7 +10,8 @@ use std::thread;
 use std::time::{Duration, Instant};
 use wgpu::{Buffer, BufferSlice, BufferView, CommandEncoder, MapMode};
 
-/// Bytes per copy command, so that a large readback does not slow down kernels that run at the same time.
+/// Bytes per copy command, so that a large readback does not slow down work of other queues. Kernels of this queue do
+/// not run at the same time.
 const PIECE: u64 = 512 << 10;
 
 /// Writes at a byte offset, before all later submissions.
@@ -85,7 +86,7 @@ impl Mapping {
     }
 
     /// Returns whether the host can access the buffer. Treats a rejected mapping as the loss of the device.
-    pub(crate) fn poll(&self, gpu: &OpenGpu) -> Result<bool> {
+    pub(crate) fn is_mapped(&self, gpu: &OpenGpu) -> Result<bool> {
         match self.0.get() {
             Some(MapOutcome::Refused) => Err(gpu.faults.lose("a buffer cannot be mapped".into())),
             outcome => Ok(outcome == Some(&MapOutcome::Mapped)),
@@ -93,7 +94,7 @@ impl Mapping {
     }
 
     /// Waits until the host can access the buffer. The submission that fills it must have finished.
-    pub(crate) fn expect(&self, gpu: &OpenGpu) -> Result<()> {
+    pub(crate) fn wait(&self, gpu: &OpenGpu) -> Result<()> {
         if self.arrives_within(gpu, Duration::from_secs(10))? {
             return Ok(());
         }
@@ -104,7 +105,7 @@ impl Mapping {
     /// the callback.
     pub(crate) fn arrives_within(&self, gpu: &OpenGpu, timeout: Duration) -> Result<bool> {
         let begun = Instant::now();
-        while !self.poll(gpu)? {
+        while !self.is_mapped(gpu)? {
             if begun.elapsed() > timeout {
                 return Ok(false);
             }

@@ -62,7 +62,7 @@ impl WgpuDevice {
     pub fn set_ray_buffers(&mut self, rays: Vec<LentRays<Buffer>>) {
         if self.scene.rays != rays {
             // A higher count makes the next recording drop the bind groups, which keep the previous buffers alive.
-            self.gpu.count_buffer();
+            self.gpu.note_new_buffer();
         }
         self.scene.caller_buffers.rays = rays.iter().cloned().collect();
         self.scene.rays = rays;

@@ -1,7 +1,8 @@
 //! Errors of the device, collected from all places where wgpu reports them.
 //!
-//! - Every call that wgpu may reject runs in [`crate::gpu::OpenGpu::guard`], which catches out-of-memory, validation
-//!   and internal errors. This works on our own devices and on the program's.
+//! - Calls that wgpu may reject run in [`crate::gpu::OpenGpu::guard`], except mapping and unmapping, which report
+//!   errors themselves. `guard` catches out-of-memory, validation and internal errors. This works on our own devices
+//!   and on the program's.
 //! - wgpu reports the loss of a device only to the device's callback. We register it on our own devices only. On the
 //!   program's device, a wait detects the loss: polling panics or wgpu rejects a mapping. The panic is caught, unless
 //!   the program is built to abort on panics. A call that is rejected as invalid also checks for a loss.
@@ -103,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn uncaught_error_returns_once_loss_persists() {
+    fn uncaught_error_is_returned_once_but_loss_always() {
         let faults = Faults::default();
         faults.record(&out_of_memory());
         assert!(matches!(

@@ -26,7 +26,8 @@ pub(crate) struct OpenGpu {
     /// Nanoseconds per tick of the device's clock.
     pub(crate) tick_ns: f64,
     pub(crate) faults: Arc<Faults>,
-    /// Number of buffers that were created, or passed by the program in place of others.
+    /// Number of buffers created so far. Also increases when the program passes other ray buffers, so that bind groups
+    /// are dropped.
     buffers_made: AtomicU64,
     /// Cache of compiled kernels, if they are stored.
     pub(crate) cache: Option<AdapterPipelineCache>,
@@ -112,7 +113,7 @@ impl OpenGpu {
     }
 
     /// Counts a buffer that was created, or passed by the program.
-    pub(crate) fn count_buffer(&self) {
+    pub(crate) fn note_new_buffer(&self) {
         self.buffers_made.fetch_add(1, Ordering::Relaxed);
     }
 
@@ -203,9 +204,7 @@ impl OpenGpu {
             Ok(Err(e)) => Err(BackendError::DeviceLost(format!(
                 "waiting for the device failed: {e}"
             ))),
-            Err(_) => Err(self
-                .faults
-                .lose("the device was lost while waiting for it".into())),
+            Err(_) => Err(self.faults.lose("polling panicked".into())),
         }
     }
 }
@@ -219,7 +218,7 @@ pub(crate) const READBACK: BufferUsages = BufferUsages::MAP_READ.union(BufferUsa
 /// Usage of a buffer that the host writes at creation and whenever it is mapped again.
 pub(crate) const STAGING: BufferUsages = BufferUsages::MAP_WRITE.union(BufferUsages::COPY_SRC);
 
-/// Creates a buffer of `bytes`, rounded up to 16 because zero-sized buffers cannot be bound.
+/// Creates a buffer of `bytes`, rounded up to a multiple of 16 above 0. Zero-sized buffers cannot be bound.
 pub(crate) fn make(gpu: &OpenGpu, what: &str, bytes: u64, usage: BufferUsages) -> Result<Buffer> {
     let size = bytes.max(16).next_multiple_of(16);
     let what_needs = || format!("{what} (bytes of one buffer)");
@@ -234,7 +233,7 @@ pub(crate) fn make(gpu: &OpenGpu, what: &str, bytes: u64, usage: BufferUsages) -
         usage,
         mapped_at_creation: usage.contains(BufferUsages::MAP_WRITE),
     };
-    gpu.count_buffer();
+    gpu.note_new_buffer();
     gpu.guard(what, size, || gpu.device.create_buffer(&desc))
 }
 
@@ -256,8 +255,9 @@ impl Drop for OpenGpu {
     }
 }
 
-/// A device that is closed while no thread compiles kernels. Each wgpu object keeps its device open. So types of this
-/// crate whose objects may outlive the backend also hold an `Arc` of this, as their last field.
+/// A device whose last owner closes it under a lock that excludes compilation. Any wgpu object would keep the device
+/// open past that point and close it without the lock. So each type whose objects may outlive the backend holds an
+/// `Arc` of this as its last field.
 pub(crate) struct OpenDevice(Option<wgpu::Device>);
 
 impl Deref for OpenDevice {

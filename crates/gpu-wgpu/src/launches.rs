@@ -21,26 +21,26 @@ pub(crate) type WgpuRecording = Recording<Pipeline, Buffer, Infallible>;
 /// A dispatch that is ready to be encoded.
 pub(crate) struct Launch {
     pipeline: ComputePipeline,
-    group: BindGroup,
+    bind_group: BindGroup,
     /// Offset of its parameters.
     offset: u32,
-    groups: [u32; 2],
+    workgroups: [u32; 2],
 }
 
 /// Resources of the dispatches of one recording.
 pub(crate) struct Launches {
     /// Parameters of all dispatches.
     params: Buffer,
-    groups: BindGroups,
+    bind_groups: BindGroups,
     /// Bytes between the parameters of consecutive dispatches.
     stride: usize,
 }
 
 impl Launch {
     pub(crate) fn encode(&self, pass: &mut ComputePass<'_>) {
-        let [x, y] = self.groups;
+        let [x, y] = self.workgroups;
         pass.set_pipeline(&self.pipeline);
-        pass.set_bind_group(0, &self.group, &[self.offset]);
+        pass.set_bind_group(0, &self.bind_group, &[self.offset]);
         pass.dispatch_workgroups(x, y, 1);
     }
 }
@@ -50,7 +50,7 @@ impl Launches {
         let stride = params_stride(&gpu.limits) as usize;
         Ok(Self {
             params: params_buffer(gpu, (LEAST * stride) as u64)?,
-            groups: BindGroups::default(),
+            bind_groups: BindGroups::default(),
             stride,
         })
     }
@@ -62,7 +62,7 @@ impl Launches {
 
     /// Drops the bind groups of a scene.
     pub(crate) fn unload(&mut self) {
-        self.groups.made.clear();
+        self.bind_groups.made.clear();
     }
 
     /// Writes the parameters of all dispatches of a recording to the device, and binds each dispatch to its buffers.
@@ -89,7 +89,7 @@ impl Launches {
             self.params = params_buffer(gpu, needed.next_power_of_two())?;
         }
         write(gpu, &self.params, 0, &rows)?;
-        self.groups.refresh(gpu);
+        self.bind_groups.refresh(gpu);
         let launches = dispatches.enumerate().map(|(i, dispatch)| {
             let counts = &counts[dispatch.work.trace_index % counts.len()];
             let bindings = recording.bindings_of(dispatch);
@@ -100,10 +100,10 @@ impl Launches {
             });
             let pipeline = &dispatch.pipeline;
             Ok(Launch {
-                group: self.groups.get(gpu, pipeline, buffers.collect())?,
+                bind_group: self.bind_groups.get(gpu, pipeline, buffers.collect())?,
                 pipeline: pipeline.wgpu.clone(),
                 offset: (i * self.stride) as u32,
-                groups: dispatch.groups,
+                workgroups: dispatch.groups,
             })
         });
         launches.collect()
@@ -118,8 +118,8 @@ pub(crate) fn params_buffer(gpu: &OpenGpu, bytes: u64) -> Result<Buffer> {
 
 /// Bind groups by kernel and buffers.
 ///
-/// A bind group keeps its buffers alive. All are dropped once a new buffer was created, because it may replace one that
-/// only a bind group still holds. In a steady state no groups are created.
+/// A bind group keeps its buffers alive. A new buffer may replace one that only a bind group still holds. So all bind
+/// groups are dropped once a buffer was created. In a steady state no bind groups are created.
 #[derive(Default)]
 struct BindGroups {
     made: HashMap<(&'static str, Vec<Buffer>), BindGroup>,

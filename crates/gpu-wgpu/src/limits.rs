@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn refused_device_names_workgroup_memory_limit() {
+    fn device_error_states_workgroup_memory_limit() {
         assert_eq!(check(&minimum_limits()), Ok(()));
         let cramped = Limits {
             max_compute_workgroup_storage_size: 256,

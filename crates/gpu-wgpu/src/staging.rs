@@ -1,7 +1,7 @@
 //! Host memory from which rays and trees are uploaded.
 //!
-//! wgpu's queue would allocate new memory for each write and fill it on this thread. Positions are still written by the
-//! queue: they are contiguous, and several threads were not faster.
+//! wgpu's queue would allocate new memory for each write and fill it on this thread. Key frames are still written by
+//! the queue, because several threads were not faster.
 
 use crate::buffers::{Mapping, unreadable, write};
 use crate::gpu::{OpenDevice, OpenGpu, STAGING, make, unmap};
@@ -68,7 +68,7 @@ impl MappedPool {
     pub(crate) fn take(&mut self, gpu: &OpenGpu, bytes: u64) -> Result<Buffer> {
         gpu.poll()?;
         for (i, (buffer, mapping)) in self.0.iter().enumerate() {
-            if buffer.size() >= bytes && mapping.poll(gpu)? {
+            if buffer.size() >= bytes && mapping.is_mapped(gpu)? {
                 return Ok(self.0.remove(i).0);
             }
         }

@@ -15,10 +15,10 @@ const COUNTS: u64 = size_of::<Counts>() as u64;
 
 /// Maximum number of counts buffers per submission. In wgpu, dispatches that write the same buffer wait for each other,
 /// so each trace has its own buffer up to this number.
-const MAX_COUNT_BUFFERS: usize = 16;
+const MAX_COUNTS: usize = 16;
 
 /// Offset of `SubmissionEncoder::stamp` in a report.
-const STAMP: u64 = timestamps::BYTES + COUNTS * MAX_COUNT_BUFFERS as u64;
+const STAMP: u64 = timestamps::BYTES + COUNTS * MAX_COUNTS as u64;
 
 /// Reason why a submission in the program's encoder never runs.
 const REJECTED: &str = "wgpu rejected the command encoder of this step: it belongs to another device, has an \
@@ -29,7 +29,7 @@ pub(crate) struct SubmissionEncoder {
     /// One buffer per trace index, created on first use.
     counts: Vec<Buffer>,
     /// Number of counts buffers that this submission uses.
-    count_buffers: usize,
+    counts_used: usize,
     timestamps: Option<PassTimestamps>,
     /// The report that the host maps: timestamps, counts and the stamp.
     report: Buffer,
@@ -58,7 +58,7 @@ impl SubmissionEncoder {
         let usage = BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
         Ok(Self {
             counts: vec![make(gpu, "counts", COUNTS, STORAGE)?],
-            count_buffers: 1,
+            counts_used: 1,
             timestamps: PassTimestamps::new(gpu)?,
             report: make(gpu, "a report", STAMP + size_of::<u64>() as u64, READBACK)?,
             stamp: make(gpu, "a stamp", size_of::<u64>() as u64, usage)?,
@@ -88,10 +88,10 @@ impl SubmissionEncoder {
             write(&self.gpu, &self.stamp, 0, &[self.stamped])?;
         }
         self.gpu.guard("recording", 0, || {
-            let all = self.counts[..self.count_buffers].iter();
+            let all = self.counts[..self.counts_used].iter();
             all.for_each(|counts| encoder.clear_buffer(counts, 0, None));
         })?;
-        let counts = &self.counts[..self.count_buffers];
+        let counts = &self.counts[..self.counts_used];
         let launches = self.launches.bind(&self.gpu, counts, recording)?;
         let mut launches = launches.into_iter();
         // Complete stages that no pass contains yet, and the launches after them.
@@ -126,7 +126,7 @@ impl SubmissionEncoder {
             self.pass(encoder, &[StageLaunches { stage, launches }])?;
         }
         self.gpu.guard("the report of a frame", 0, || {
-            for (counts, at) in self.counts[..self.count_buffers].iter().zip(0..) {
+            for (counts, at) in self.counts[..self.counts_used].iter().zip(0..) {
                 let at = timestamps::BYTES + COUNTS * at;
                 encoder.copy_buffer_to_buffer(counts, 0, &self.report, at, COUNTS);
             }
@@ -139,7 +139,7 @@ impl SubmissionEncoder {
         })
     }
 
-    /// Requests the mapping of the report. This must be the last call on the encoder.
+    /// Requests the mapping of the report. Call it after all commands of the submission are encoded.
     pub(crate) fn report(&self, encoder: &CommandEncoder) -> Mapping {
         Mapping::on_submit(encoder, &self.report, MapMode::Read)
     }
@@ -194,12 +194,12 @@ impl SubmissionEncoder {
         if let Some(timestamps) = &mut self.timestamps {
             timestamps.stages.clear();
         }
-        let count_buffers = recording.commands.iter().map(|command| match command {
+        let counts_used = recording.commands.iter().map(|command| match command {
             RecordedCommand::Dispatch(dispatch) => dispatch.work.trace_index + 1,
             _ => 1,
         });
-        self.count_buffers = count_buffers.max().unwrap_or(1).min(MAX_COUNT_BUFFERS);
-        while self.counts.len() < self.count_buffers {
+        self.counts_used = counts_used.max().unwrap_or(1).min(MAX_COUNTS);
+        while self.counts.len() < self.counts_used {
             let made = make(&self.gpu, "counts", COUNTS, STORAGE)?;
             self.counts.push(made);
         }
@@ -217,7 +217,7 @@ impl SubmissionEncoder {
         // After a failed wait there is no report, and another wait fails at once.
         let report = self.sent.as_ref();
         report.map_or(Ok(true), |(_, mapping)| {
-            Ok(mapping.is_dropped() || mapping.poll(&self.gpu)?)
+            Ok(mapping.is_dropped() || mapping.is_mapped(&self.gpu)?)
         })
     }
 
@@ -236,7 +236,7 @@ impl SubmissionEncoder {
         let (submission, mapping) = self.sent.take().ok_or_else(lost)?;
         match submission {
             Some(submission) => gpu.wait_for(submission)?,
-            None if mapping.poll(gpu)? => (),
+            None if mapping.is_mapped(gpu)? => (),
             None => {
                 gpu.wait_idle()?;
                 if !mapping.arrives_within(gpu, Duration::from_millis(50))? {
@@ -246,14 +246,14 @@ impl SubmissionEncoder {
                 }
             }
         }
-        mapping.expect(gpu)?;
+        mapping.wait(gpu)?;
         let view = self.report.get_mapped_range(..).map_err(unreadable)?;
         let (report, stamp) = view.split_at(STAMP as usize);
         self.is_refused = self.stamped > 0 && !stamp.starts_with(&self.stamped.to_ne_bytes());
         let (ticks, counts) = report.split_at(timestamps::BYTES as usize);
         let ticks: Vec<u64> = bytemuck::pod_collect_to_vec(ticks);
         let each: Vec<Counts> = bytemuck::pod_collect_to_vec(counts);
-        let (mut counts, others) = (each[0], &each[1..self.count_buffers]);
+        let (mut counts, others) = (each[0], &each[1..self.counts_used]);
         others.iter().for_each(|other| counts.add_trace(other));
         drop(view);
         if !unmap(&gpu.device, &self.report) {

@@ -108,8 +108,9 @@ impl WgpuDevice {
         ticket.0 as usize % self.submissions.len()
     }
 
-    /// Encodes a recording and the copy of its positions. Returns the mapping of its report. If the encoder is the
-    /// program's, `stamp` must be the ticket: see [`SubmissionEncoder::encode`].
+    /// Encodes a recording and the copy of its positions. Returns the mapping of its report, and the copy of positions
+    /// if one was requested. If the encoder is the program's, `stamp` must be the ticket: see
+    /// [`SubmissionEncoder::encode`].
     fn encode(
         &mut self,
         encoder: &mut CommandEncoder,
@@ -150,7 +151,7 @@ impl WgpuDevice {
     ) -> Result<()> {
         let MappedCopy { buffer, mapping } = read.copy;
         self.gpu.wait_for(read.submission)?;
-        mapping.expect(&self.gpu)?;
+        mapping.wait(&self.gpu)?;
         let view = buffer.get_mapped_range(..bytes as u64);
         each(&view.map_err(unreadable)?);
         if unmap(&self.gpu.device, &buffer) {
@@ -208,7 +209,7 @@ impl GpuDevice for WgpuDevice {
         }
     }
 
-    /// Counts neither the program's own buffers on its device nor host memory.
+    /// The byte counts include neither the program's own buffers on its device nor host memory.
     fn memory(&self) -> MemoryReport {
         let submissions = self.submissions.iter();
         MemoryReport {
@@ -323,9 +324,10 @@ impl GpuDevice for WgpuDevice {
             PendingWork::Positions(ticket) => {
                 self.gpu.poll()?;
                 let copy = self.scene.copies.get(&ticket);
-                copy.map_or(Ok(true), |copy| copy.mapping.poll(&self.gpu))
+                copy.map_or(Ok(true), |copy| copy.mapping.is_mapped(&self.gpu))
             }
-            // Queue writes run before an encoder that the program submits later. No such encoder may use the buffer.
+            // A queue write would run before an encoder that the program submits later. So the buffer can be written
+            // only if no unfinished encoder uses it.
             PendingWork::Use(last) => Ok(self.scene.encoder.is_past(last.ticket)),
         }
     }

@@ -40,7 +40,8 @@ pub struct InsufficientMemory {
 
 /// Checks that `need` bytes can be allocated. Always succeeds if the free memory is unknown.
 ///
-/// The free memory is queried once per MiB of small requests, those of at most 1 MiB. Then 4 MiB must be free.
+/// Requests of at most 1 MiB are *small*. They are summed, and the free memory is queried each time that the sum
+/// exceeds 1 MiB. At that query, 4 MiB must be free.
 ///
 /// # Errors
 /// Returns an error if the memory is not free. For a small request, it names 4 MiB instead of `need`.

@@ -146,7 +146,7 @@ impl Driver {
         self.pending
             .retain(|frame| !dropped.contains(&frame.ticket));
         self.recording.pose = None;
-        self.trees.next.advance(Event::FramesDropped);
+        self.trees.next.advance(Event::ResultsLost);
     }
 
     /// Returns the backend, which can load another scene. Cancels a build in progress.
@@ -198,7 +198,7 @@ impl Driver {
         let pose = self.animation.pose(frame.time);
         self.predictor.frame(frame.time, started);
         self.poll_builder()?;
-        self.measure_range(pose, queries)?;
+        self.measure_coordinate_range(pose, queries)?;
         let is_stale = if self.has_device_trees() {
             self.record_device_tree(pose)?
         } else {
@@ -268,7 +268,7 @@ impl Driver {
             && let Err(e) = self.backend.submit()
         {
             // Requested positions do not arrive.
-            self.trees.next.advance(Event::FramesDropped);
+            self.trees.next.advance(Event::ResultsLost);
             return Err(e.into());
         }
         Ok(())

@@ -70,8 +70,9 @@ pub struct FrameTreeStats {
     pub age_frames: u64,
     /// Whether this frame adopted the tree, or the backend built it within this frame.
     pub adopted: bool,
-    /// Whether a finished tree was rejected. Such a tree costs no less than the current tree, or a newer tree would arrive
-    /// while the current tree's target time is still the nearer one. Or the device has no memory for it.
+    /// Whether a finished tree was rejected. Such a tree costs no less than the current tree. Or a newer tree would
+    /// arrive before frame times are nearer to the rejected tree's target time than to the current tree's. Or the
+    /// device has no memory for it.
     pub rejected: bool,
     /// Milliseconds of the host build up to the complete binary tree, if this frame adopted it. Includes the
     /// interpolation of vertices that the builder does itself. For a tree built on the device, milliseconds of the stage

@@ -252,7 +252,8 @@ mod tests {
             f.observe_latency(latency, BuildStrategy::Scratch);
             f.newer_tree_arrives_first(1.0, 41.0)
         };
-        // The tree should be adopted at time 21: in 19 frames, or in 38.
+        // The midpoint of the target times is 21. From time 2, that is 19 frames with steps of 1, and 38 with steps of
+        // 0.5.
         assert!(at(&[1.0, 2.0], 18));
         assert!(!at(&[1.0, 2.0], 19));
         assert!(at(&[1.5, 2.0], 37));

@@ -11,19 +11,21 @@ pub const HOST_BYTES_PER_TRIANGLE: u64 = 345;
 /// Bytes per ray: hits, shadows and pixels in three frames.
 const RAY_BYTES: u64 = 64;
 const BASE_BYTES: u64 = 16 << 20;
-/// Bytes per triangle on a device for triangle records, nodes and lists, without the buffers of a candidate tree (see
-/// [`CANDIDATE_BYTES`]). Measured: 119 with `refit`, up to 171 if trees are replaced.
+/// Bytes per triangle on a device for a tree: triangle records, nodes, vertex indices in leaf order, and uploaded
+/// topologies. Without the buffers of a candidate tree (see [`CANDIDATE_BYTES`]). Measured: 119 with `refit`, up to 171
+/// if trees are replaced.
 const DEVICE_TREE_BYTES: u64 = 176;
 /// Bytes per triangle on a device that builds the trees, including scratch memory.
 const DEVICE_REBUILD_BYTES: u64 = 260;
-/// Bytes per triangle of a candidate tree: its nodes, lists and triangle data.
+/// Bytes per triangle of a candidate tree: its nodes, topology and triangle data.
 const CANDIDATE_BYTES: u64 = 130;
 /// Maximum number of key frames on a device if the host does not hold all: see `docs/design/key-frames.md`.
 const DEVICE_KEYS: usize = 6;
 /// Bytes of device buffers whose size is constant.
 const DEVICE_BASE_BYTES: u64 = 1 << 20;
-/// Constant part of the memory that `exact` needs for undecided rays, in bytes.
-const EXACT_BASE_BYTES: u64 = 4 * (3 << 16) + 4 * 64 * 2048;
+/// Constant part of the memory in which `exact` stores rays that rounded arithmetic cannot decide, in bytes:
+/// `shaders::occluded_words` with the minimum of 2^16 candidates, two words each, and 2048 stacks of 64 words.
+const EXACT_BASE_BYTES: u64 = 4 * (2 << 16) + 4 * 64 * 2048;
 /// Number of traces whose results a device stores at a time.
 const TRACES: u64 = backend::FRAMES_IN_FLIGHT as u64 + 1;
 
@@ -82,6 +84,7 @@ fn device_bytes(animation: &Animation, options: &DriverOptions, rays: usize) -> 
     const POINT: u64 = size_of::<Point>() as u64;
     let vertices = animation.vertex_count() as u64;
     let triangles = animation.triangle_count() as u64;
+    // `window` is `None` if the host holds all key frames.
     let kept = animation
         .window()
         .map_or(animation.key_count(), |_| DEVICE_KEYS);
@@ -92,9 +95,10 @@ fn device_bytes(animation: &Animation, options: &DriverOptions, rays: usize) -> 
     } else {
         DEVICE_TREE_BYTES
     };
-    // A hit, a shadow and, for `exact`, space for undecided rays.
+    // A hit (16 bytes) and a shadow (4). For `exact`, also a word in each of two lists of undecided rays, and a
+    // candidate of two words.
     let answers = match options.intersector {
-        Intersector::Exact => rays as u64 * 40 + EXACT_BASE_BYTES,
+        Intersector::Exact => rays as u64 * 36 + EXACT_BASE_BYTES,
         _ => rays as u64 * 20,
     };
     DEVICE_BASE_BYTES + scene + animation.live_count() as u64 * tree + TRACES * answers

@@ -70,7 +70,7 @@ pub(crate) struct TreeBuilder {
     format: TreeFormat,
     degradation: DegradationMonitor,
     extrapolation: ExtrapolationMonitor,
-    /// The last two observed positions.
+    /// Vertices of the last two observed frames.
     observed: [KeyFrame; 2],
 }
 
@@ -213,8 +213,8 @@ impl TreeBuilder {
 
     /// Builds a tree from the vertices of `input`. If `input` has swept poses, builds the tree over boxes that
     /// contain each triangle at both poses, and then computes the boxes at the vertices. Without swept poses, a build
-    /// from subtrees does not update the boxes, unless the format is [`TreeFormat::WideBlocks`]. Returns the costs at
-    /// the vertices if the build computed them.
+    /// from subtrees does not update `self.boxes`, except for [`TreeFormat::WideBlocks`], whose conversion needs them.
+    /// Returns the costs at the vertices if the build computed them.
     fn build_tree(
         &mut self,
         source: &PoseSource<'_>,

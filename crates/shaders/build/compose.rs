@@ -121,7 +121,10 @@ impl Composer<'_, '_> {
         let mut names = HashMap::new();
         for (i, Item { name, line, .. }) in items.iter().enumerate() {
             let is_new = names.insert(*name, i).is_none();
-            ensure!(is_new, "wgsl/{path}.wgsl:{line}: second `{name}`");
+            ensure!(
+                is_new,
+                "wgsl/{path}.wgsl:{line}: `{name}` is declared twice"
+            );
         }
         let path = path.to_owned();
         self.files.push(File { path, items, names });

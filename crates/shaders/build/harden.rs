@@ -21,8 +21,8 @@ pub(crate) fn harden_module(module: &mut Module) {
 }
 
 /// Decorates float operations with NoContraction, which naga does not emit. Without it, drivers fuse and regroup them.
-/// Functions named `loose_…` are exempt. Their results only skip work, or are compared with error bounds that hold with and
-/// without fusing.
+/// Functions named `loose_…` are exempt. Their results only decide whether work can be skipped, or are compared with
+/// error bounds that hold with and without fusing.
 fn forbid_contraction(module: &mut Module) {
     let loose: HashSet<u32> = named(module, |name| name.starts_with("loose_")).collect();
     let is_strict = |f: &&Function| !f.def_id().is_some_and(|id| loose.contains(&id));
@@ -94,7 +94,8 @@ fn widen(module: &mut Module) -> Result<()> {
 
 fn replace(module: &mut Module, at: usize) -> Result<()> {
     let header = module.header.as_mut().context("no header")?;
-    let [both, whole, low, high, pair] = std::array::from_fn(|i| header.bound + i as u32);
+    let [pair_type, product, low, high, result_id] =
+        std::array::from_fn(|i| header.bound + i as u32);
     header.bound += 5;
     let function = &mut module.functions[at];
     let parameters = &function.parameters;
@@ -106,24 +107,24 @@ fn replace(module: &mut Module, at: usize) -> Result<()> {
     let result = result.context("no result")?;
     let make = |op, ty, id, operands| Instruction::new(op, Some(ty), Some(id), operands);
     let part = |id, number| {
-        let operands = vec![Operand::IdRef(whole), Operand::LiteralBit32(number)];
+        let operands = vec![Operand::IdRef(product), Operand::LiteralBit32(number)];
         make(Op::CompositeExtract, word, id, operands)
     };
     let parts = vec![Operand::IdRef(low), Operand::IdRef(high)];
-    let back = vec![Operand::IdRef(pair)];
+    let back = vec![Operand::IdRef(result_id)];
     let block = Block {
         label: function.blocks.first().and_then(|b| b.label.clone()),
         instructions: vec![
-            make(Op::UMulExtended, both, whole, operands),
+            make(Op::UMulExtended, pair_type, product, operands),
             part(low, 0),
             part(high, 1),
-            make(Op::CompositeConstruct, result, pair, parts),
+            make(Op::CompositeConstruct, result, result_id, parts),
             Instruction::new(Op::ReturnValue, None, None, back),
         ],
     };
     function.blocks = vec![block];
     let words = vec![Operand::IdRef(word); 2];
-    let both = Instruction::new(Op::TypeStruct, None, Some(both), words);
-    module.types_global_values.push(both);
+    let pair_type = Instruction::new(Op::TypeStruct, None, Some(pair_type), words);
+    module.types_global_values.push(pair_type);
     Ok(())
 }

@@ -12,8 +12,8 @@ use rspirv::spirv::{Capability, Op, StorageClass};
 use std::path::Path;
 
 /// File of the pipeline's stages, and file of the compute kernels that support the pipeline.
-pub(crate) const PIPELINE: &str = "traversal/ray_pipeline";
-pub(crate) const KERNELS: &str = "traversal/ray_pipeline_kernels";
+pub(crate) const PIPELINE_FILE: &str = "traversal/ray_pipeline";
+pub(crate) const SUPPORT_KERNELS_FILE: &str = "traversal/ray_pipeline_kernels";
 
 /// Compiles the pipeline. Returns its stages as a Rust constant.
 pub(crate) fn compile(out: &Path, sources: &Sources) -> Result<String> {
@@ -25,7 +25,7 @@ pub(crate) fn compile(out: &Path, sources: &Sources) -> Result<String> {
         "explicit_closest",
         "explicit_shadow",
     ];
-    let source = sources.compose(PIPELINE, &stages, "", &[])?;
+    let source = sources.compose(PIPELINE_FILE, &stages, "", &[])?;
     let source = format!("enable wgpu_ray_tracing_pipeline, primitive_index;\n{source}");
     let (module, info) = parse(
         &source,

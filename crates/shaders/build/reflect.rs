@@ -1,4 +1,5 @@
-//! Reads the properties of a kernel that hosts need from the kernel itself.
+//! Reads workgroup size, workgroup memory and bindings from the compiled kernel, so that they need not be declared
+//! again in Rust.
 
 use anyhow::{Context, Result, bail};
 use naga::{AddressSpace, StorageAccess};

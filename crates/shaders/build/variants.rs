@@ -3,7 +3,8 @@
 //! `// Variants: intersector, arithmetic.` means all intersectors, and both ways to compute the remainder of a quotient.
 //! `// Variants: intersector(exact).` means one intersector only. `subgroups` means that the kernel uses subgroups.
 //! `// Parameters: search.` means that the kernel reads `params.search`: see `lib/params.wgsl`.
-//! `// Loaded with every scene.` means that a frame may need the kernel before its traces.
+//! `// Loaded with every scene.` means that a frame may run the kernel before it traces rays, so it is loaded with
+//! every scene instead of at first use.
 
 use crate::compose::{Files, Sources};
 use anyhow::{Context, Result, bail};
@@ -33,7 +34,8 @@ const PARAMETERS: [&str; 11] = [
     "phase",
     "answer",
 ];
-/// Condition: the text is the module that a program's own shaders call. It does not count hits.
+/// Condition: the text is the module that a program's own shaders call. In it, the code that increments the hit counter
+/// is left out.
 const MODULE: &str = "MODULE";
 
 /// A compute kernel before its variants are selected.
@@ -49,7 +51,7 @@ pub(crate) struct EntryPoint {
     uses_subgroups: bool,
     /// The kernel's own parameters, if any: a member of `Params`.
     pub(crate) parameters: Option<&'static str>,
-    /// Whether a frame may need the kernel before its traces.
+    /// Whether a frame may run the kernel before it traces rays.
     pub(crate) loads_with_scene: bool,
 }
 
@@ -63,7 +65,8 @@ pub(crate) struct Variant {
     pub(crate) fused: Option<Text>,
 }
 
-/// A kernel's text in both forms: `plain` becomes SPIR-V, and `opaque` is the WGSL for hosts.
+/// A kernel's WGSL in two forms: `plain` is translated to SPIR-V by the build. `opaque` (condition [`OPAQUE`]) is
+/// shipped as WGSL, for backends that cannot load SPIR-V.
 #[derive(PartialEq, Eq)]
 pub(crate) struct Text {
     pub(crate) plain: String,
@@ -90,7 +93,9 @@ pub(crate) fn entries(files: &Files) -> Result<Vec<EntryPoint>> {
         let lines: Vec<_> = text.lines().collect();
         for at in (0..lines.len()).filter(|&at| lines[at].starts_with("@compute")) {
             let name = lines[at + 1].strip_prefix("fn ");
-            let name = name.and_then(|n| n.split_once('(')).context("no entry")?.0;
+            let name = name.and_then(|n| n.split_once('('));
+            let error = "the line after `@compute` does not begin with `fn name(`";
+            let (name, _) = name.context(error)?;
             let mut entry = EntryPoint {
                 file: file.clone(),
                 name: name.to_owned(),

@@ -125,7 +125,7 @@ fn expect([a, b, c, d]: [f32; 4]) -> [u32; 4] {
 mod tests {
     use super::*;
 
-    /// Returns the results of a device that rounds every operation once.
+    /// Returns the results of a device that conforms to IEEE 754, but has no fused multiply-add that rounds once.
     fn right(all: &[[f32; 4]]) -> Vec<[[u32; 4]; 2]> {
         let of = |x: &[f32; 4]| {
             let [sum, back, quotient, sign] = expect(*x);

@@ -2,8 +2,8 @@
 //!
 //! Each kernel comes in two forms. Both give the same bits as `cpu-ref`, except for textbook intersectors
 //! (`docs/design/hits.md`) and areas of boxes. The first is SPIR-V whose additions, subtractions and multiplications are
-//! decorated NoContraction. The second is WGSL with arithmetic that a compiler cannot see through, for hosts that cannot
-//! load SPIR-V.
+//! decorated NoContraction, except in functions named `loose_…`. The second is WGSL with arithmetic that a compiler
+//! cannot see through, for backends that cannot load SPIR-V.
 //!
 //! The kernels are WESL: each file in `wgsl` imports what it uses, and conditions (`@if(EXACT)`) distinguish variants. A
 //! comment above an entry point lists the properties in which its variants differ: see `build/variants.rs`. This prints
@@ -13,9 +13,9 @@
 //! cargo run -p abvh-shaders --example kernel -- trace_camera watertight
 //! ```
 //!
-//! The crate also holds everything that hosts share: [`Shape`] describes a tree's topology buffer, [`Params`] the
-//! parameters of a dispatch, and [`Counts`] the counters. [`work`] returns each stage as a list of dispatches, and
-//! [`rebuild`] returns those that build trees on the device. `gpu-common` is such a host.
+//! The crate also holds everything that GPU backends share: [`Shape`] describes a tree's topology buffer, [`Params`]
+//! the parameters of a dispatch, and [`Counts`] the counters. [`work`] returns each stage as a list of dispatches, and
+//! [`rebuild`] returns those that build trees on the device. `gpu-common` uses it.
 
 pub mod arithmetic;
 mod params;
@@ -75,7 +75,7 @@ pub struct Kernel {
 pub struct Code {
     /// WGSL with opaque arithmetic.
     pub wgsl: &'static str,
-    /// SPIR-V 1.3 with NoContraction, as words in the byte order of this machine.
+    /// SPIR-V 1.3 with NoContraction except in functions named `loose_…`, as words in the byte order of this machine.
     pub spirv: &'static [u8],
 }
 
@@ -105,7 +105,8 @@ backend::named! {
         /// The key frames before and after the current time.
         Earlier = "a key frame",
         Later = "a key frame",
-        /// A buffer of the program whose positions are copied to a key frame, and that key frame.
+        /// A buffer of the program whose positions are copied to a key frame, and that key frame. Or the results of a
+        /// query, and the program's buffer for them.
         CopySource = "the source of a copy",
         KeyFrame = "a key frame",
         /// Range of a key frame's coordinates, measured by a kernel if the host has not: see wgsl/geometry/range.wgsl.
@@ -175,7 +176,8 @@ pub fn storage_buffers(bindings: &[Binding]) -> u32 {
     all.count() as u32
 }
 
-/// The stages of a ray-tracing pipeline, in one module of SPIR-V 1.4 with NoContraction.
+/// The stages of a ray-tracing pipeline, in one module of SPIR-V 1.4 with NoContraction except in functions named
+/// `loose_…`.
 #[derive(Clone, Copy, Debug)]
 pub struct RayStages {
     /// The module, in the format of [`Code::spirv`].

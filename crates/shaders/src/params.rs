@@ -225,13 +225,14 @@ pub struct Counts {
     pub undecided: u32,
     /// Shadow rays that the first pass of `exact` left undecided.
     pub undecided_shadows: u32,
-    /// Candidates of undecided rays: triangles that `resolve_exact_*` tests.
+    /// Candidates for which searches requested space, including those of rays that were decided later and those that
+    /// did not fit.
     pub candidates: u32,
     /// Rays that `fallback_*` resolves, for `exact`.
     pub fallback_rays: u32,
     /// Shadow rays that `fallback_*` resolves, for `exact`.
     pub fallback_shadows: u32,
-    /// Tiles that `cover_small` and `cover_large` wrote.
+    /// Tiles for which `cover_small` and `cover_large` requested space, including those that did not fit.
     pub tiles: u32,
     /// Triangles that were too large for `cover_small`.
     pub large: u32,

@@ -35,8 +35,8 @@ impl Packets {
         }
     }
 
-    /// Returns the kernel that tests the pixels of tiles, and the maximum number of its workgroups: 32 per multiprocessor of
-    /// an H200, so that some compute while others wait.
+    /// Returns the kernel that tests the pixels of tiles, and the maximum number of its workgroups. For subgroups: 32
+    /// per multiprocessor of an H200, so that some compute while others wait.
     pub(crate) fn rasterizers(self) -> (&'static str, u32) {
         match self {
             Self::BySubgroups => ("rasterize_by_subgroups", 4224),

@@ -12,7 +12,7 @@
 
 mod phases;
 
-use crate::work::{Groups, Work, sum, word_of};
+use crate::work::{Groups, Work, sum_costs, word_of_counter};
 use crate::{BufferName, Counts, Params, Shape, SortParams, common, kernel};
 use backend::Intersector;
 use geom::Animation;
@@ -91,7 +91,8 @@ pub fn cluster(params: Params, tree: &Shape) -> Vec<Work> {
     };
     let mut work: Vec<_> = phases.iter().map(phase).collect();
     let groups = phases.iter().map(Phase::tiles).sum();
-    work.push(sum(params, groups, word_of(offset_of!(Counts, areas))));
+    let areas = word_of_counter(offset_of!(Counts, areas));
+    work.push(sum_costs(params, groups, areas));
     work
 }
 

@@ -8,11 +8,12 @@ use std::ops::Range;
 /// The parts and levels of a tree.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Shape {
-    /// Parameters of kernels for the tree: where parts of the topology and of the wide tree begin, in words.
+    /// Kernel parameters that depend only on the tree: sizes, and where its parts begin.
     pub params: Params,
     /// Number of triangles in the tree. Kernels call each one a leaf, although a leaf node may reference two.
     pub leaf_count: u32,
-    /// Treelets of each level, those of triangles first.
+    /// Treelets of each level, the lowest first. The leaves of the lowest treelets are triangles (*treelets of
+    /// triangles*). The leaves of the others are roots of the level below.
     pub treelets: Vec<Range<u32>>,
     /// The lists of moving treelets, if the tree has any.
     pub moving: Option<MovingShape>,
@@ -32,6 +33,7 @@ impl Shape {
     pub fn of(tree: &Treelets) -> Self {
         let mut params = params_of(tree.leaf_count);
         params.leaf_triangles_at = tree.triangles_at() as u32;
+        // The lowest level with at most this many roots.
         (params.start_row, params.start_count) = tree.few_roots(MAX_START_BOXES);
         if let Some(wide) = &tree.wide {
             let [words, lists, _] = tree.parts();
@@ -102,7 +104,7 @@ fn params_of(leaves: u32) -> Params {
 /// Returns the rows of four floats, in the array of all positions, that contain moving vertices, in ascending order.
 /// Returns `None` if too many rows move for a list to save time ([`StaticParts::pays`]).
 ///
-/// `interpolate` may write only these rows if the positions already hold the first key frame.
+/// If the positions already hold the first key frame, it suffices that `interpolate` writes these rows.
 pub fn moving_rows(animation: &Animation) -> Option<Vec<u32>> {
     let is_static = &animation.static_parts().vertices;
     let all = (3 * is_static.len()).div_ceil(4);
@@ -120,7 +122,7 @@ pub fn moving_rows(animation: &Animation) -> Option<Vec<u32>> {
 /// Lists of a tree's moving treelets, which are uploaded after the topology. See [`bvh_layout::Moving`].
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct MovingShape {
-    /// The list of each level, those of triangles first, as a range of words.
+    /// The list of each level, the lowest first, as a range of words.
     pub levels: Vec<Range<u32>>,
     /// Number of zero-area triangles in treelets that are not listed.
     pub degenerate_elsewhere: u32,

@@ -34,7 +34,7 @@ struct DeviceNode {
 enum StoredBox {
     /// In two rows, from this one on.
     Row(usize),
-    /// Not stored: recomputed from the triangle at this place.
+    /// Not stored: recomputed from the triangle at this index of [`View::triangles`].
     Triangle(usize),
     /// Not stored: the triangle cannot be hit.
     Nothing,
@@ -44,9 +44,9 @@ enum StoredBox {
 enum NodeContent {
     /// Two nodes with rows of their own.
     Rows([usize; 2]),
-    /// Two triangles that share a leaf, from this place on.
+    /// Two triangles that share a leaf, from this index of [`View::triangles`] on.
     Two(usize, [StoredBox; 2]),
-    /// The triangle at this place.
+    /// The triangle at this index of [`View::triangles`].
     One(usize),
 }
 
@@ -71,7 +71,9 @@ impl View<'_> {
         sorted.sort_unstable();
         let are_distinct = sorted.len() == leaves && sorted.is_sorted_by(|a, b| a < b);
         if !are_distinct || sorted.last().is_some_and(|&last| last as usize >= scene) {
-            return invalid(format!("its leaves are not {leaves} triangles of {scene}"));
+            return invalid(format!(
+                "its leaves must be {leaves} distinct triangles with indices below {scene}"
+            ));
         }
         let binary = BinaryTree::new(order, left_leaves);
         Ok(Topology::new(Arc::new(binary), scene))
@@ -243,7 +245,8 @@ mod tests {
         // One triangle in two places, or not in the scene.
         for triangles in [[7, 8, 7], [7, 8, 100]] {
             let error = read(&whole, &triangles).unwrap_err();
-            assert!(error.contains("are not 3 triangles of 100"), "{error}");
+            let rule = "must be 3 distinct triangles with indices below 100";
+            assert!(error.contains(rule), "{error}");
         }
     }
 

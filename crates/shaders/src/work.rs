@@ -8,9 +8,9 @@ mod tree;
 
 pub use extremes::{measure_range, range_kernels};
 pub use pictures::shade;
-pub use rays::{collapse_non_finite, count_answers, rays};
+pub use rays::{collapse_non_finite, count_answers, ray_params};
 pub use tree::TreeProgress;
-pub(crate) use tree::{sum, word_of};
+pub(crate) use tree::{sum_costs, word_of_counter};
 
 use crate::{
     InterpolationParams, Kernel, Params, PointsParams, SearchParams, Traits, candidate_capacity,
@@ -39,11 +39,11 @@ pub struct Work {
 /// The number of workgroups of a dispatch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Groups {
-    /// Enough for this number of invocations, in as many rows as necessary.
+    /// Number of invocations. Runs as many workgroups as they need, in as many rows as necessary.
     Linear(u32),
-    /// This number of workgroups, in as many rows as necessary.
+    /// Number of workgroups. Runs them in as many rows as necessary.
     Each(u32),
-    /// One for each block of a picture: the size of the picture, and that of a block, in pixels.
+    /// One workgroup for each block of a picture: the size of the picture, and that of a block, in pixels.
     Pixels([u32; 2], [u32; 2]),
 }
 
@@ -56,8 +56,8 @@ pub enum RaySource<'a> {
     Camera(&'a Camera),
 }
 
-/// Maximum number of invocations that share the list of undecided rays: 16 per ray. This number occupies any device.
-/// Most invocations end at once, because few rays are undecided.
+/// Maximum number of invocations that resolve a list of undecided rays. 16 invocations resolve one ray at a time. 2^15
+/// invocations occupy any device. Most of them end at once, because few rays are undecided.
 const RESOLVERS: u32 = 1 << 15;
 /// Maximum number of workgroups that resolve a camera's undecided rays, one ray at a time.
 const CAMERA_RESOLVERS: u32 = 1 << 11;
@@ -66,7 +66,7 @@ impl RaySource<'_> {
     fn count(self) -> u32 {
         match self {
             Self::Buffer(count) => count,
-            // A trace of more rays is refused.
+            // A trace of 2^32 or more rays is refused elsewhere.
             Self::Camera(camera) => camera.width.saturating_mul(camera.height),
         }
     }

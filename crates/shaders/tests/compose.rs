@@ -237,7 +237,7 @@ fn unbalanced_brackets_are_errors() {
 #[test]
 fn names_of_a_file_are_unique() {
     let twice = ("k/main", "fn main() {}\n@if(!A) fn main() {}");
-    assert_error(&[twice], "wgsl/k/main.wgsl:2: second `main`");
+    assert_error(&[twice], "wgsl/k/main.wgsl:2: `main` is declared twice");
     let local = "wgsl/k/main.wgsl:3: local name `x` hides a declaration";
     for function in ["fn main(\n    x: u32) {}", "fn main() {\n    let x = 1; }"] {
         assert_error(&[("k/main", &format!("const x = 1;\n{function}"))], local);

@@ -61,7 +61,7 @@ impl RayHit {
     }
 }
 
-/// `RTCIntersectArguments` or `RTCOccludedArguments`, including a member that some builds omit.
+/// `RTCIntersectArguments` or `RTCOccludedArguments`.
 #[repr(C)]
 pub(super) struct Arguments {
     flags: u32,
@@ -69,6 +69,7 @@ pub(super) struct Arguments {
     context: Handle,
     filter: Handle,
     intersect: Handle,
+    /// Exists only in builds with `RTC_MIN_WIDTH`. Other builds do not read this last member.
     least_width: f32,
 }
 

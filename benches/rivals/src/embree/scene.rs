@@ -26,7 +26,7 @@ type Trace = unsafe extern "C" fn(Handle, *mut RayHit, *mut Arguments);
 
 impl EmbreeScene {
     /// Builds a scene over a mesh on `threads` threads, or on all cores if `threads` is 0. All scenes of the process
-    /// use the largest requested number. [`EmbreeScene::rebuild`] rebuilds or refits the tree, by `tree_update`.
+    /// use the largest requested number. [`EmbreeScene::update_tree`] rebuilds or refits the tree, by `tree_update`.
     ///
     /// # Errors
     /// The library is absent, or it has no device.
@@ -72,14 +72,14 @@ impl EmbreeScene {
         })
     }
 
-    /// Returns the vertices, to be overwritten before [`EmbreeScene::rebuild`].
+    /// Returns the vertices, to be overwritten before [`EmbreeScene::update_tree`].
     pub(crate) fn vertices(&mut self) -> &mut [Point] {
         // SAFETY: Embree keeps the buffer as long as the geometry, and traces nothing while `self` is borrowed.
         unsafe { std::slice::from_raw_parts_mut(self.vertices.as_ptr(), self.vertex_count) }
     }
 
     /// Rebuilds or refits the tree in place, from the current vertices.
-    pub(crate) fn rebuild(&mut self) {
+    pub(crate) fn update_tree(&mut self) {
         // SAFETY: both exist, and no query runs while `self` is borrowed.
         unsafe {
             (self.functions.update_geometry_buffer)(self.geometry.as_ptr(), VERTICES[0], 0);

@@ -1,7 +1,7 @@
 //! Records a frame: positions, the driver's tree, rays, counts.
 
 use super::VulkanRt;
-use super::scene::DriverScene;
+use super::scene::VulkanScene;
 use super::tree::{build_flags, triangles_of};
 use crate::{Rival, TreeUpdate};
 use backend::{
@@ -12,7 +12,7 @@ use gpu_common::{GpuDevice, Stage, TraceBuffers, check_limit, reads_ray_buffer};
 use gpu_vulkan::commands::{KERNELS, RAYS};
 use gpu_vulkan::{NativeCommand, RayBindings, VulkanDevice};
 use shaders::work;
-use shaders::{BufferName, Params, Shape};
+use shaders::{BufferName, Params, RAYS as RAY_SHADERS, Shape};
 use std::sync::Arc;
 
 impl Rival for VulkanRt {
@@ -25,7 +25,7 @@ impl Rival for VulkanRt {
         (self.scene, self.pose, self.traced) = (None, None, None);
         self.engine.load(animation)?;
         let flags = build_flags(self.name, tree_update);
-        let scene = DriverScene::new(&mut self.engine, &self.pipeline.ray_tracing, flags)?;
+        let scene = VulkanScene::new(&mut self.engine, &self.pipeline.ray_tracing, flags)?;
         self.scene = Some(scene);
         Ok(())
     }
@@ -55,7 +55,7 @@ impl Rival for VulkanRt {
 
     fn device_bytes(&self) -> Option<DeviceBytes> {
         let scene = self.scene.as_ref();
-        let [tree, scratch] = scene.map_or([0; 2], DriverScene::held);
+        let [tree, scratch] = scene.map_or([0; 2], VulkanScene::held);
         Some(self.engine.bytes([tree, scratch, 0]))
     }
 
@@ -112,15 +112,16 @@ impl VulkanRt {
         let scene = self.scene.as_ref().expect("a scene was loaded");
         let copy = scene.finite_triangles.as_ref();
         let work = copy.map(|_| work::collapse_non_finite(params, triangles, scene.centre));
-        let own = |name| copy.filter(|_| name == BufferName::FiniteTriangles);
+        let overrides = |name| copy.filter(|_| name == BufferName::FiniteTriangles);
         self.engine
-            .run(Some(Stage::Preprocess), work.as_slice(), own)
+            .run(Some(Stage::Preprocess), work.as_slice(), overrides)
     }
 
     /// Records the driver's build of its tree, or the update.
     fn make_tree(&mut self) -> Result<()> {
         let (engine, scene) = (&mut self.engine, self.scene.as_mut());
         let scene = scene.expect("a scene was loaded");
+        // `engine.position` is the index of the current position buffer.
         let positions = &engine.scene().positions[engine.position];
         let from = triangles_of(engine.scene(), positions, scene.finite_triangles.as_ref());
         let build = scene.tree.make(from);
@@ -135,6 +136,7 @@ impl VulkanRt {
     fn trace(&mut self, query: &Query<'_>) -> Result<()> {
         let size = self.launch_size(query)?;
         let has_tree = self.engine.scene().animation.live_count() > 0;
+        // The intersector selects buffer sizes only: the driver intersects.
         let traced_by = has_tree.then_some(Intersector::Watertight);
         let engine = &mut self.engine;
         let old = engine.frames.expired();
@@ -169,14 +171,15 @@ impl VulkanRt {
         Ok(size.map(|n| n as u32))
     }
 
-    /// Records a launch of rays, unless the scene has no live triangle that they could hit.
+    /// Records a launch of rays, unless there are no rays or no live triangles.
     fn launch(&mut self, query: &Query<'_>, trace: &TraceBuffers<VulkanDevice>, size: [u32; 2]) {
         // The range limits the offset of shadow rays.
         let range = self.engine.scene().animation.range(self.engine.pose);
         let params = self.params().with_range(Some(range));
-        let params = work::rays(params, query, reads_ray_buffer(query));
+        let params = work::ray_params(params, query, reads_ray_buffer(query));
         let engine = &mut self.engine;
         if size[0] == 0 || !trace.has_tree {
+            // Ends the stage, so that its time is in the report.
             engine
                 .frames
                 .recorder
@@ -186,7 +189,7 @@ impl VulkanRt {
         let scene = self.scene.as_ref().expect("a scene was loaded");
         let buffers = engine.scene.as_ref().expect("a scene was loaded");
         let (key, position) = (engine.pose.key, engine.position);
-        let bound = shaders::RAYS.bindings.iter().map(|binding| {
+        let bound = RAY_SHADERS.bindings.iter().map(|binding| {
             let found = match binding.name {
                 BufferName::Nodes => None,
                 name => trace.get(name).or_else(|| buffers.get(name, key, position)),
@@ -225,8 +228,8 @@ impl VulkanRt {
         let counted = pending.iter().filter(|t| t.has_tree).try_for_each(|trace| {
             let mut all = work::count_answers(params, trace.kind, trace.count as u32).into_iter();
             all.try_for_each(|(work, buffer)| {
-                let own = |name| (name == BufferName::Answers).then(|| trace.get(buffer))?;
-                self.engine.run(None, &[work], own)
+                let overrides = |name| (name == BufferName::Answers).then(|| trace.get(buffer))?;
+                self.engine.run(None, &[work], overrides)
             })
         });
         self.engine.frames.pending = pending;

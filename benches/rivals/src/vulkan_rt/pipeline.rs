@@ -7,11 +7,11 @@ use gpu_common::GpuDevice;
 use gpu_vulkan::errors::{failed, refused};
 use gpu_vulkan::memory::{Buffer, BufferUse};
 use gpu_vulkan::{Layouts, VulkanDevice, descriptor_type, with_module};
-use shaders::RAYS;
+use shaders::RAYS as RAY_SHADERS;
 use std::ffi::CString;
 use std::sync::Arc;
 
-/// One pipeline with all shaders of [`RAYS`]: ray generation first, then miss, then hit shaders.
+/// One pipeline with all shaders of [`shaders::RAYS`]: ray generation first, then miss, then hit shaders.
 pub(crate) struct RayPipeline {
     /// Null until the driver has created it.
     pub(crate) vk: vk::Pipeline,
@@ -35,21 +35,32 @@ const STAGES: vk::ShaderStageFlags = vk::ShaderStageFlags::from_raw(
 );
 
 impl RayPipeline {
-    pub(crate) fn new(device: &mut VulkanDevice, rays: &Arc<RayTracing>) -> Result<Self> {
+    pub(crate) fn new(device: &mut VulkanDevice, ray_tracing: &Arc<RayTracing>) -> Result<Self> {
         let what = "the ray-tracing pipeline";
-        let tree = (RAYS.scene, vk::DescriptorType::ACCELERATION_STRUCTURE_KHR);
-        let others = RAYS.bindings.iter();
+        let tree = (
+            RAY_SHADERS.scene,
+            vk::DescriptorType::ACCELERATION_STRUCTURE_KHR,
+        );
+        let others = RAY_SHADERS.bindings.iter();
         let others = others.map(|b| (b.number, descriptor_type(b.kind)));
         let mut made = Self {
             vk: vk::Pipeline::null(),
-            layouts: Arc::new(Layouts::new(&rays.gpu, what, STAGES, others.chain([tree]))?),
+            layouts: Arc::new(Layouts::new(
+                &ray_tracing.gpu,
+                what,
+                STAGES,
+                others.chain([tree]),
+            )?),
             table: None,
-            ray_tracing: Arc::clone(rays),
+            ray_tracing: Arc::clone(ray_tracing),
         };
-        made.vk = with_module(&rays.gpu, "the ray-tracing shaders", RAYS.spirv, |module| {
-            compile(rays, made.layouts.pipeline, module)
-        })?;
-        made.table = Some(Table::new(device, rays, made.vk)?);
+        made.vk = with_module(
+            &ray_tracing.gpu,
+            "the ray-tracing shaders",
+            RAY_SHADERS.spirv,
+            |module| compile(ray_tracing, made.layouts.pipeline, module),
+        )?;
+        made.table = Some(Table::new(device, ray_tracing, made.vk)?);
         Ok(made)
     }
 
@@ -59,9 +70,12 @@ impl RayPipeline {
         generate: &str,
         [x, y]: [u32; 2],
     ) -> impl FnOnce(vk::CommandBuffer) + Send + 'static + use<> {
-        let place = RAYS.generate.iter().position(|&name| name == generate);
+        let place = RAY_SHADERS
+            .generate
+            .iter()
+            .position(|&name| name == generate);
         let place = place.expect("the ray generation shader exists") as u64;
-        let generators = RAYS.generate.len() as u64;
+        let generators = RAY_SHADERS.generate.len() as u64;
         let table = self.table.as_ref().expect("the pipeline has a table");
         let region = |group: u64| {
             vk::StridedDeviceAddressRegionKHR::default()
@@ -84,15 +98,18 @@ impl RayPipeline {
 }
 
 fn compile(
-    rays: &RayTracing,
+    ray_tracing: &RayTracing,
     layout: vk::PipelineLayout,
     module: vk::ShaderModule,
 ) -> Result<vk::Pipeline> {
     let generator = |name: &'static str| (vk::ShaderStageFlags::RAYGEN_KHR, name);
-    let generators = RAYS.generate.iter().copied().map(generator);
+    let generators = RAY_SHADERS.generate.iter().copied().map(generator);
     let others = [
-        (vk::ShaderStageFlags::MISS_KHR, RAYS.miss),
-        (vk::ShaderStageFlags::CLOSEST_HIT_KHR, RAYS.closest_hit),
+        (vk::ShaderStageFlags::MISS_KHR, RAY_SHADERS.miss),
+        (
+            vk::ShaderStageFlags::CLOSEST_HIT_KHR,
+            RAY_SHADERS.closest_hit,
+        ),
     ];
     let named = |(stage, name): (vk::ShaderStageFlags, &str)| {
         let name = CString::new(name).expect("names of shaders hold no zero byte");
@@ -118,8 +135,8 @@ fn compile(
         .groups(&groups)
         .max_pipeline_ray_recursion_depth(1)
         .layout(layout);
-    let (later, cache) = (vk::DeferredOperationKHR::null(), rays.gpu.cache.vk);
-    let pipelines = &rays.pipelines;
+    let (later, cache) = (vk::DeferredOperationKHR::null(), ray_tracing.gpu.cache.vk);
+    let pipelines = &ray_tracing.pipelines;
     // SAFETY: module and layout belong to the device; all pointers outlive the call.
     unsafe { pipelines.create_ray_tracing_pipelines(later, cache, &[info], None) }
         .map(|p| p[0])
@@ -144,19 +161,31 @@ fn group<'a>(i: usize, stage: vk::ShaderStageFlags) -> vk::RayTracingShaderGroup
 }
 
 impl Table {
-    fn new(device: &mut VulkanDevice, rays: &RayTracing, pipeline: vk::Pipeline) -> Result<Self> {
-        let (handle, alignment) = (rays.bounds.handle_bytes, rays.bounds.table_alignment);
-        let groups = RAYS.generate.len() + 2;
+    fn new(
+        device: &mut VulkanDevice,
+        ray_tracing: &RayTracing,
+        pipeline: vk::Pipeline,
+    ) -> Result<Self> {
+        let (handle, alignment) = (
+            ray_tracing.bounds.handle_bytes,
+            ray_tracing.bounds.table_alignment,
+        );
+        let groups = RAY_SHADERS.generate.len() + 2;
         let bytes = handle as usize * groups;
         // SAFETY: the pipeline has the requested number of groups.
         let handles = unsafe {
-            let pipelines = &rays.pipelines;
+            let pipelines = &ray_tracing.pipelines;
             pipelines.get_ray_tracing_shader_group_handles(pipeline, 0, groups as u32, bytes)
         }
         .map_err(failed("shader group handles"))?;
         let stride = handle.next_multiple_of(alignment);
         let size = stride * groups as u64 + alignment;
-        let buffer = Buffer::new(&rays.gpu, "shader binding table", size, BufferUse::Device)?;
+        let buffer = Buffer::new(
+            &ray_tracing.gpu,
+            "shader binding table",
+            size,
+            BufferUse::Device,
+        )?;
         let begin = buffer.address();
         let at = begin.next_multiple_of(alignment);
         let mut table = vec![0_u8; buffer.bytes as usize];

@@ -1,7 +1,7 @@
 //! The scene that the driver builds its tree from, and the handling of vertices that are not finite.
 
 use super::support::RayTracing;
-use super::tree::{DriverTree, Flags};
+use super::tree::{Flags, VulkanTree};
 use backend::Result;
 use geom::{Animation, Point};
 use gpu_common::{Engine, GpuDevice};
@@ -13,27 +13,27 @@ use std::sync::Arc;
 const HUGE: f32 = f32::MAX / 4.0;
 
 /// State of a loaded scene, in addition to its buffers.
-pub(crate) struct DriverScene {
-    pub(crate) tree: DriverTree,
-    /// Box of all key frames, in scaled units: minimum and maximum, 16 bytes each. The ray shaders read it as the first
-    /// two rows of the buffer `nodes`.
+pub(crate) struct VulkanScene {
+    pub(crate) tree: VulkanTree,
+    /// Box of all key frames, multiplied by `2^-scale_exponent`: minimum and maximum, 16 bytes each. The ray shaders
+    /// read it as the first two rows of the buffer `nodes`.
     pub(crate) root: Buffer,
     /// Three finite vertices per triangle; `None` if positions are always finite.
     pub(crate) finite_triangles: Option<Buffer>,
-    /// Point to which all vertices of inactive triangles are moved, so that no ray hits these triangles.
+    /// Point to which all vertices of inactive triangles are moved, in scene units. So no ray hits these triangles.
     pub(crate) centre: Point,
 }
 
-impl DriverScene {
+impl VulkanScene {
     /// Creates the state for the scene that the engine has loaded.
     pub(crate) fn new(
         engine: &mut Engine<VulkanDevice>,
-        rays: &Arc<RayTracing>,
+        ray_tracing: &Arc<RayTracing>,
         flags: Flags,
     ) -> Result<Self> {
         let animation = Arc::clone(&engine.scene().animation);
         let bytes = animation.triangle_count() as u64 * 36;
-        let device = |what, bytes| Buffer::new(&rays.gpu, what, bytes, BufferUse::Device);
+        let device = |what, bytes| Buffer::new(&ray_tracing.gpu, what, bytes, BufferUse::Device);
         let finite_triangles = if is_always_finite(&animation) {
             None
         } else {
@@ -45,7 +45,7 @@ impl DriverScene {
             .gpu
             .upload(&[(bytemuck::cast_slice(&corners), &root)])?;
         Ok(Self {
-            tree: DriverTree::new(engine, rays, finite_triangles.as_ref(), flags)?,
+            tree: VulkanTree::new(engine, ray_tracing, finite_triangles.as_ref(), flags)?,
             root,
             finite_triangles,
             centre: centre_of(&animation),
@@ -104,7 +104,7 @@ mod tests {
         for bad in [f32::NAN, f32::INFINITY, f32::MIN] {
             assert!(!of(bad), "{bad}");
         }
-        let live = Animation::streamed(vec![[0.0; 3]], &[false], Vec::new());
-        assert!(!is_always_finite(&live.unwrap()));
+        let streamed = Animation::streamed(vec![[0.0; 3]], &[false], Vec::new());
+        assert!(!is_always_finite(&streamed.unwrap()));
     }
 }

@@ -79,8 +79,8 @@ impl Bounds {
 /// Returns all devices of this machine that support acceleration structures and ray-tracing pipelines.
 ///
 /// # Errors
-/// [`NoDevice`](BackendError::NoDevice) if there is no such device. The message names one extension or feature that
-/// each device lacks.
+/// [`NoDevice`](BackendError::NoDevice) if there is no such device. For each device, the message names the
+/// first extension or feature that it lacks.
 pub fn ray_adapters() -> Result<Vec<AdapterInfo>> {
     ray_adapters_of(VulkanInstance::new(Validation::Off)?.as_ref(), None)
 }

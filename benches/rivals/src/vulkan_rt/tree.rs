@@ -23,7 +23,7 @@ pub(crate) type Flags = vk::BuildAccelerationStructureFlagsKHR;
 type Mode = vk::BuildAccelerationStructureModeKHR;
 
 /// Both structures, which are rebuilt or updated in place.
-pub(crate) struct DriverTree {
+pub(crate) struct VulkanTree {
     bottom: Arc<Structure>,
     top: Arc<Structure>,
     /// Buffer with the only instance of `bottom`.
@@ -37,23 +37,28 @@ pub(crate) struct DriverTree {
 /// Words of an instance in Vulkan's layout: three matrix rows, mask and index, flags and offset, address.
 const INSTANCE_WORDS: usize = 16;
 
-impl DriverTree {
+impl VulkanTree {
     /// Creates structures for the scene that the engine has loaded.
     pub(crate) fn new(
         engine: &mut Engine<VulkanDevice>,
-        rays: &Arc<RayTracing>,
+        ray_tracing: &Arc<RayTracing>,
         finite_triangles: Option<&Buffer>,
         flags: Flags,
     ) -> Result<Self> {
         let scene = engine.scene();
         let triangles = scene.animation.triangle_count() as u64;
         let what = || "the driver's tree (triangles, maxPrimitiveCount)".to_owned();
-        check_limit(what, triangles, rays.bounds.triangles)?;
+        check_limit(what, triangles, ray_tracing.bounds.triangles)?;
         let triangles = triangles as u32;
         let geometry = [triangles_of(scene, &scene.positions[0], finite_triangles)];
         let about = info(Level::BOTTOM_LEVEL).flags(flags).geometries(&geometry);
-        let bottom = Structure::new(rays, "the driver's tree", about, triangles)?;
-        let instance = Buffer::new(&rays.gpu, "the tree's instance", 64, BufferUse::Device)?;
+        let bottom = Structure::new(ray_tracing, "the driver's tree", about, triangles)?;
+        let instance = Buffer::new(
+            &ray_tracing.gpu,
+            "the tree's instance",
+            64,
+            BufferUse::Device,
+        )?;
         let words = instance_of(&bottom);
         engine
             .gpu
@@ -62,7 +67,7 @@ impl DriverTree {
         let about = info(Level::TOP_LEVEL).flags(flags).geometries(&geometry);
         Ok(Self {
             bottom: Arc::new(bottom),
-            top: Arc::new(Structure::new(rays, "the top-level tree", about, 1)?),
+            top: Arc::new(Structure::new(ray_tracing, "the top-level tree", about, 1)?),
             instance,
             flags,
             triangles,
@@ -148,7 +153,8 @@ fn at(buffer: &Buffer) -> vk::DeviceOrHostAddressConstKHR {
     }
 }
 
-/// Returns the scene's triangles over positions, or the `finite_triangles` over their own vertices.
+/// Returns the scene's indexed triangles with vertices from `positions`. If `finite_triangles` is given, returns its
+/// triangles instead, which have no indices.
 pub(crate) fn triangles_of<'a>(
     scene: &AnimationBuffers<VulkanDevice>,
     positions: &Buffer,
@@ -199,7 +205,7 @@ fn instance_of(bottom: &Structure) -> [u32; INSTANCE_WORDS] {
 /// An acceleration structure that is built and updated in place.
 struct Structure {
     vk: vk::AccelerationStructureKHR,
-    rays: Arc<RayTracing>,
+    ray_tracing: Arc<RayTracing>,
     /// Scratch buffer for builds and updates.
     scratch: Buffer,
     /// Memory of the structure. Dropped after the structure.
@@ -208,23 +214,25 @@ struct Structure {
 
 impl Structure {
     /// Creates a structure that `info` describes, over `primitives` primitives.
-    fn new(rays: &Arc<RayTracing>, what: &str, info: Info<'_>, primitives: u32) -> Result<Self> {
-        let gpu = &rays.gpu;
+    fn new(
+        ray_tracing: &Arc<RayTracing>,
+        what: &str,
+        info: Info<'_>,
+        primitives: u32,
+    ) -> Result<Self> {
+        let gpu = &ray_tracing.gpu;
         let mut sizes = vk::AccelerationStructureBuildSizesInfoKHR::default();
         let kind = vk::AccelerationStructureBuildTypeKHR::DEVICE;
         // SAFETY: `info` describes one geometry and outlives the call.
         unsafe {
-            rays.structures.get_acceleration_structure_build_sizes(
-                kind,
-                &info,
-                &[primitives],
-                &mut sizes,
-            );
+            ray_tracing
+                .structures
+                .get_acceleration_structure_build_sizes(kind, &info, &[primitives], &mut sizes);
         }
         let bytes = sizes.acceleration_structure_size;
         let scratch = sizes.build_scratch_size.max(sizes.update_scratch_size);
         let storage = Buffer::new(gpu, what, bytes, BufferUse::Device)?;
-        let scratch_bytes = scratch + rays.bounds.scratch_alignment;
+        let scratch_bytes = scratch + ray_tracing.bounds.scratch_alignment;
         let scratch = Buffer::new(
             gpu,
             "scratch for the driver's builds",
@@ -236,11 +244,15 @@ impl Structure {
             .size(bytes)
             .ty(info.ty);
         // SAFETY: the buffer has the usage for acceleration structures and the size that the driver returned.
-        let vk = unsafe { rays.structures.create_acceleration_structure(&made, None) }
-            .map_err(failed_for(what, bytes))?;
+        let vk = unsafe {
+            ray_tracing
+                .structures
+                .create_acceleration_structure(&made, None)
+        }
+        .map_err(failed_for(what, bytes))?;
         Ok(Self {
             vk,
-            rays: Arc::clone(rays),
+            ray_tracing: Arc::clone(ray_tracing),
             scratch,
             storage,
         })
@@ -255,17 +267,17 @@ impl Structure {
     fn address(&self) -> vk::DeviceAddress {
         let info = vk::AccelerationStructureDeviceAddressInfoKHR::default()
             .acceleration_structure(self.vk);
-        let structures = &self.rays.structures;
+        let structures = &self.ray_tracing.structures;
         // SAFETY: the structure belongs to the device.
         unsafe { structures.get_acceleration_structure_device_address(&info) }
     }
 
     /// Records the build or update that `info` describes.
     fn record(&self, commands: vk::CommandBuffer, info: Info<'_>, primitives: u32) {
-        let rays = &self.rays;
+        let ray_tracing = &self.ray_tracing;
         let at = self.scratch.address();
         let scratch_data = vk::DeviceOrHostAddressKHR {
-            device_address: at.next_multiple_of(rays.bounds.scratch_alignment),
+            device_address: at.next_multiple_of(ray_tracing.bounds.scratch_alignment),
         };
         let mut info = info
             .dst_acceleration_structure(self.vk)
@@ -278,15 +290,18 @@ impl Structure {
         // SAFETY: the command buffer is being recorded; structure and scratch have the sizes that the
         // driver returned, and all buffers of the geometry are alive.
         unsafe {
-            rays.structures
-                .cmd_build_acceleration_structures(commands, &[info], &[&[range]]);
+            ray_tracing.structures.cmd_build_acceleration_structures(
+                commands,
+                &[info],
+                &[&[range]],
+            );
         }
     }
 }
 
 impl Drop for Structure {
     fn drop(&mut self) {
-        let structures = &self.rays.structures;
+        let structures = &self.ray_tracing.structures;
         // SAFETY: the rival waits for the device before it drops its trees.
         unsafe { structures.destroy_acceleration_structure(self.vk, None) };
     }

@@ -181,8 +181,9 @@ fn skewed_scenes_respect_maximum_depth() {
 
 #[test]
 fn depth_is_capped_at_maximum() {
-    // On each axis, every point is 64 times as far out as the next, so that each plane separates one point. At depth 58,
-    // this would exceed the limit for the last 52 points. They are halved, and the full sweep builds both halves.
+    // On each axis, every point is 64 times as far out as the next, so that each plane separates one point. 58 levels
+    // separate 58 of the 110 points. To separate the other 52 one by one would exceed `MAX_DEPTH`. So that node is
+    // halved, and `small.rs` builds both halves.
     let mut boxes = Vec::new();
     for i in 0..26 {
         let far = 2.0_f32.powi(58 - 6 * i);

@@ -62,10 +62,11 @@ pub(super) fn check(binary: &BinaryTree) {
         assert!(seen.iter().all(|&n| n == 1), "every node has one parent");
     }
     assert_eq!(found, binary.order());
-    // Checks that every block belongs to a node. Nodes and blocks have one range less than used lanes, as `below` and
-    // `triangles_of` check. It follows that there are as many ranges as inner nodes of the binary tree.
+    // Every block belongs to a node.
     let ends = (tree.first_blocks[0], *tree.first_blocks.last().unwrap());
     assert_eq!(ends, (0, tree.blocks.len() as u32));
+    // `below` and `triangles_of` check that each node and each block has one range less than used lanes. So there are
+    // as many ranges as inner nodes of the binary tree.
 }
 
 #[test]
@@ -76,7 +77,7 @@ fn triangles_and_nodes_appear_once() {
 }
 
 #[test]
-fn full_subtrees_make_full_nodes() {
+fn large_trees_fill_nodes_and_blocks() {
     let tree = random_tree(20_000, 5);
     let corners = triangles(scene_triangle_count(&tree));
     let wide = BlockTree::of(&tree, &corners, CollapseOptions::default());

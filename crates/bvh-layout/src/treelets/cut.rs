@@ -31,10 +31,10 @@ impl Cut {
     ///
     /// The roots of a level are the leaves of the next one, so the bounds below limit the number of levels.
     ///
-    /// With subtrees of at most 256 leaves, a level has at most one root more than a quarter of its leaves. The nodes
-    /// above the roots have more than 256 leaves. The lowest such nodes are fewer than a 256th of the leaves, and each
-    /// has at most 63 ancestors. So the nodes above the roots are fewer than 64 / 256 of the leaves. There is one root
-    /// more than nodes above the roots.
+    /// With subtrees of at most 256 leaves, a level of `n` leaves has at most `n / 4 + 1` roots. The nodes above the
+    /// roots have more than 256 leaves. The lowest such nodes are fewer than a 256th of the leaves, and each has at most
+    /// 63 ancestors. So the nodes above the roots are fewer than 64 / 256 of the leaves. There is one root more than
+    /// nodes above the roots.
     ///
     /// With subtrees of at most 64 leaves, a level has at most half as many roots as leaves. Call a node *low* if it
     /// has 65 leaves or more and its children have fewer. Let there be `m` low nodes. Each is at least 7 levels high,

@@ -23,7 +23,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
         );
         let pending = self.engine.frames.pending.len();
         assert!(pending == index, "only one call of trace per submission");
-        let has_tree = self.tree().current.shape.leaf_count > 0;
+        let has_tree = self.trees().current.shape.leaf_count > 0;
         if query.kind.light().is_some() {
             // The offset of shadow rays depends on `CoordinateRange::clearance`, which only the host computes.
             let range = self.engine.scene().animation.range(self.engine.pose);
@@ -44,8 +44,8 @@ impl<D: GpuDevice> ComputeBackend<D> {
             kind: query.kind,
         };
         let mut tracing = work::trace(input, traits);
-        let tree = self.tree.as_mut().expect("a scene was loaded");
-        let grown = tree.grow_visibility_buffers(&engine.gpu, &mut engine.frames, &tracing);
+        let trees = self.trees.as_mut().expect("a scene was loaded");
+        let grown = trees.grow_picture_buffers(&engine.gpu, &mut engine.frames, &tracing);
         if unless_too_large(grown)?.is_none() {
             // Single rays need no such buffers.
             traits.packets = None;
@@ -70,7 +70,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
         let recorded = stages.into_iter().try_for_each(|(stage, work)| {
             let Some(work) = work else { return Ok(()) };
             let work = if has_tree { &work[..] } else { &[] };
-            let own = |name| trace.get(name).or_else(|| tree.get(name));
+            let own = |name| trace.get(name).or_else(|| trees.get(name));
             engine.run(stage, work, own)
         });
         // If the second stage fails, the recorded first one still uses the trace's buffers.
@@ -84,9 +84,9 @@ impl<D: GpuDevice> ComputeBackend<D> {
         let engine = &self.engine;
         let is_current = engine.next_stage == NextStage::Trace && engine.frames.recorder.is_empty();
         let is_ready = is_current && self.intersector == Intersector::Watertight;
-        let (params, tree) = (self.params().for_module(), self.tree());
+        let (params, trees) = (self.params().for_module(), self.trees());
         let scene = self.engine.scene();
-        let buffer = |name| tree.get(name).or_else(|| scene.get(name, 0, 0));
+        let buffer = |name| trees.get(name).or_else(|| scene.get(name, 0, 0));
         let names = [BufferName::Nodes, BufferName::Records, BufferName::Range];
         let [nodes, records, range] = names.map(buffer);
         is_ready.then_some((params, [nodes?, records?, range?]))

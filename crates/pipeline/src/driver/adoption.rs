@@ -11,7 +11,7 @@ use geom::Pose;
 pub(super) struct AdoptionRule {
     /// Whether a tree is adopted only if it costs less than the current one.
     pub(super) by_cost: bool,
-    /// Whether trees are built for a future time.
+    /// Whether trees may be built for a future time. In lockstep, they are only if the key frames are known.
     pub(super) builds_ahead: bool,
 }
 

@@ -143,8 +143,8 @@ pub(super) enum Event {
     Evaluated(Verdict),
     /// The frame that was being recorded failed.
     FrameFailed,
-    /// Submitted frames never ran, so their read-backs and boxes do not exist. Or a requested tree lacks its positions.
-    FramesDropped,
+    /// Results of submitted frames do not arrive: positions that are read back, and boxes.
+    ResultsLost,
 }
 
 impl NextTreeState {
@@ -169,7 +169,7 @@ impl NextTreeState {
                 }
                 Self::Waiting(CandidateTree::new(request, built))
             }
-            (Self::Requested(..), Event::FramesDropped)
+            (Self::Requested(..), Event::ResultsLost)
             | (Self::Building { .. }, Event::BuildFailed) => Self::Idle,
             (Self::Waiting(tree), Event::BecameDue) => Self::Due(tree),
             (Self::Waiting(tree), Event::Superseded) => Self::Rejected(tree, None),
@@ -198,7 +198,7 @@ impl NextTreeState {
             }
             (
                 Self::Due(tree) | Self::Evaluating(tree, _) | Self::Accepted(tree),
-                Event::FramesDropped,
+                Event::ResultsLost,
             ) => Self::Waiting(tree),
             (state, _) => state,
         }
@@ -355,7 +355,7 @@ mod tests {
             "irbwdxxax",
         ),
         ("frame failed", || Event::FrameFailed, "irbwdwsax"),
-        ("frames dropped", || Event::FramesDropped, "iibwwwwwx"),
+        ("results lost", || Event::ResultsLost, "iibwwwwwx"),
     ];
 
     #[test]

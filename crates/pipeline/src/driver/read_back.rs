@@ -20,18 +20,20 @@ impl Driver {
 
     /// Returns whether the range of coordinates must be measured because only the backend has the positions. The range
     /// determines the offset of shadow rays.
-    pub(super) fn must_measure_range(&self, queries: &[Query<'_>]) -> bool {
+    pub(super) fn must_measure_coordinate_range(&self, queries: &[Query<'_>]) -> bool {
         let casts_shadows = || queries.iter().any(|query| query.kind.light().is_some());
         !self.knows_key_frames && casts_shadows()
     }
 
     /// Reads positions at `pose` back and measures their range, if it must be measured and is not known.
-    pub(super) fn measure_range(
+    pub(super) fn measure_coordinate_range(
         &mut self,
         pose: Pose,
         queries: &[Query<'_>],
     ) -> Result<(), PipelineError> {
-        if !self.must_measure_range(queries) || self.animation.known_range(pose).is_some() {
+        if !self.must_measure_coordinate_range(queries)
+            || self.animation.known_range(pose).is_some()
+        {
             return Ok(());
         }
         let positions = self.read_now(pose)?;
@@ -81,8 +83,8 @@ impl Driver {
         let waits = matches!(self.trees.next, NextTreeState::Requested(..));
         if waits {
             let arrived = self.backend.take_positions().inspect_err(|_| {
-                // Requests the positions again.
-                self.trees.next.advance(Event::FramesDropped);
+                // Withdraws the request. A later frame requests another tree, with its own positions.
+                self.trees.next.advance(Event::ResultsLost);
             });
             if let Some((_, positions)) = arrived? {
                 self.take_read_back(positions);

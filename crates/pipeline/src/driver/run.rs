@@ -116,7 +116,7 @@ impl Driver {
     /// Returns how many frames with these queries may be in flight, including the next one to [begin](Self::begin).
     pub fn max_in_flight(&self, queries: &[Query<'_>]) -> usize {
         // A frame that waits for its own tree or positions takes two submissions, so no other frame may be unfinished.
-        if self.options.update.waits_for_tree() || self.must_measure_range(queries) {
+        if self.options.update.waits_for_tree() || self.must_measure_coordinate_range(queries) {
             1
         } else {
             FRAMES_IN_FLIGHT

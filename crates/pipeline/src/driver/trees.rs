@@ -248,7 +248,8 @@ impl Driver {
         }
         let tree = built.map_err(PipelineError::FirstTree)?;
         self.predictor.observe_first_build(tree.built.total_time);
-        // The next first tree needs another generation, because the backend may have uploaded this one.
+        // If the adoption fails, the next frame builds the first tree again. It needs another generation, because the
+        // backend may have uploaded this one.
         self.adopt(tree).inspect_err(|_| self.trees.newest.0 += 1)
     }
 
@@ -272,7 +273,8 @@ impl Driver {
         let last_time = observation
             .second
             .map_or(request.time, |second| second.time);
-        // Without a writer, the upload writes the tree itself, and returns an error that persists.
+        // An error is ignored here: without a writer, `upload_tree` writes the tree itself. If the error persists,
+        // `upload_tree` returns it.
         let writer = self.backend.tree_writer(request.generation);
         let writer = writer.unwrap_or_default();
         self.trees.next.advance(Event::BuildStarted { last_time });

@@ -27,7 +27,8 @@ impl Default for ExtrapolationMonitor {
 }
 
 impl ExtrapolationMonitor {
-    /// Records the last two positions and their times. Returns whether the motion between them may be extrapolated.
+    /// Records the vertices of the last two observed frames, and the times of these frames. Returns whether the motion
+    /// between them may be extrapolated.
     pub(super) fn observe(&mut self, frames: [&[Point]; 2], times: [f64; 2]) -> bool {
         let step = frames[0].len().div_ceil(VERTICES).max(1);
         let some = |frame: &[Point]| frame.iter().step_by(step).copied().collect::<Vec<_>>();

@@ -148,8 +148,10 @@ fn warm_up_does_not_change_trees() {
     assert_eq!(made(plain), made(warmed));
 }
 
+/// With [`TreeFormat::WideBlocks`], trees are built for blocks of eight triangles. This may change a tree, but does not
+/// change the trees of this scene.
 #[test]
-fn optional_forms_do_not_change_trees() {
+fn formats_build_the_same_trees_of_clumps() {
     let over = |format| Course::over(clumps(), format);
     let mut plain = over(TreeFormat::Binary);
     let [mut treelets, mut blocks] = [TreeFormat::Treelets, TreeFormat::WideBlocks].map(over);
@@ -309,7 +311,7 @@ fn light_ordered_blocks_keep_tree_order() {
 }
 
 #[test]
-fn requested_blocks_are_fuller() {
+fn trees_built_for_blocks_fill_them_better() {
     let corner = |i: u32| {
         let [x, y, z] = [7919, 6007, 4001].map(|step| (i * step % 1009) as f32);
         [[x, y, z], [x + 3.0, y, z], [x, y + 3.0, z]]

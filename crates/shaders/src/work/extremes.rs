@@ -69,7 +69,7 @@ pub(super) fn work(input: &TraceInput<'_>, how: Extremes) -> Vec<Work> {
     let hits = over("extreme_rays", params);
     match kind {
         QueryKind::Any | QueryKind::Closest => vec![hits],
-        // This kernel reads the light in scene units. All other kernels read it in scaled units.
+        // Like `shade`, and unlike all other kernels, this kernel reads the light in scene units.
         QueryKind::ClosestAndShadow { light } => {
             let lit = Params { light, ..params };
             vec![hits, over("extreme_shadow_rays", lit)]

@@ -106,13 +106,15 @@ fn over_blocks(entry: &str, intersector: Intersector, params: Params, block: [u3
     Work::new(kernel(entry, intersector), params, groups)
 }
 
-/// Columns and rows are stored in 16 bits.
-const LONGEST: u32 = 1 << 16;
-/// Constant part of [`Params::pixel_margin`], for rounding in the picture.
+/// Maximum width and height of a picture for which triangles are projected, in pixels. Kernels store columns and rows
+/// in 16 bits.
+const MAX_PICTURE_SIDE: u32 = 1 << 16;
+/// Constant part of [`Params::pixel_margin`], in pixels. It covers the rounding of pixel coordinates when kernels
+/// project: see `docs/design/packets.md`.
 const LEAST_MARGIN: f64 = 1.0 / 128.0;
 
 /// Returns the parameters with the inverse of a camera's matrix, times `2^depth_exponent`, or `None` if pixels cannot be
-/// distinguished well enough. The exponent is that of the largest component of any ray's direction.
+/// distinguished well enough. The exponent is that of an upper bound on all components of the rays' directions.
 fn projected(params: Params, camera: &Camera) -> Option<Params> {
     let [across, down, corner] = [camera.across, camera.down, camera.corner].map(wide);
     let [width, height] = [camera.width, camera.height].map(f64::from);
@@ -132,7 +134,7 @@ fn projected(params: Params, camera: &Camera) -> Option<Params> {
     let depth_error = 3.0 * largest * size(depth);
     let is_usual = exponent.abs() < 64.0 && margin < 0.25 && depth_error <= 31.0;
     let is_bounded = scaled.as_flattened().iter().all(|x| x.abs() < 1.0e9);
-    let is_small = camera.width.max(camera.height) <= LONGEST;
+    let is_small = camera.width.max(camera.height) <= MAX_PICTURE_SIDE;
     let [column, row, depth] = scaled;
     (is_usual && is_bounded && is_small).then_some(Params {
         column,

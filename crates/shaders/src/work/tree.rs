@@ -32,8 +32,9 @@ impl TreeProgress {
         }
     }
 
-    /// Returns the progress of a candidate tree that becomes the current one. The areas of the whole tree are summed again,
-    /// because the evaluation added them to another counter.
+    /// Returns the progress of a candidate tree that becomes the current one. Its records stay valid. The areas of the
+    /// whole tree are summed again, into [`Counts::areas`], because the evaluation stored their sum in
+    /// [`Counts::candidate_areas`].
     #[must_use]
     pub fn promoted(self) -> Self {
         Self {
@@ -78,9 +79,9 @@ impl TreeProgress {
         self.boxes(params, tree)
     }
 
-    /// Returns the dispatch that computes records from positions or key frames, and boxes of all nodes in treelets of
-    /// triangles, or in all treelets. If records already exist, it only covers moving treelets. Also returns the number of
-    /// zero-area triangles that it skips.
+    /// Returns the dispatch that computes records from positions or key frames. It also computes the boxes of all nodes
+    /// in treelets of triangles, or in all treelets if [`refits_all_levels`]. If records already exist, it covers only
+    /// moving treelets. Also returns the number of zero-area triangles in the treelets that it skips.
     fn records(&self, intersector: Intersector, params: Params, tree: &Shape) -> (Work, u32) {
         let entry = if reads_keys(tree) {
             "preprocess_treelets_from_key_frames"
@@ -100,7 +101,7 @@ impl TreeProgress {
             ..TreeletsParams::default()
         };
         let skipped_degenerate = moving.map_or(0, |moving| moving.degenerate_elsewhere);
-        let work = over(kernel(entry, intersector), params, own, lowest);
+        let work = over_treelets(kernel(entry, intersector), params, own, lowest);
         (work, skipped_degenerate)
     }
 
@@ -115,7 +116,7 @@ impl TreeProgress {
         let levels = levels(tree, moving);
         let (all, counter) = (tree.treelet_count(), self.sum_counter());
         if levels.len() < 2 || levels.iter().all(Range::is_empty) {
-            return vec![sum(params, all, counter)];
+            return vec![sum_costs(params, all, counter)];
         }
         let own = |level| TreeletsParams {
             uses_list: moving.is_some().into(),
@@ -126,13 +127,13 @@ impl TreeProgress {
         let refit = common("refit_treelets");
         let above = levels.iter().enumerate().skip(1);
         above
-            .map(|(i, level)| over(refit, params, own(i), level.clone()))
+            .map(|(i, level)| over_treelets(refit, params, own(i), level.clone()))
             .collect()
     }
 
     /// Returns the word of the counts that receives the sum of the tree's areas.
     fn sum_counter(&self) -> u32 {
-        word_of(if self.is_candidate {
+        word_of_counter(if self.is_candidate {
             offset_of!(Counts, candidate_areas)
         } else {
             offset_of!(Counts, areas)
@@ -181,7 +182,12 @@ fn levels<'a>(tree: &'a Shape, moving: Option<&'a MovingShape>) -> &'a [Range<u3
     moving.map_or(&tree.treelets, |moving| &moving.levels)
 }
 
-fn over(kernel: &'static Kernel, params: Params, own: TreeletsParams, level: Range<u32>) -> Work {
+fn over_treelets(
+    kernel: &'static Kernel,
+    params: Params,
+    own: TreeletsParams,
+    level: Range<u32>,
+) -> Work {
     let first = level.start;
     let params = Params {
         count: level.len() as u32,
@@ -191,12 +197,12 @@ fn over(kernel: &'static Kernel, params: Params, own: TreeletsParams, level: Ran
 }
 
 /// Converts the offset of a member of [`Counts`] from bytes to words.
-pub(crate) fn word_of(member: usize) -> u32 {
+pub(crate) fn word_of_counter(member: usize) -> u32 {
     (member / size_of::<u32>()) as u32
 }
 
 /// Returns the dispatch that sums the partial sums of `groups` workgroups into a word of [`Counts`].
-pub(crate) fn sum(params: Params, groups: u32, counter: u32) -> Work {
+pub(crate) fn sum_costs(params: Params, groups: u32, counter: u32) -> Work {
     let params = Params {
         count: groups,
         ..params.with(SumParams { counter })

@@ -1,7 +1,7 @@
 // The cost of a tree (surface area heuristic): the sum of all nodes' half areas over the root's.
 //
-// Each workgroup that computes boxes sums the half areas of the nodes that it read, and writes one partial sum to
-// `costs`. Unlike atomic additions, this gives the same bits each time.
+// Each workgroup that computes boxes sums the half areas of the nodes that it read, and writes partial sums to `costs`:
+// one per treelet, or per tile of `cluster`. Unlike atomic additions, this gives the same bits each time.
 
 import package::lib::buffers::{costs, counts, nodes};
 import package::lib::counters::ROOT_AREA;

@@ -21,7 +21,10 @@ const NODE_CAPACITY: u32 = 512u;
 // Index of a treelet's first leaf in workgroup memory. Inner nodes have the indices below.
 const LEAVES_OFFSET: u32 = 256u;
 
+// An entry: see bvh_layout::Treelet. `*_at` is a word of `topology`, `*_row` is a row of `nodes`, each of the treelet's
+// first inner node or root. `height` is that of the treelet's highest inner node.
 struct Treelet {
+    // First leaf of the tree in this treelet. On higher levels, row of the first root below.
     first_leaf: u32,
     leaf_count: u32,
     inner_at: u32,

@@ -115,7 +115,7 @@ fn reload_corners(vertices: vec3<u32>) -> SceneCorners {
     return result;
 }
 
-// The end of a treelet whose parent is refitted by another dispatch.
+// Finishing a treelet whose parent another dispatch refits.
 
 // Writes a treelet whose boxes are complete, and its sum of areas. All invocations of the workgroup must call it.
 fn finish_treelet(treelet_index: u32, local: u32, area: f32) {

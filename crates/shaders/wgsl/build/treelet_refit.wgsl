@@ -9,6 +9,10 @@ import package::lib::buffers::{costs, counts, nodes, topology};
 import package::lib::counters::ROOT_AREA;
 import package::lib::params::params;
 
+// Layout of `costs` for T treelets: T sums of half areas, then for each treelet the number of its children that have
+// arrived, then eight words per root: lower corner, traversal reference, upper corner, 0. Only kernels that refit all
+// levels in one dispatch count arrivals and store roots here.
+
 // Refits a treelet whose leaves are roots of the level below. Each kind of kernel defines below where these roots are (`root_low`
 // and `root_high`), where areas are (`cost_at` and `store_cost`), and how counts are written (`store_count`).
 
@@ -47,9 +51,10 @@ fn group_sums(local: u32, x: f32, part: f32) -> vec2<f32> {
     return totals;
 }
 
-// Returns the half areas of the children that this invocation read. For the last treelet, also returns its part of the
-// areas of all other treelets, so that `sum_costs` is not needed. `all` is the number of treelets for the last treelet,
-// else 0. All invocations of the workgroup must call it.
+// Refits a treelet from the roots of the level below. Returns two values. The first one is the half areas of the
+// children that this invocation read. The second one is 0, except for the last treelet, whose root is that of the tree:
+// there, it is this invocation's part of the sum over all other treelets, so that `sum_costs` is not needed. `all` is
+// the number of treelets for the last treelet, else 0. All invocations of the workgroup must call it.
 fn refit_from_roots_below(t: Treelet, treelet_index: u32, local: u32, all: u32) -> vec2<f32> {
     let inner = inner_word(treelet_index, local);
     // On these levels, `first_leaf` is the row of the first root below. All reads are issued before the first is waited for.
@@ -133,8 +138,8 @@ fn store_cost(i: u32, cost: f32) { atomicStore(&costs[i], bitcast<u32>(cost)); }
 @if(!refit_treelets)
 fn store_count(i: u32, x: f32) { atomicStore(&counts[i], bitcast<u32>(x)); }
 
-// Returns the index in `costs` of a root's first word. The rows of all roots are contiguous, from the first treelet's
-// on.
+// Returns the index in `costs` of the first word of the root at `row` of `nodes`. There, all roots but the last have
+// contiguous rows, which begin with the first root of treelet 0.
 fn words_of_root(row: u32) -> u32 { return 2u * params.treelets.treelet_count + 4u * (row - topology[ROOT_ROW_IN_ENTRY]); }
 
 @if(!refit_treelets)

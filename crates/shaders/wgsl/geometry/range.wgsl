@@ -26,7 +26,7 @@ fn is_measured_extreme(origin: vec3<f32>) -> bool {
     return range[EXTREME] != 0u || has_extreme_origin(origin, range[TINY] != 0u);
 }
 
-// Returns whether the measured range makes more rays extreme than their origins alone do.
+// Returns whether the measured range makes rays extreme that their origins alone would not.
 @if(extreme_rays)
 fn makes_rays_extreme() -> bool { return (range[EXTREME] | range[TINY]) != 0u; }
 

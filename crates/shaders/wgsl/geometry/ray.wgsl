@@ -181,8 +181,9 @@ fn scaled_component(bits: u32, e: i32) -> f32 {
 // Where a ray enters and leaves a box along each axis.
 struct Planes { near: vec3<f32>, far: vec3<f32> }
 
-// Returns planes that enter no later, and leave no earlier, than `padded_slab` finds for any box within. They select nodes and do
-// not decide hits, so the driver may fuse these operations.
+// Returns entry and exit distances per axis. The entry is no later, and the exit no earlier, than `padded_slab` finds
+// for any box within this one. These distances select nodes and do not decide hits, so the driver may fuse the
+// operations.
 fn loose_planes(ray: PreparedRay, low: vec3<f32>, high: vec3<f32>) -> Planes {
     // Packets and rasterization are never used if `params.spread` is 1. This branch would cost them a tenth of their time.
     @if(!(trace_packets || trace_packets_by_subgroups || resolve))

@@ -70,7 +70,8 @@ fn record_of(triangle: u32, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> Record 
     let normal = cross(e1, e2);
     let magnitudes = abs(normal);
     let largest = max(magnitudes.x, max(magnitudes.y, magnitudes.z));
-    // The normal underflowed although it is not zero, or is not finite. A ray never hits a record of zeros.
+    // The computed normal is zero (by underflow, or because the area is zero), too large, or not finite. A ray never
+    // hits a record of zeros.
     if !(largest > 0.0 && largest < 1e38) { return Record(vec4<u32>(0u), vec4<u32>(0u), vec4<u32>(0u)); }
     let scaled_normal = normal / largest;
     let length = sqrt(dot(scaled_normal, scaled_normal));

@@ -34,10 +34,10 @@ fn allocate_candidate(leaf: u32) -> u32 {
     return index + FIRST_CANDIDATE;
 }
 
-// Writes whether a ray hits anything. If it does, increments word `count` of `counts`.
-fn write_any_hit(i: u32, is_hit: bool, count: u32) {
+// Writes whether a ray hits anything. If it does, increments word `counter` of `counts`.
+fn write_any_hit(i: u32, is_hit: bool, counter: u32) {
     occluded[i] = select(0u, 1u, is_hit);
-    if is_hit { atomicAdd(&counts[count], 1u); }
+    if is_hit { atomicAdd(&counts[counter], 1u); }
 }
 
 // Returns a list to iterate over: empty if its candidates did not fit.

@@ -1,4 +1,5 @@
-// Ray-triangle intersection by four determinants of 192 bits in registers, and of longer numbers.
+// Ray-triangle intersection by four determinants: of 192 bits, in registers, or of longer numbers where 192 bits do not
+// suffice.
 
 import package::geometry::ray::{PreparedRay, main_axis, permute, permuted_axes};
 import package::geometry::triangle::points_of;

@@ -27,7 +27,8 @@ fn exact_initial_best(ray: PreparedRay) -> ExactBest {
     return ExactBest(ray.t_max, NO_INTERVAL, NO_INTERVAL, NO_LEAF, NO_CANDIDATE);
 }
 
-// Returns the direction of an explicit ray or of a pixel's ray, scaled as in `PreparedRay`, with its small components.
+// Returns the direction of an explicit ray or of a pixel's ray. It is scaled as in `PreparedRay`, but keeps its small
+// components.
 @if(trace_rays)
 fn exact_direction_of(i: u32, ray: PreparedRay) -> vec3<f32> { return scale_direction(rays[2u * i + 1u].xyz, ray); }
 @else
@@ -114,15 +115,15 @@ fn exact_trace_any(ray: PreparedRay, ignore: u32) -> bool {
     return find_any(ray, ignore);
 }
 
-// Writes whether a ray hit anything. A hit increments word `count` of `counts`. An undecided ray is appended to the list at
-// `undecided_shadows_at`, whose length is word `count + UNDECIDED_OFFSET`.
-fn exact_store_occluded(i: u32, is_hit: bool, count: u32) {
+// Writes whether a ray hit anything. A hit increments word `counter` of `counts`. An undecided ray is appended to the
+// list at `undecided_shadows_at`, whose length is word `counter + UNDECIDED_OFFSET`.
+fn exact_store_occluded(i: u32, is_hit: bool, counter: u32) {
     if is_hit {
         occluded[i] = 1u;
-        atomicAdd(&counts[count], 1u);
+        atomicAdd(&counts[counter], 1u);
     } else if candidates != NO_CANDIDATE {
         occluded[i] = candidates;
-        occluded[params.search.undecided_shadows_at + atomicAdd(&counts[count + UNDECIDED_OFFSET], 1u)] = i;
+        occluded[params.search.undecided_shadows_at + atomicAdd(&counts[counter + UNDECIDED_OFFSET], 1u)] = i;
     } else {
         occluded[i] = 0u;
     }

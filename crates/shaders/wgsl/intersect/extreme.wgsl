@@ -8,7 +8,7 @@ import package::geometry::units::{bits_from_ordered, is_finite, ordered, power_o
 import package::intersect::line::{
     ExactIntersection, compare_intersections, intersect_exactly, is_within_limits, line, prepare_line,
 };
-import package::intersect::round_intersection::{rounded_t, rounded_weights};
+import package::intersect::round_intersection::{rounded_ratio, rounded_weights};
 import package::lib::buffers::{counts, nodes, records};
 import package::lib::counters::{HIT_COUNT, UNDECIDED_RAYS};
 import package::lib::ieee::decode_float;
@@ -116,7 +116,7 @@ var<private> best_t: u32;
 var<private> best_triangle: u32;
 
 // Returns the slot that `best` does not use.
-fn unused_slot() -> u32 { return select(0u, 1u, best_triangle != NO_TRIANGLE && best.numerator == INTERSECTIONS_OFFSET); }
+fn unused_slot() -> u32 { return select(0u, 1u, best_triangle != NO_TRIANGLE && best.numerator_at == INTERSECTIONS_OFFSET); }
 
 // Returns whether hits are those of `watertight`: the ray's origin is moved by an infinitely small amount, and rounded t orders
 // hits.
@@ -128,7 +128,7 @@ fn test_extreme_triangle(triangle: u32) -> bool {
     if certainly_misses(points) { return false; }
     let intersection = intersect_exactly(points, unused_slot(), perturbs_origin());
     if !intersection.is_hit { return false; }
-    let t = rounded_t(intersection);
+    let t = rounded_ratio(intersection);
     if !is_within_limits(t) { return false; }
     if best_triangle != NO_TRIANGLE {
         var order = select(0, 1, ordered(t) > ordered(best_t)) - select(0, 1, ordered(t) < ordered(best_t));

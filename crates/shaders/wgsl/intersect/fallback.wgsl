@@ -13,7 +13,7 @@ import package::intersect::line::prepare_line;
 import package::intersect::resolve_exact::{
     accept_if_first, first_t, first_triangle, free_slot, has_first, store_intersection,
 };
-import package::intersect::round_intersection::{intersect_within_limits, rounded_t, rounded_weights};
+import package::intersect::round_intersection::{intersect_within_limits, rounded_ratio, rounded_weights};
 import package::lib::buffers::{counts, hits, nodes, occluded, records};
 import package::lib::counters::{FALLBACK_OFFSET, HIT_COUNT, OCCLUDED_COUNT, UNDECIDED_RAYS, UNDECIDED_SHADOWS};
 import package::lib::params::params;
@@ -130,7 +130,7 @@ fn decide_closest(leaf: u32) {
     let result = decided.result;
     if result.is_long == 1u {
         let intersection = intersect_within_limits(points, free_slot());
-        if intersection.is_hit { _ = accept_if_first(triangle, intersection, rounded_t(intersection)); }
+        if intersection.is_hit { _ = accept_if_first(triangle, intersection, rounded_ratio(intersection)); }
     } else if result.is_hit == 1u {
         _ = accept_if_first(triangle, store_intersection(result.exponent, decided.n, decided.d), result.t);
     }
@@ -154,16 +154,16 @@ fn fallback_closest(worker: u32, i: u32, ray: PreparedRay) {
 
 // Any-hit rays.
 
-// Writes whether a worker's ray hits anything except triangle `ignore`. A hit increments word `count` of `counts`. The ray's line
-// must be set.
-fn fallback_any(worker: u32, i: u32, ray: PreparedRay, ignore: u32, count: u32) {
+// Writes whether a worker's ray hits anything except triangle `ignore`. A hit increments word `counter` of `counts`.
+// The ray's line must be set.
+fn fallback_any(worker: u32, i: u32, ray: PreparedRay, ignore: u32, counter: u32) {
     prepare_line();
     set_shear_view(ray);
     seeks_closest = false;
     ignored_triangle = ignore;
     found_any = false;
     traverse_candidates(worker, ray, ray.t_max);
-    write_any_hit(i, found_any, count);
+    write_any_hit(i, found_any, counter);
 }
 
 @if(fallback_rays)

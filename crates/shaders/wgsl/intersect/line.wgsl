@@ -8,12 +8,13 @@ import package::lib::integers::{
 };
 
 // A ray as an exact line. One unit of origin and direction is 2^shift units of the corners. So the origin is multiplied by
-// 2^shift before it is subtracted from corners, and t by 2^-shift. The direction's components are integers of `bits` bits,
-// or `len` limbs, times 2^unit.
+// 2^shift before corners are taken relative to it. The direction is not, so the resulting t is multiplied by 2^-shift.
+// The direction's components are integers of `bits` bits, or `len` limbs, times 2^unit.
 struct Line { origin: vec3<u32>, direction: vec3<u32>, t_min: u32, t_max: u32, shift: i32, unit: i32, bits: i32, len: u32 }
 
-// t = numerator / denominator * 2^exponent. The denominator is positive.
-struct ExactIntersection { is_hit: bool, numerator: u32, denominator: u32, len: u32, exponent: i32 }
+// t = numerator / denominator * 2^exponent. The denominator is positive. `numerator_at` and `denominator_at` are
+// offsets of these numbers in `words`.
+struct ExactIntersection { is_hit: bool, numerator_at: u32, denominator_at: u32, len: u32, exponent: i32 }
 
 const NO_INTERSECTION: ExactIntersection = ExactIntersection(false, 0u, 0u, 0u, 0);
 // An empty range of units: above and below every exponent.
@@ -146,13 +147,13 @@ fn intersect_exactly(corners: array<vec3<u32>, 3>, slot: u32, perturbs: bool) ->
 fn compute_determinants(result: ExactIntersection, len: Lengths, perturbs: bool) -> bool {
     var positive = false;
     var negative = false;
-    clear(result.denominator, len.triple);
+    clear(result.denominator_at, len.triple);
     for (var side = 0u; side < 4u; side += 1u) {
         let last = side == 3u;
-        store_determinant(select(PRODUCTS_OFFSET, result.numerator, last), side, len);
+        store_determinant(select(PRODUCTS_OFFSET, result.numerator_at, last), side, len);
         if last { break; }
         var s = sign_of_number(PRODUCTS_OFFSET, len.triple);
-        accumulate_product(result.denominator, len.triple, PRODUCTS_OFFSET, len.triple, ONE_OFFSET, 1u, 0u);
+        accumulate_product(result.denominator_at, len.triple, PRODUCTS_OFFSET, len.triple, ONE_OFFSET, 1u, 0u);
         if s == 0 && perturbs {
             s = perturbed_edge_sign(side, len);
             if s == 0 { return false; }
@@ -161,10 +162,10 @@ fn compute_determinants(result: ExactIntersection, len: Lengths, perturbs: bool)
         negative = negative || s < 0;
         if positive && negative { return false; }
     }
-    to_sign_magnitude(result.denominator, len.triple);
-    words[result.numerator] ^= words[result.denominator];
-    words[result.denominator] = 0u;
-    return sign_of_number(result.denominator, len.triple) != 0;
+    to_sign_magnitude(result.denominator_at, len.triple);
+    words[result.numerator_at] ^= words[result.denominator_at];
+    words[result.denominator_at] = 0u;
+    return sign_of_number(result.denominator_at, len.triple) != 0;
 }
 
 // Returns on which side of an edge a line through the edge passes if the line's start is moved by (e, e^2, e^3) for an
@@ -196,15 +197,15 @@ fn is_within_limits(t: u32) -> bool { return ordered(t) > ordered(line.t_min) &&
 
 // Returns the order of two intersections along the line: -1, 0 or 1.
 fn compare_intersections(a: ExactIntersection, b: ExactIntersection) -> i32 {
-    let sign_a = sign_of_number(a.numerator, a.len);
-    let sign_b = sign_of_number(b.numerator, b.len);
+    let sign_a = sign_of_number(a.numerator_at, a.len);
+    let sign_b = sign_of_number(b.numerator_at, b.len);
     if sign_a != sign_b || sign_a == 0 { return sign(sign_a - sign_b); }
     let len = a.len + b.len;
     for (var i = 0u; i < 2u; i += 1u) {
         let at = PRODUCTS_OFFSET + PRODUCT_STRIDE * i;
         clear(at, len);
         let first = i == 0u;
-        let n = select(b.numerator, a.numerator, first);
+        let n = select(b.numerator_at, a.numerator_at, first);
         // Uses the magnitude. The denominator is positive.
         let flip = words[n];
         accumulate_product(
@@ -212,7 +213,7 @@ fn compare_intersections(a: ExactIntersection, b: ExactIntersection) -> i32 {
             len,
             n,
             select(b.len, a.len, first),
-            select(a.denominator, b.denominator, first),
+            select(a.denominator_at, b.denominator_at, first),
             select(a.len, b.len, first),
             flip,
         );

@@ -17,8 +17,9 @@ import package::lib::buffers::{counts, hits, nodes, occluded};
 import package::lib::counters::{CANDIDATE_COUNT, OCCLUDED_COUNT, UNDECIDED_RAYS, UNDECIDED_SHADOWS};
 import package::lib::params::params;
 
-// Any-hit search for one ray by a workgroup of 64. Each invocation processes one node at a time. A single invocation per ray would
-// wait for memory at every node. On an H200 with a few hundred rays, the workgroup takes less than half of that time.
+// Any-hit search for one ray by a workgroup of 64. Each invocation processes one node at a time. A single invocation
+// per ray would wait for memory at every node. On an H200 with a few hundred rays, a workgroup per ray takes less than
+// half as long as a single invocation per ray.
 
 // In place of a candidate's index: a triangle is certainly hit.
 const CERTAIN_HIT: u32 = 0xfffffffdu;

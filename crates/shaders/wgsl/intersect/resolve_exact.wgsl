@@ -25,12 +25,12 @@ var<private> first_t: u32;
 var<private> first_triangle: u32;
 
 // Returns the slot that `first_intersection` does not use.
-fn free_slot() -> u32 { return select(0u, 1u, has_first && first_intersection.numerator == INTERSECTIONS_OFFSET); }
+fn free_slot() -> u32 { return select(0u, 1u, has_first && first_intersection.numerator_at == INTERSECTIONS_OFFSET); }
 
 fn store_intersection(exponent: i32, n: Int192, d: Int192) -> ExactIntersection {
     let intersection = intersection_in_slot(free_slot(), exponent);
-    store_192(intersection.numerator, n);
-    store_192(intersection.denominator, d);
+    store_192(intersection.numerator_at, n);
+    store_192(intersection.denominator_at, d);
     return intersection;
 }
 
@@ -119,14 +119,14 @@ fn resolve_exact_hits(local: u32, group_index: u32, group_count: u32) {
     }
 }
 
-// Writes whether one ray hits anything after `find_first_hit`, if its candidates decide it. A hit increments word `count` of
-// `counts`.
-fn resolve_exact_any(i: u32, count: u32, is_decided: bool) {
+// Writes whether one ray hits anything after `find_first_hit`, if its candidates decide it. A hit increments word
+// `counter` of `counts`.
+fn resolve_exact_any(i: u32, counter: u32, is_decided: bool) {
     if !has_first && (!is_decided || occluded[i] == UNDECIDED) {
-        atomicAdd(&counts[count + UNDECIDED_OFFSET + FALLBACK_OFFSET], 1u);
+        atomicAdd(&counts[counter + UNDECIDED_OFFSET + FALLBACK_OFFSET], 1u);
         return;
     }
-    write_any_hit(i, has_first, count);
+    write_any_hit(i, has_first, counter);
 }
 
 // Sets the line of the any-hit query `i`: an explicit ray or a shadow ray.
@@ -137,9 +137,9 @@ fn set_line_of_any_hit_query(i: u32) { set_line_of_segment(shadow_segment_of_hit
 
 // Resolves the list of undecided any-hit queries, which `group_count` workgroups share.
 //
-// Word `count` of `counts` counts hits. Word `count + UNDECIDED_OFFSET` is the number of undecided queries.
-fn resolve_exact_any_hits(local: u32, group_index: u32, group_count: u32, count: u32) {
-    let undecided_count = load_undecided_count(local, count + UNDECIDED_OFFSET);
+// Word `counter` of `counts` counts hits. Word `counter + UNDECIDED_OFFSET` is the number of undecided queries.
+fn resolve_exact_any_hits(local: u32, group_index: u32, group_count: u32, counter: u32) {
+    let undecided_count = load_undecided_count(local, counter + UNDECIDED_OFFSET);
     for (var begin = RAYS_PER_WORKGROUP * group_index; begin < undecided_count; begin += RAYS_PER_WORKGROUP * group_count) {
         let k = begin + local / 16u;
         var i = 0u;
@@ -150,7 +150,7 @@ fn resolve_exact_any_hits(local: u32, group_index: u32, group_count: u32, count:
             set_line_of_any_hit_query(i);
         }
         let is_decided = find_first_hit(list, local);
-        if k < undecided_count && local % 16u == 0u { resolve_exact_any(i, count, is_decided); }
+        if k < undecided_count && local % 16u == 0u { resolve_exact_any(i, counter, is_decided); }
     }
 }
 

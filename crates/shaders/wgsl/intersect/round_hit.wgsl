@@ -24,7 +24,7 @@ const UNDERFLOW_ERROR: f32 = 3.0092655e-36;
 
 // Returns x * dz - dx * z for three corners, where x and z are exact. All sums are exact except that of the least significant
 // parts.
-fn shear_exactly(x: DoubleFloat3, z: DoubleFloat3, dx: f32, dz: f32) -> DoubleFloat3 {
+fn shear_in_double_float(x: DoubleFloat3, z: DoubleFloat3, dx: f32, dz: f32) -> DoubleFloat3 {
     let by_x = vec3<f32>(dz);
     let by_z = vec3<f32>(-dx);
     let p = two_product(x.high, by_x);
@@ -42,12 +42,12 @@ fn shear_exactly(x: DoubleFloat3, z: DoubleFloat3, dx: f32, dz: f32) -> DoubleFl
 }
 
 // The edge functions U, V and W, and for each the sum of the magnitudes of its products.
-struct ExactEdges { value: DoubleFloat3, sizes: vec3<f32> }
+struct DoubleFloatEdges { value: DoubleFloat3, sizes: vec3<f32> }
 
-fn exact_edges(x: DoubleFloat3, y: DoubleFloat3) -> ExactEdges {
+fn double_float_edges(x: DoubleFloat3, y: DoubleFloat3) -> DoubleFloatEdges {
     let p = multiply_double(DoubleFloat3(x.high.zxy, x.low.zxy), DoubleFloat3(y.high.yzx, y.low.yzx));
     let q = multiply_double(DoubleFloat3(y.high.zxy, y.low.zxy), DoubleFloat3(x.high.yzx, x.low.yzx));
-    return ExactEdges(add_double(p, negate_double(q)), abs(p.high) + abs(q.high));
+    return DoubleFloatEdges(add_double(p, negate_double(q)), abs(p.high) + abs(q.high));
 }
 
 // Returns the sum of the three numbers in all three components.
@@ -90,9 +90,9 @@ fn round_hit(ray: PreparedRay, leaf: u32, direction: vec3<f32>) -> RoundedHit {
     let y = exact_difference(corners.y, ray.permuted_origin.y);
     let z = exact_difference(corners.z, ray.permuted_origin.z);
     let d = permute(direction, ray.axis);
-    let p = shear_exactly(x, z, d.x, d.z);
-    let q = shear_exactly(y, z, d.y, d.z);
-    let edges = exact_edges(p, q);
+    let p = shear_in_double_float(x, z, d.x, d.z);
+    let q = shear_in_double_float(y, z, d.y, d.z);
+    let edges = double_float_edges(p, q);
     let det = sum_components(edges.value);
     let magnitude = abs(det.high.x);
 

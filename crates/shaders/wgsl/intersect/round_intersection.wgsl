@@ -14,7 +14,7 @@ import package::lib::integers::{
 // t is within the ray's limits.
 fn intersect_within_limits(corners: array<vec3<u32>, 3>, slot: u32) -> ExactIntersection {
     let result = intersect_exactly(corners, slot, false);
-    if !result.is_hit || !is_within_limits(rounded_t(result)) { return NO_INTERSECTION; }
+    if !result.is_hit || !is_within_limits(rounded_ratio(result)) { return NO_INTERSECTION; }
     return result;
 }
 
@@ -28,24 +28,25 @@ fn round_long_quotient(corners: array<vec3<u32>, 3>, side: u32, slot: u32) -> Ro
     var quotient = intersect_exactly(corners, slot, false);
     if !quotient.is_hit { return RoundedLongQuotient(false, 0u); }
     if side != 0u {
-        store_determinant(quotient.numerator, side, store_corners(corners).len);
-        words[quotient.numerator] = 0u;
+        store_determinant(quotient.numerator_at, side, store_corners(corners).len);
+        words[quotient.numerator_at] = 0u;
         quotient.exponent = 0;
     }
-    return RoundedLongQuotient(true, rounded_t(quotient));
+    return RoundedLongQuotient(true, rounded_ratio(quotient));
 }
 
-// Returns an intersection's t, rounded once to a float, as bits. A zero is positive.
-fn rounded_t(intersection: ExactIntersection) -> u32 {
-    let bits_n = bit_length(intersection.numerator, intersection.len);
+// Returns numerator / denominator * 2^exponent, rounded once to a float, as bits: the t of an intersection, or a
+// weight. A zero is positive.
+fn rounded_ratio(intersection: ExactIntersection) -> u32 {
+    let bits_n = bit_length(intersection.numerator_at, intersection.len);
     if bits_n == 0 { return 0u; }
-    let length_difference = bits_n - bit_length(intersection.denominator, intersection.len);
+    let length_difference = bits_n - bit_length(intersection.denominator_at, intersection.len);
     // Aligns both to the same length. Long division yields 26 bits of the quotient.
     let len = intersection.len + 1u;
     let dividend = PRODUCTS_OFFSET;
     let divisor = PRODUCTS_OFFSET + PRODUCT_STRIDE;
     for (var i = 0u; i < 2u; i += 1u) {
-        let source = select(intersection.numerator, intersection.denominator, i == 1u);
+        let source = select(intersection.numerator_at, intersection.denominator_at, i == 1u);
         let shift = max(select(-length_difference, length_difference, i == 1u), 0);
         let destination = select(dividend, divisor, i == 1u);
         words[destination] = 0u;
@@ -69,7 +70,7 @@ fn rounded_t(intersection: ExactIntersection) -> u32 {
             quotient >> 1u, sticky || (quotient & 1u) == 1u, length_difference + intersection.exponent + 127,
         );
     }
-    return select(magnitude | (words[intersection.numerator] << 31u), 0u, magnitude == 0u);
+    return select(magnitude | (words[intersection.numerator_at] << 31u), 0u, magnitude == 0u);
 }
 
 fn double_magnitude(at: u32, len: u32) {
@@ -97,7 +98,7 @@ fn rounded_weights(points: array<vec3<u32>, 3>) -> vec2<u32> {
     var weights: vec2<u32>;
     for (var i = 0u; i < 2u; i += 1u) {
         words[weights_at[i]] = 0u;
-        weights[i] = rounded_t(ExactIntersection(true, weights_at[i], sum, len.triple, 0));
+        weights[i] = rounded_ratio(ExactIntersection(true, weights_at[i], sum, len.triple, 0));
     }
     return weights;
 }

@@ -19,7 +19,8 @@
 @else
 @group(0) @binding(next) var<storage, read_write> hits: array<vec4<u32>>;
 
-// Per ray: 1 if it hits anything. `exact` also stores candidates here: see intersect/candidates.wgsl.
+// Per ray: 1 if it hits anything (any-hit queries), or if its hit is in shadow. `exact` also stores candidates here:
+// see intersect/candidates.wgsl.
 @if(shade)
 @group(0) @binding(next) var<storage, read> occluded: array<u32>;
 @else
@@ -49,7 +50,8 @@
 // The tree's topology, as the host uploads it.
 @group(0) @binding(next) var<storage, read> topology: array<u32>;
 
-// Sums of areas, one per workgroup. For treelets see build/treelet_refit.wgsl.
+// Sums of areas: one per treelet, or per tile of `cluster`. For treelets, build/treelet_refit.wgsl has the whole
+// layout.
 @if(sum_costs)
 @group(0) @binding(next) var<storage, read> costs: array<vec4<f32>>;
 @elif(gather_corners)

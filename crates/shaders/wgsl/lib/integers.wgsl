@@ -4,14 +4,16 @@
 // two's complement of the length in use and its sign word is unused. The length is derived from the actual exponents, so that
 // ordinary numbers take few limbs. The storage suffices for all numbers.
 //
-// Bound on the length: a coordinate relative to the ray's start is a difference of multiples of one unit. The difference of
-// two f32 is below 2^278 units. That of a shadow ray's start and a corner, in scene units, is below 2^281 units. If the
-// scale exponent k is not negative, both are below 2^131 and multiples of 2^-149. Otherwise, both are below 2^(k + 42) and
-// multiples of 2^(k - 149).
-// If coordinates have B bits, a difference of two products has 2B + 1. A sum of three products of such a difference with a
-// coordinate, or with a direction of at most 277 bits, has 3B + 3. The sum of three such sums has 2 more, plus a sign bit: 849
+// Bound on the length: a corner's coordinate relative to the ray's start is a difference of two multiples of one unit.
+// If both are f32, the difference is below 2^278 units. If the start is that of a shadow ray, in scene units, the
+// difference is below 2^281 units: if the scale exponent k is not negative, start and corner are below 2^131 and
+// multiples of 2^-149. Otherwise, start and corner are below 2^(k + 42) and multiples of 2^(k - 149). If coordinates
+// have B bits, a difference of two products has 2B + 1. A sum of three products of such a difference with a coordinate,
+// or with a direction of at most 277 bits, has 3B + 3. The sum of three such sums has 2 more, plus a sign bit: 849
 // bits, or 27 limbs. A product of two such numbers has 54 limbs.
 
+// Layout of `words`, the scratch memory of all numbers: corners, direction, a cross product, two intersections, the
+// number 1, two products.
 const COORDINATE_STRIDE: u32 = 10u;
 const CORNERS_OFFSET: u32 = 0u;
 const DIRECTION_OFFSET: u32 = 90u;

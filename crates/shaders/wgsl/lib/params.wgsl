@@ -2,7 +2,8 @@
 
 // Kernels that trace rays, and those that resolve the rays that `exact` left undecided.
 struct SearchParams {
-    // Where the lists of undecided rays and of undecided shadow rays begin in `occluded`. Each has space for all rays.
+    // Where the lists of undecided closest-hit rays and of undecided any-hit rays (explicit or shadow) begin in
+    // `occluded`. Each has space for all rays.
     undecided_rays_at: u32,
     undecided_shadows_at: u32,
     // Number of invocations that each resolve one ray after another: see fallback.wgsl.
@@ -113,18 +114,20 @@ struct Params {
     scale_exponent: i32,
     // Number of elements of this dispatch.
     count: u32,
+    // 2 n - 1 for n triangles: counts each triangle as a node, even where two share a leaf node. 0 without triangles.
     node_count: u32,
     // Always 0. Unknown to the compiler, so it prevents optimizations across it.
     zero: u32,
-    // Row of the first box of the level where a workgroup's search starts, and the number of boxes of the level.
+    // For `resolve_exact_camera`: row of the first root of the treelet level whose boxes a search starts with, and
+    // number of roots of this level.
     start_row: u32,
     start_count: u32,
     // `extreme`: 1 if all rays are extreme (see ExtremesParams), 2 if kernels read from the buffer `range` which rays are.
     // `tiny`: 1 if rays that start near the origin are extreme (geometry/units.wgsl).
     extreme: u32,
     tiny: u32,
-    // 1 if coordinates have very different sizes. Each inner box is then padded in proportion to its own largest distance
-    // from the ray's origin, otherwise to that of the root box.
+    // 1 if coordinates have very different sizes, else 0. If 1, each inner box is padded in proportion to its own
+    // largest distance from the ray's origin. If 0, in proportion to the root box's.
     spread: u32,
     // The eye in scaled units.
     scaled_eye: vec3<f32>,
@@ -142,7 +145,8 @@ struct Params {
     wide_root: u32,
     // Bound on the distance of a pixel's ray from the pixel's middle, in pixels, with a margin.
     pixel_margin: f32,
-    // Limit of the scene's extent from which the offset of shadow rays is computed, in scaled units: geom::CoordinateRange.
+    // Upper limit on the scene extent from which the offset of shadow rays is computed, in scaled units: see
+    // geom::CoordinateRange.
     clearance: f32,
     // The kernel's own parameters, which a comment above its entry point names.
     @if(SEARCH) @align(16) search: SearchParams,

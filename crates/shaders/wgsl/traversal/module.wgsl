@@ -8,8 +8,8 @@ import package::intersect::intersector::{hit_of, trace_any};
 import package::lib::params::params;
 import package::traversal::traverse::find_closest;
 
-// The hit of a ray: the distance in lengths of its direction, the weights of the triangle's second and third vertex, and the
-// triangle's index among those of all meshes. The distance of a miss is infinite.
+// The hit of a ray: t (the distance as a multiple of the direction's length), the weights of the triangle's second and
+// third vertex, and the triangle's index among those of all meshes. The t of a miss is infinite.
 struct AbvhHit { t: f32, u: f32, v: f32, triangle: u32 }
 
 // Replaces a triangle index: the ray hits nothing.

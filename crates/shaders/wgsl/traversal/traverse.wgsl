@@ -31,12 +31,12 @@ fn slab_interval(ray: PreparedRay, low: vec4<u32>, high: vec4<u32>, bound: f32) 
 // Closest-hit search. The intersector defines `BestHit`.
 
 // Descends one node. If both children are met, pushes the farther one.
-fn traverse_node(ray: PreparedRay, node: u32, best: f32, stack: ptr<function, array<u32, 64>>, depth: ptr<function, u32>) -> u32 {
+fn traverse_node(ray: PreparedRay, node: u32, limit: f32, stack: ptr<function, array<u32, 64>>, depth: ptr<function, u32>) -> u32 {
     let row = child_row(node);
     let left_row = nodes[row];
     let right_row = nodes[row + 2u];
-    let left = slab_interval(ray, left_row, nodes[row + 1u], best);
-    let right = slab_interval(ray, right_row, nodes[row + 3u], best);
+    let left = slab_interval(ray, left_row, nodes[row + 1u], limit);
+    let right = slab_interval(ray, right_row, nodes[row + 3u], limit);
     let hits_left = left.x <= left.y;
     let hits_right = right.x <= right.y;
     if hits_left && hits_right {

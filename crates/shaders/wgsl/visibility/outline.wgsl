@@ -27,7 +27,8 @@ const UNBOUNDED: i32 = 0x20000000;
 
 // Projection of points to the picture, with error bounds.
 
-// The error of a picture coordinate relative to its terms: see docs/design/packets.md. 16 * 2^-24.
+// Bound on the error of a picture coordinate, as a factor of
+// max_distance * (l1_norm(axis) + |at| * l1_norm(depth)) / depth: see docs/design/packets.md. 16 * 2^-24.
 @if(WATERTIGHT || EXACT)
 const PROJECTION_ERROR: f32 = 9.5367431640625e-7;
 
@@ -38,7 +39,8 @@ const PROJECTION_ERROR: f32 = 2.1457672119140625e-6;
 // Distance from the picture, in pixels, beyond which coverage is not computed.
 const MAX_OFFSCREEN_PIXELS: f32 = 16384.0;
 
-// The error of a depth, and of the depth of a hit, relative to the terms of the depth. 38 * 2^-24.
+// Bound on the error of a depth, and of the depth of a hit, as a factor of max_distance * l1_norm(depth): see
+// docs/design/packets.md. 38 * 2^-24.
 @if(EXACT)
 const DEPTH_ERROR: f32 = 2.26497650146484375e-6;
 
@@ -211,11 +213,13 @@ fn loose_last_pixel(p: Projected, size: u32) -> i32 {
     return i32(clamp(floor(max_component(p.at + p.error_bound) + params.pixel_margin), -1.0, f32(size) - 1.0));
 }
 
-// Returns each coordinate's successor minus the coordinate itself, rounded exactly once, as the error bounds require.
+// Returns for each corner the coordinate of the next corner minus its own. Each difference is rounded exactly once, as
+// the error bounds require.
 fn to_next(at: vec3<f32>) -> vec3<f32> { return sub_each(at.yzx, at); }
 
-// Moving the corners by their error bounds and the pixels by the margin moves the interior by at most the sum. Edges that are
-// nearly level do not bound rows. If the area may be zero, the orientation is unknown and no edge is used.
+// Adds the triangle's edges. A corner is off by at most its error bound, and a pixel's ray by at most `pixel_margin`
+// from the pixel's middle. So each edge moves outward by the sum of both. Edges that are nearly level do not bound
+// rows. If the area may be zero, the orientation is unknown and no edge is used.
 fn loose_edges(given: Outline, across: Projected, down: Projected) -> Outline {
     var outline = given;
     let x = across.at;

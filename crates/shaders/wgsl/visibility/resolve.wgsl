@@ -74,8 +74,8 @@ fn resolve_pixel(i: u32, ray: PreparedRay, is_complete: bool, origin: vec3<f32>)
     store_occluded(i, is_occluded(shadow_segment(a, b, c, hit, origin), triangle), OCCLUDED_COUNT);
 }
 
-// Writes the hit and the shadow of ray `i`. The leaf of the first key has the hit if that can be rounded and precedes the t of
-// the second key. Otherwise the ray traverses the tree.
+// Writes the hit and the shadow of ray `i`. If the hit on the first key's leaf can be rounded and its t is less than
+// the second key's, it is the first hit. Otherwise the ray traverses the tree.
 @if(EXACT)
 fn resolve_pixel(i: u32, ray: PreparedRay, is_complete: bool, origin: vec3<f32>) {
     var best = initial_best(ray);
@@ -97,8 +97,8 @@ fn resolve_pixel(i: u32, ray: PreparedRay, is_complete: bool, origin: vec3<f32>)
     write_hit_and_shadow(i, hit, best, origin);
 }
 
-// Writes the hit and the shadow of ray `i`. The leaf of the first key has the hit if it is hit before the t of the second key.
-// Otherwise the ray traverses the tree.
+// Writes the hit and the shadow of ray `i`. If the first key's leaf is hit and the hit's t is less than the second
+// key's, it is the first hit. Otherwise the ray traverses the tree.
 @if(MOLLER_TRUMBORE || WOOP)
 fn resolve_pixel(i: u32, ray: PreparedRay, is_complete: bool, origin: vec3<f32>) {
     var best = initial_best(ray);
