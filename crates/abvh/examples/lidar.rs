@@ -8,6 +8,7 @@ use std::f32::consts::TAU;
 /// Number of squares along each side of the ground.
 const SIDE: u32 = 64;
 const BEAMS: usize = 16;
+/// Number of horizontal directions per turn.
 const COLUMNS: usize = 512;
 
 /// Returns the vertices of a wave pattern at `time`, over 40 by 40 metres.
@@ -30,9 +31,10 @@ fn triangles() -> Vec<[u32; 3]> {
     (0..SIDE * SIDE).flat_map(square).collect()
 }
 
-/// Returns the beams, from a height of 3 metres. Directions have length 1, so that `t` is a distance.
-fn beams() -> Vec<Ray> {
-    let beam = |i: usize| {
+/// Returns the rays of all beams over one turn, from a height of 3 metres. Ray directions have length 1, so that `t` is
+/// a distance.
+fn rays() -> Vec<Ray> {
+    let ray = |i: usize| {
         let turn = (i / BEAMS) as f32 / COLUMNS as f32 * TAU;
         let (sin, cos) = (0.1 + 0.05 * (i % BEAMS) as f32).sin_cos();
         let direction = [turn.cos() * cos, -sin, turn.sin() * cos];
@@ -41,24 +43,24 @@ fn beams() -> Vec<Ray> {
             ..Ray::new([0.0, 3.0, 0.0], direction)
         }
     };
-    (0..BEAMS * COLUMNS).map(beam).collect()
+    (0..BEAMS * COLUMNS).map(ray).collect()
 }
 
 fn main() -> Result<(), Error> {
     let mut scene = Scene::new();
     let waves = scene.add(Mesh::streamed(&ground(0.0), &triangles())?);
     let mut tracer = Tracer::builder().build(scene)?;
-    let beams = beams();
+    let rays = rays();
     for i in 0..5 {
         let mut step = tracer.step(0.0);
         step.vertices(waves, Source::Host(&ground(0.2 * i as f32)))?;
-        let scan = step.trace(&beams, Query::Closest)?;
+        let scan = step.trace(&rays, Query::Closest)?;
         let done = step.submit()?;
         let hits = tracer.hits(done, scan)?;
         let met: Vec<f32> = hits.distances().filter(|t| t.is_finite()).collect();
         let mean = met.iter().sum::<f32>() / met.len() as f32;
-        let (met, all) = (met.len(), beams.len());
-        println!("scan {i}: {met} of {all} beams came back, mean distance {mean:.2} m");
+        let (met, all) = (met.len(), rays.len());
+        println!("scan {i}: {met} of {all} rays came back, mean distance {mean:.2} m");
     }
     Ok(())
 }

@@ -88,7 +88,7 @@ fn buffer(own: &OwnDevice, contents: &[f32]) -> wgpu::Buffer {
     own.device.create_buffer_init(&about)
 }
 
-/// Reads the number that the shader counted. Only this call waits for the device.
+/// Reads the number that the shader counted.
 fn read(own: &OwnDevice, near: &wgpu::Buffer) -> Result<u32, Box<dyn Error>> {
     let (sender, receiver) = std::sync::mpsc::channel();
     let OwnDevice { device, queue, .. } = own;

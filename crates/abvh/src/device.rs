@@ -16,8 +16,9 @@ pub enum Device {
     Cpu,
     /// The scalar reference on the host's cores. Its hits are those of `Cpu`. Its code is short, but slow.
     CpuRef,
-    /// Compute shaders through Vulkan. `None` selects the first GPU. A string of digits selects an adapter by index,
-    /// any other string the only adapter whose name contains it.
+    /// Compute shaders through Vulkan. `None` selects the first GPU or, without a GPU, the first adapter. A string of
+    /// digits selects an adapter by index, any other string the adapter with that name, or else the only adapter whose
+    /// name contains it.
     #[cfg(feature = "vulkan")]
     Vulkan(Option<String>),
     /// Compute shaders through wgpu. The adapter is selected as for `Vulkan`.

@@ -38,8 +38,8 @@ pub enum Error {
         /// `vertices` or `matrices`.
         what: &'static str,
     },
-    /// A mesh was moved after a query of the same step. Or a step was encoded after a picture, or after a query with
-    /// rays in host memory.
+    /// A mesh was moved, or a semaphore was passed, after a query of the same step. Or a step was encoded after a
+    /// picture, or after a query with rays in host memory.
     #[error("too late: the step already has a query or a picture")]
     TooLate,
     /// The replacement of this mesh belongs to another tracer.
@@ -64,9 +64,12 @@ pub enum Error {
     /// The program violated a rule of the interface, which the message names. The tracer remains usable.
     #[error("{0}")]
     Misuse(String),
-    /// Vertices of this mesh that only the device had are lost, because a step that used them failed or was dropped.
-    /// The next step must pass them again.
-    #[error("a failed or dropped step lost the vertices of mesh {} on the device: pass them again", .0.index())]
+    /// Vertices of this mesh that only the device had are lost, because a step that used them failed, or because the
+    /// encoder of a step was dropped or rejected. The next step must pass them again.
+    #[error(
+        "the vertices of mesh {} on the device were lost with a failed step or a dropped encoder: pass them again",
+        .0.index()
+    )]
     VerticesLost(MeshId),
     /// Device or host memory is exhausted. A smaller request may succeed.
     #[error("{0}")]

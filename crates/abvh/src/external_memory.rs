@@ -1,5 +1,5 @@
-//! Shares device memory of Vulkan with another API on the same GPU, such as CUDA. Vertices, rays and results remain on
-//! the device.
+//! Shares device memory of Vulkan with another API on the same GPU, such as CUDA. Vertices, rays and results need not
+//! be passed through the host. The library reads vertices back only to build trees, for pictures and to replace a mesh.
 //!
 //! The library allocates and exports memory and semaphores as opaque file descriptors (`VK_KHR_external_memory_fd`,
 //! `VK_KHR_external_semaphore_fd`), and the other API imports them. This needs Linux,

@@ -117,8 +117,9 @@ impl Step<'_> {
     ///
     /// The device waits. The host also waits if it needs results of the device: for hits, pictures and
     /// [`Tracer::commit`], for a tree before the first query, with [`Update::Rebuild`](crate::Update::Rebuild) and
-    /// [`Update::Lockstep`](crate::Update::Lockstep), and while too many steps are in flight. If the value is never
-    /// reached, they wait forever. If the step is dropped, the next step waits and signals in its place.
+    /// [`Update::Lockstep`](crate::Update::Lockstep), and while too many steps are in flight. If `wait` is never
+    /// reached, the device and these calls wait forever. If the step is dropped, the next step waits and signals in its
+    /// place.
     ///
     /// # Errors
     /// [`Error::TooLate`] after a query. [`Error::Unsupported`] on devices other than Vulkan's. [`Error::Misuse`] if

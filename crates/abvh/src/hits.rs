@@ -46,8 +46,8 @@ pub(crate) struct Numbering {
 }
 
 impl Numbering {
-    /// Returns the mesh of a triangle and its index there. Returns `None` for an index that the scene does not have, as
-    /// results in a buffer of the program may contain.
+    /// Returns the mesh of a triangle and its index there. Returns `None` if the scene has no such triangle. Results
+    /// that were read from the program's buffer may contain any index.
     fn mesh_of(&self, triangle: u32) -> Option<(MeshId, u32)> {
         let triangle = triangle as usize;
         let mesh = self.starts.partition_point(|&first| first <= triangle) - 1;
@@ -156,7 +156,7 @@ mod tests {
     use crate::{Mesh, Scene};
 
     #[test]
-    fn foreign_triangles_have_no_mesh() {
+    fn indices_out_of_range_have_no_mesh() {
         let mut scene = Scene::new();
         let mut add =
             |triangles| scene.add(Mesh::fixed(&[[0.0; 3]], &vec![[0; 3]; triangles]).unwrap());

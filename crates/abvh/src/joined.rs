@@ -94,7 +94,8 @@ impl JoinedScene {
         self.animation.is_streamed()
     }
 
-    /// Returns the newest vertices that were passed to the animation, or the first key frame if steps move no mesh.
+    /// Returns the newest vertices that were passed to the animation, or the first key frame if no vertices arrive
+    /// while the scene is traced.
     pub(crate) fn newest(&self) -> Result<KeyFrame> {
         let key = if self.is_streamed() {
             self.animation.key_count() - 1
@@ -188,7 +189,8 @@ impl JoinedScene {
         if self.is_streamed() {
             let first = self.animation.first();
             self.next = copy_of(first, backend)?;
-            // The animation keeps `KEPT` key frames. The tree builder may read two more, and a copy in progress one.
+            // The animation keeps `KEPT` key frames. Up to two more are read by the tree builder, and up to one by a
+            // copy in progress.
             let spare = match self.next {
                 PointBuffer::Shared(_) => Animation::KEPT + 3,
                 PointBuffer::List(_) => 0,
@@ -282,7 +284,8 @@ fn is_streamed(meshes: &[Mesh]) -> bool {
     all.any(|motion| motion.is_moved_by_steps() || is_joined_animation(motion))
 }
 
-/// Returns the number of key frames, each of all vertices, that the joined animation holds from the start.
+/// Returns the number of key frames that joining allocates, each with the vertices of all meshes. Exception: for a
+/// single mesh from an animation, which is used without a copy, returns 1.
 pub(crate) fn key_count(meshes: &[Mesh]) -> usize {
     if is_streamed(meshes) {
         return 1;
@@ -291,7 +294,7 @@ pub(crate) fn key_count(meshes: &[Mesh]) -> usize {
     each.max().unwrap_or(1)
 }
 
-/// Creates one animation of all meshes. `triangles` holds vertex indices among the vertices of all meshes.
+/// Creates one animation of all meshes. `triangles` holds indices into the joined list of vertices.
 fn joined(meshes: &[Mesh], triangles: Vec<[u32; 3]>) -> Result<Animation> {
     let motions = || meshes.iter().map(|mesh| &*mesh.motion);
     if is_streamed(meshes) {

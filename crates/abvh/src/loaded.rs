@@ -450,7 +450,7 @@ mod tests {
     use crate::{Camera, CameraPose, Device, Scene, Tracer};
 
     #[test]
-    fn render_lights_share_one_query_kind() {
+    fn pictures_with_different_lights_share_one_form() {
         let tracer = Tracer::builder().device(Device::Cpu).threads(1);
         let mut tracer = tracer.build(Scene::new()).unwrap();
         let pose = CameraPose::new([0.0, 0.0, 3.0], [0.0; 3]);

@@ -200,8 +200,8 @@ impl Mesh {
     pub fn open(name: &str) -> Result<Self> {
         let open = || scene::open(name, &scene::SceneOptions::default());
         let threads = rayon::ThreadPoolBuilder::new().num_threads(geom::parallelism());
-        // Opening may wait for the threads that read key frames. Threads of the shared pool must not wait for them, so
-        // opening uses its own pool.
+        // Opening may wait for the threads that read key frames. These may need the pool that all calls of the library
+        // share (`geom::in_parallel`). So opening runs in a pool of its own, to avoid a deadlock.
         let found = match geom::start_library_pool(threads) {
             Ok(pool) => geom::run_in(&pool, open),
             Err(e) => return Err(Error::Unsupported(format!("no threads to read files: {e}"))),

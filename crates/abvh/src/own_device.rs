@@ -48,7 +48,7 @@ impl OwnDevice {
 /// its own limits.
 ///
 /// # Errors
-/// As for [`TracerBuilder::build`](crate::TracerBuilder::build), if the meshes are too large to be joined.
+/// [`Error::Mesh`] if all meshes together have too many vertices or triangles.
 pub fn required_limits(scene: &Scene, rays: usize) -> Result<wgpu::Limits> {
     let joined = JoinedScene::of(scene.meshes.clone())?;
     Ok(gpu_wgpu::required_limits(&joined.animation, rays))

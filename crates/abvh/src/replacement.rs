@@ -171,6 +171,7 @@ impl TracerState {
         let share_device = current.share_device();
         let split = current.joined.splitter();
         let (newest, time) = (current.joined.newest()?, current.joined.time);
+        // One query for each set of kernels that steps have used, so that `warm_up` compiles the same kernels.
         let forms = current.traced_forms.clone();
         let threads = match current.update {
             // With this policy, tracing and building do not overlap, so the builder threads may use all cores. A

@@ -90,20 +90,21 @@ fn exponent_of(p: Point) -> i32 {
     }
 }
 
-/// Returns a point in units of `2^exponent`. Coordinates below `2^-64` become zero.
+/// Returns a point in units of `2^exponent`. Coordinates of magnitude below `2^-64` become zero.
 fn in_units(p: Point, exponent: i32) -> Vec3 {
     let by = f64::from_bits(((1023 - exponent) as u64) << 52);
     p.map(|x| cut((f64::from(x) * by) as f32, -64)).into()
 }
 
-/// Replaces values below `2^exponent` by zero.
+/// Replaces values of magnitude below `2^exponent` by zero.
 fn cut(x: f32, exponent: i32) -> f32 {
     let least = f32::from_bits(((127 + exponent) as u32) << 23);
     if x.abs() < least { 0.0 } else { x }
 }
 
-/// Scales by the power of two that brings the largest component to `[1, 2)`. Other components below `2^-40` become
-/// zero. Returns zero if the largest component is subnormal, at least `2^127`, or not finite.
+/// Scales by the power of two that brings the magnitude of the largest component to `[1, 2)`. Other components of
+/// magnitude below `2^-40` become zero. Returns zero if the largest component is subnormal, at least `2^127`, or not
+/// finite.
 fn scaled_near_one(v: Vec3) -> Vec3 {
     let sizes = v.to_array().map(|x| x.to_bits() & 0x7fff_ffff);
     let e = sizes.into_iter().max().unwrap_or(0) >> 23;

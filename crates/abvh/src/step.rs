@@ -66,8 +66,9 @@ impl Step<'_> {
     /// Sets all vertices of a streamed mesh.
     ///
     /// # Errors
-    /// [`Error::Count`]. [`Error::Misuse`] if a buffer cannot be read. [`Error::Unsupported`] for a buffer that another
-    /// kind of device reads. The errors of [`Step::vertices_mut`].
+    /// [`Error::Count`]. [`Error::Misuse`] if a buffer cannot be read. [`Error::Unsupported`] for `Source::Wgpu` on a
+    /// device that is not wgpu's, and for `Source::External` on a device that is not Vulkan's. The errors of
+    /// [`Step::vertices_mut`].
     pub fn vertices(&mut self, mesh: MeshId, source: Source<'_>) -> Result<()> {
         let index = self.streamed_index(mesh)?;
         let current = &mut self.tracer.current;

@@ -13,7 +13,8 @@ impl ResidentScene {
         mesh: MeshId,
         from: wgpu::BufferSlice<'_>,
     ) -> Result<()> {
-        // These vertices are not lost with encoders that were dropped before.
+        // First handles encoders that were dropped before this call. Otherwise the new vertices would be marked as lost
+        // too.
         self.abandon_dropped();
         let index = mesh.index();
         let expected = self.joined.range_of(index).len() * size_of::<Point>();
@@ -165,18 +166,18 @@ impl Step<'_> {
     ///
     /// A step without queries updates the scene for the program's shaders ([`shader_module`](crate::shader_module)).
     ///
-    /// The program must submit encoded steps in their order. A step that is not encoded waits on the host for all encoded
-    /// steps, and returns [`Error::Misuse`] while one of them is not submitted.
+    /// The program must submit encoded steps in their order. A step that is not encoded waits on the host for all
+    /// encoded steps, and returns [`Error::Misuse`] while one of them is not submitted.
     ///
-    /// Until the program submits this step, [`Tracer::hits`] of this step fails, and at most one more step can be
-    /// encoded, even if that one is dropped. If the encoder or its commands are dropped instead, this step has no
-    /// results, nor do later steps that were begun before the drop. Vertices that only the device had are then lost,
-    /// and steps return [`Error::VerticesLost`] until they are passed again.
+    /// Until the program submits this step, [`Tracer::hits`] of this step fails, and only one more step can be encoded.
+    /// That step counts even if its encoder is dropped. If the encoder or the commands of this step are dropped
+    /// instead, this step has no results, nor do later steps that were begun before the drop. Vertices that only the
+    /// device had are then lost, and steps return [`Error::VerticesLost`] until they are passed again.
     ///
     /// wgpu validates commands only when the encoder is finished. It may refuse them, for example because the encoder
     /// belongs to another device or has an open pass. Then the first call that waits for this step, such as
-    /// [`Tracer::hits`] or a call of the second step after it, returns [`Error::Misuse`]. The tracer continues as if the
-    /// encoder had been dropped.
+    /// [`Tracer::hits`] or a call of the second step after it, returns [`Error::Misuse`]. The tracer continues as if
+    /// the encoder had been dropped.
     ///
     /// # Errors
     /// [`Error::TooLate`] if the step traced rays in host memory or rendered a picture, which are submitted at once.
@@ -209,8 +210,8 @@ impl Tracer {
     ///
     /// # Errors
     /// [`Error::NoResult`] as for [`Tracer::hits`], and for a query without closest hits. Also [`Error::NoResult`] if
-    /// the scene has no triangle that can be hit, unless the query has rays and [`RayBuffers::results`]. [`Error::Unsupported`]
-    /// on other devices.
+    /// no triangle of the scene can be hit. Exception: a query of at least one ray with [`RayBuffers::results`].
+    /// [`Error::Unsupported`] on other devices.
     pub fn hits_buffer(&self, step: StepId, query: QueryId) -> Result<wgpu::Buffer> {
         let mut state = self.shared_state();
         let (loaded, index) = state.find(step, query)?;

@@ -60,8 +60,8 @@ pub fn remove_unfinished() -> impl Sized {
 #[derive(Debug)]
 pub(crate) struct UnfinishedFile {
     path: PathBuf,
-    // Dropping the temporary file on an error path removes it. Its name is dropped after that.
-    temporary: (NamedTempFile, UnfinishedName),
+    // Dropping the temporary file on an error path removes it. Its registration is dropped after that.
+    temporary: (NamedTempFile, Registration),
 }
 
 impl UnfinishedFile {
@@ -82,13 +82,13 @@ impl UnfinishedFile {
 
     /// Renames the file to its final name. On failure, a file with that name is unchanged.
     pub(crate) fn finish(self) -> io::Result<()> {
-        let (file, _known) = self.temporary;
+        let (file, _registration) = self.temporary;
         file.persist(&self.path).map(drop).map_err(|e| e.error)
     }
 
     /// Renames the file to its final name, unless a file with that name exists.
     fn finish_new(self) -> io::Result<()> {
-        let (file, _known) = self.temporary;
+        let (file, _registration) = self.temporary;
         let Err(e) = file.persist_noclobber(&self.path) else {
             return Ok(());
         };
@@ -102,9 +102,9 @@ impl UnfinishedFile {
 
 /// Registration of a temporary file in [`UNFINISHED`] while the file exists.
 #[derive(Debug)]
-struct UnfinishedName(PathBuf);
+struct Registration(PathBuf);
 
-impl Drop for UnfinishedName {
+impl Drop for Registration {
     fn drop(&mut self) {
         lock(&UNFINISHED).remove(&self.0);
     }
@@ -295,15 +295,15 @@ pub fn remove_special_file(path: &Path) -> Result<(), OutputError> {
 }
 
 /// Creates a temporary file that is locked while it is open, so that [`remove_abandoned`] keeps it.
-fn temporary_in(dir: &Path) -> io::Result<(NamedTempFile, UnfinishedName)> {
+fn temporary_in(dir: &Path) -> io::Result<(NamedTempFile, Registration)> {
     loop {
         let mut files = lock(&UNFINISHED);
         let file = unlocked_in(dir)?;
         let path = file.path().to_owned();
         files.insert(path.clone());
         drop(files);
-        // A signal may arrive while this is dropped. So the file is removed before its name.
-        let temporary = (file, UnfinishedName(path));
+        // A signal may arrive while this is dropped. So the file is removed before its registration.
+        let temporary = (file, Registration(path));
         let file = &temporary.0;
         // Another process may lock or remove the file before it is locked here. Then another file is created.
         let is_ours = match file.as_file().try_lock() {
@@ -367,7 +367,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let left = unlocked_in(dir.path()).unwrap();
         let (_, left) = left.keep().unwrap();
-        let (living, _known) = temporary_in(dir.path()).unwrap();
+        let (living, _registration) = temporary_in(dir.path()).unwrap();
         fs::write(dir.path().join(".abvh-notes"), b"mine").unwrap();
         remove_abandoned(dir.path()).unwrap();
         assert!(!left.exists() && living.path().exists());
@@ -384,10 +384,10 @@ mod tests {
     }
 
     #[test]
-    fn file_is_removed_before_its_name() {
+    fn file_is_removed_before_its_registration() {
         let dir = tempfile::tempdir().unwrap();
         let temporary = temporary_in(dir.path()).unwrap();
-        // The name cannot be removed while its list is locked.
+        // The registration cannot be removed while the list is locked.
         let files = lock(&UNFINISHED);
         let dropping = std::thread::spawn(|| drop(temporary));
         let mut waits = 0..1000;
@@ -396,7 +396,7 @@ mod tests {
         }
         drop(files);
         dropping.join().unwrap();
-        assert!(!waits.is_empty(), "the name was removed first");
+        assert!(!waits.is_empty(), "the registration was removed first");
     }
 
     #[test]

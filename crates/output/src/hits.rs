@@ -16,7 +16,7 @@ use zip::{CompressionMethod, DateTime};
 /// Upper bound of the bytes for the headers of all arrays and the archive's directory.
 const MAX_HEADER_BYTES: usize = 4096;
 
-/// Contents of a hit file: closest hits of a list or picture of rays, with optional shadows and an offset.
+/// Contents of a hit file: closest hits of a list of rays or of a camera's rays, with optional shadows and an offset.
 #[derive(Clone, Copy, Debug)]
 pub struct HitArrays<'a> {
     /// `[height, width]`, or `[rays]`.

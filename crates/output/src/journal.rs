@@ -38,7 +38,8 @@ pub struct Manifest {
     pub options: BTreeMap<String, Value>,
 }
 
-/// Identity of the rendered scene: the name of a demo or of joined inputs, and the files that are read.
+/// Identity of the rendered scene: the name of a demo, or the scene argument if it joins or places several inputs; and
+/// the files that are read.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SceneId {
     /// Name of the scene, if its files do not identify it completely.
@@ -165,9 +166,9 @@ impl FileKind {
 #[derive(Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum JournalLine {
-    /// Numbers of the frames of all shards, including frames that are already complete. `kinds` are the kinds of files
-    /// that each frame gets in the folder; earlier versions did not record them. `stats` are the run's statistics
-    /// without those of its frames.
+    /// `list`: the indices of the run's frames in all shards, including those that are already complete. `kinds`: the
+    /// kinds of files that each frame gets in the folder; earlier versions did not record them. `stats`: the run's
+    /// statistics without those of its frames.
     Run {
         list: Vec<u64>,
         #[serde(default)]
@@ -176,7 +177,8 @@ enum JournalLine {
     },
     Frame {
         files: Vec<NamedDigest>,
-        row: Box<FrameRecord>,
+        #[serde(rename = "row")]
+        record: Box<FrameRecord>,
     },
 }
 
@@ -204,8 +206,8 @@ impl JournalContents {
                         expected.extend(list.into_iter().map(|frame| (frame, kinds.clone())));
                         done.stats = Some(stats).filter(Value::is_object).or(done.stats);
                     }
-                    Ok(JournalLine::Frame { files, row }) if are_ours(&files) => {
-                        done.add(files, *row);
+                    Ok(JournalLine::Frame { files, record }) if are_ours(&files) => {
+                        done.add(files, *record);
                     }
                     Ok(JournalLine::Frame { .. }) | Err(_) => {}
                 }
@@ -218,11 +220,11 @@ impl JournalContents {
     }
 
     /// Adds a frame's line. Files that only earlier lines list remain known.
-    fn add(&mut self, files: Vec<NamedDigest>, row: FrameRecord) {
-        let (known, _) = self.frames.remove(&row.frame.index).unzip();
+    fn add(&mut self, files: Vec<NamedDigest>, record: FrameRecord) {
+        let (known, _) = self.frames.remove(&record.frame.index).unzip();
         let mut known = known.unwrap_or_default();
         known.extend(files);
-        self.frames.insert(row.frame.index, (known, row));
+        self.frames.insert(record.frame.index, (known, record));
     }
 
     /// Returns whether no journal has a complete line.
@@ -247,19 +249,19 @@ impl JournalContents {
     /// Returns the statistics of a frame if its file `name` in `folder` is unchanged. Returns `None` otherwise.
     #[must_use]
     pub fn unchanged(&self, frame: u64, folder: &Path, name: &str) -> Option<&FrameRecord> {
-        let (files, row) = self.frames.get(&frame)?;
+        let (files, record) = self.frames.get(&frame)?;
         let digest = files.get(name)?;
         let found = digest_of(&folder.join(name)).ok()?;
-        (found == *digest).then_some(row)
+        (found == *digest).then_some(record)
     }
 
     /// Returns the statistics of a frame if all of its files in `folder` are unchanged. Returns `None` otherwise.
     #[must_use]
     pub fn all_unchanged(&self, frame: u64, folder: &Path) -> Option<&FrameRecord> {
-        let (files, row) = self.frames.get(&frame)?;
+        let (files, record) = self.frames.get(&frame)?;
         let mut names = files.keys();
         let unchanged = |name: &String| self.unchanged(frame, folder, name).is_some();
-        names.all(unchanged).then_some(row)
+        names.all(unchanged).then_some(record)
     }
 }
 
@@ -378,9 +380,13 @@ impl Journal {
     }
 
     /// Records that `files` of a frame are complete, with the frame's statistics.
-    pub fn add(&mut self, files: Vec<NamedDigest>, row: &FrameRecord) -> Result<(), OutputError> {
-        let row = Box::new(row.clone());
-        self.write(&JournalLine::Frame { files, row })
+    pub fn add(
+        &mut self,
+        files: Vec<NamedDigest>,
+        record: &FrameRecord,
+    ) -> Result<(), OutputError> {
+        let record = Box::new(record.clone());
+        self.write(&JournalLine::Frame { files, record })
     }
 
     fn write(&mut self, line: &JournalLine) -> Result<(), OutputError> {

@@ -247,7 +247,8 @@ impl Encoder {
             _ => OutputError(format!("--video: ffmpeg cannot be started: {e}")),
         };
         // `ffmpeg` takes a relative path that begins with `-` as an option, and text before a `:` as a protocol. The
-        // path of a pipe is relative if the user gives it so.
+        // path of a temporary file is absolute, but a pipe is opened by the path that the user gave, which may be
+        // relative.
         let file = std::path::absolute(file).map_err(cannot)?;
         let complaints = tempfile::tempfile().map_err(cannot)?;
         let mut child = Command::new("ffmpeg")

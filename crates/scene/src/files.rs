@@ -4,7 +4,7 @@ use crate::folder::Folder;
 use crate::gltf::buffer_files;
 use crate::join::inputs;
 use crate::obj::{library_names, statements};
-use crate::paths::{exists, extension, is_pattern, matching_files, path, visible_files};
+use crate::paths::{decode_path, exists, extension, is_pattern, matching_files, visible_files};
 use crate::{Result, SceneError};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -27,8 +27,8 @@ pub fn files(spec: &str, allow_outside: bool) -> Result<Vec<PathBuf>> {
     Ok(list.all)
 }
 
-/// Returns the files of the scene `spec` that no output may overwrite, including those outside its folder. Unlike [`files`],
-/// returns all files that it finds if the scene is invalid.
+/// Returns the files of the scene `spec` that no output may overwrite, including those outside its folder. Unlike
+/// [`files`], returns all files that it finds if the scene is invalid.
 pub fn protected_files(spec: &str) -> Vec<PathBuf> {
     let mut list = FileList {
         allow_outside: true,
@@ -60,7 +60,7 @@ impl FileList {
         if spec.starts_with("demo:") {
             return Ok(());
         }
-        let path = &path(spec);
+        let path = &decode_path(spec);
         match fs::metadata(path) {
             Ok(metadata) if metadata.is_dir() => self.add_key_frames(&visible_files(path)?),
             Ok(_) => self.add_with_companions(path),
@@ -101,7 +101,7 @@ impl FileList {
         };
         names.retain(|name| folder.permitted(name).is_ok());
         let folder = file.parent().unwrap_or(Path::new(""));
-        let files = names.iter().map(|name| folder.join(path(name)));
+        let files = names.iter().map(|name| folder.join(decode_path(name)));
         // A library that cannot be opened does not affect the scene.
         self.all.extend(files.filter(|f| host::open(f).is_ok()));
         Ok(())

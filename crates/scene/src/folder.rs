@@ -24,7 +24,7 @@ impl Folder {
 
     /// Returns the folder's path joined with `name`, which [`paths::encode`] may have encoded.
     pub(crate) fn path(&self, name: &str) -> PathBuf {
-        self.folder.join(paths::path(name))
+        self.folder.join(paths::decode_path(name))
     }
 
     /// Reads a regular file by its name relative to the folder.

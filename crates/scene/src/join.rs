@@ -5,7 +5,7 @@
 
 use crate::mesh::joined_triangles;
 use crate::paging::{KeySize, check_keys, within};
-use crate::paths::{exists, path};
+use crate::paths::{decode_path, exists};
 use crate::rounding::{Position, RoundedPosition, remarks};
 use crate::source::{is_gltf_input, open_one, refuse_clip};
 use crate::{Facts, Result, Scene, SceneError, SceneOptions, paging};
@@ -164,7 +164,9 @@ fn join(spec: &str, inputs: &[Input<'_>], options: &SceneOptions) -> Result<Scen
             rounded: place.put(p),
         })
     });
-    facts.notes.extend(remarks(&path(spec), positions, options));
+    facts
+        .notes
+        .extend(remarks(&decode_path(spec), positions, options));
     let placed: Vec<_> = animations().map(Arc::clone).zip(places).collect();
     let source = move |key: usize| {
         let mut all = Vec::with_capacity(vertices);

@@ -85,8 +85,8 @@ pub struct SceneOptions {
     /// of the first key frame, or for joined inputs that of the first input after its placement. For a demo, its origin
     /// counts as its centre. [`Facts::offset`] holds the point.
     pub recentre: bool,
-    /// Maximum size of all key frames in bytes. A larger animation of more than eight key frames is paged: it holds a
-    /// few key frames, and reads or computes the others during playback.
+    /// Size of all key frames, in bytes, above which an animation is paged, if it has more than eight key frames. A
+    /// paged animation holds a few key frames, and reads or computes the others during playback.
     pub key_bytes: u64,
     /// Bytes that the caller needs in addition to the scene. Opening fails if they are not free.
     pub more_bytes: u64,
@@ -154,7 +154,7 @@ impl SceneError {
 
 #[cfg(test)]
 mod testing {
-    use crate::mesh::{PolygonMesh, compact};
+    use crate::mesh::{PolygonMesh, renumber_used_vertices};
     use crate::rounding::Rounding;
     use crate::{Result, Scene, SceneOptions, polygon};
     use geom::Point;
@@ -179,7 +179,7 @@ mod testing {
     pub(crate) fn surface(mesh: &PolygonMesh) -> Surface {
         let found = polygon::triangulate(&mesh.polygons, &mesh.points).unwrap();
         let mut triangles = found.triangles;
-        let kept = compact(&mut triangles, mesh.points.len());
+        let kept = renumber_used_vertices(&mut triangles, mesh.points.len());
         let points = kept.iter().map(|&v| mesh.points[v as usize]);
         let points = points.map(|p| Rounding::default().point(p)).collect();
         Surface { points, triangles }

@@ -137,7 +137,7 @@ pub(crate) fn joined_triangles<'a>(
 /// Renumbers the triangles to use consecutive vertices, and returns the used vertices in ascending order.
 ///
 /// Unused vertices would distort cameras that are computed from the scene's bounds.
-pub(crate) fn compact(triangles: &mut [[u32; 3]], vertices: usize) -> Vec<u32> {
+pub(crate) fn renumber_used_vertices(triangles: &mut [[u32; 3]], vertices: usize) -> Vec<u32> {
     let mut used = vec![false; vertices];
     let corners = triangles.as_flattened_mut();
     corners.iter().for_each(|&v| used[v as usize] = true);

@@ -34,7 +34,8 @@ impl KeySize {
         (self.vertices as u64).saturating_mul(size_of::<Point>() as u64)
     }
 
-    /// Returns the number of key frames that are held in memory: all, or those in addition to the first.
+    /// Returns the number of key frames held in memory: all, if the animation is not paged. Otherwise those in addition
+    /// to the first, which always stays in memory.
     fn held(&self, options: &SceneOptions) -> usize {
         let most = options.key_bytes / self.key_bytes().max(1);
         if self.keys as u64 <= most {

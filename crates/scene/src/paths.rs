@@ -17,7 +17,8 @@ pub fn encode_path(path: &OsStr) -> String {
     encode(path.as_encoded_bytes()).into_owned()
 }
 
-/// Encodes text like [`encode_path`]. Different texts remain different, even if they are not UTF-8.
+/// Encodes text like [`encode_path`]. Different texts without NUL remain different, even if they are not
+/// UTF-8.
 pub(crate) fn encode(text: &[u8]) -> Cow<'_, str> {
     if let Ok(text) = std::str::from_utf8(text) {
         return Cow::Borrowed(text);
@@ -35,7 +36,7 @@ pub(crate) fn encode(text: &[u8]) -> Cow<'_, str> {
 
 /// Decodes a path that [`encode`] encoded.
 #[cfg(unix)]
-pub(crate) fn path(word: &str) -> PathBuf {
+pub(crate) fn decode_path(word: &str) -> PathBuf {
     use std::os::unix::ffi::OsStringExt;
     let decoded = || {
         let mut parts = word.split(NUL);
@@ -52,7 +53,7 @@ pub(crate) fn path(word: &str) -> PathBuf {
 }
 
 #[cfg(not(unix))]
-pub(crate) fn path(word: &str) -> PathBuf {
+pub(crate) fn decode_path(word: &str) -> PathBuf {
     word.into()
 }
 
@@ -61,7 +62,7 @@ pub(crate) fn path(word: &str) -> PathBuf {
 pub(crate) fn exists(spec: &str) -> bool {
     let matches = || glob::glob(spec).is_ok_and(|mut all| all.next().is_some());
     let is_demo = spec.starts_with("demo:") && !spec.contains(['+', '@']);
-    is_demo || path(spec).exists() || is_pattern(spec) && matches()
+    is_demo || decode_path(spec).exists() || is_pattern(spec) && matches()
 }
 
 /// Returns whether `spec` is a glob.
@@ -128,11 +129,11 @@ mod tests {
             b"",
         ] {
             let name = OsStr::from_bytes(bytes);
-            assert_eq!(path(&encode_path(name)).as_os_str(), name);
+            assert_eq!(decode_path(&encode_path(name)).as_os_str(), name);
         }
         assert_eq!(encode_path(OsStr::from_bytes(b"a\xff.obj")), "a\0ff.obj");
         for malformed in ["a\0", "a\0zz", "a\x0041"] {
-            assert_eq!(path(malformed), Path::new(malformed));
+            assert_eq!(decode_path(malformed), Path::new(malformed));
         }
     }
 }

@@ -135,17 +135,18 @@ impl Clipper<'_> {
 /// Emits `vertices - 2` triangles that fill a polygon. Corners are indices into the polygon in ascending order, so each
 /// triangle has the polygon's orientation.
 ///
-/// `ears` is sorted by first corner, then by last corner in descending order. If its triangles cross when the vertices
-/// are placed on a circle in order, some are left out. Some may also be missing: `earcut` omits triangles without area,
-/// and a polygon that crosses itself has no triangulation. Fans fill the gaps.
+/// `ears` is sorted by first corner, then by last corner in descending order. Only indices matter here, so imagine the
+/// vertices in order on a circle. If triangles of `ears` cross there, some are left out. Triangles may also be missing
+/// from `ears`: `earcut` omits triangles without area, and a polygon that crosses itself has no triangulation. Fans
+/// fill the gaps.
 fn complete(ears: &[[u32; 3]], vertices: usize, mut emit: impl FnMut([u32; 3])) {
     let apex = |from: u32, to: u32| {
         let at = ears.partition_point(|&[a, _, c]| (a, !c) < (from, !to));
         let ear = ears.get(at).filter(|ear| (ear[0], ear[2]) == (from, to));
         ear.map(|ear| ear[1])
     };
-    // Returns the end of the longest chord that starts at `from` and ends at `limit` or before. Without such a chord,
-    // returns the end of the polygon's edge.
+    // The chord of an ear is its side from the first to the last corner. Returns the end of the longest chord that
+    // starts at `from` and ends at `limit` or before, else `from + 1`.
     let reach = |from: u32, limit: u32| {
         let at = ears.partition_point(|&[a, _, c]| (a, !c) < (from, !limit));
         let ear = ears.get(at).filter(|ear| ear[0] == from);

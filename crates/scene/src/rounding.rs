@@ -45,7 +45,7 @@ impl Rounding {
     }
 
     /// Returns the offset, or `None` if the scene is not recentred.
-    pub(crate) fn chosen(&self, options: &SceneOptions) -> Option<Position> {
+    pub(crate) fn reported_offset(&self, options: &SceneOptions) -> Option<Position> {
         options.recentre.then_some(self.offset)
     }
 
@@ -83,10 +83,11 @@ pub(crate) fn remarks(
         std::array::from_fn(|i| (f64::from(p.rounded[i]) - p.exact[i]).abs())
     };
     let errors = positions.clone().flat_map(errors_of);
-    // The error of a coordinate that is not finite is NaN.
+    // An infinite error means that a finite coordinate overflowed. If the file's coordinate is infinite or NaN, the
+    // error is NaN.
     if errors.clone().any(f64::is_infinite) {
         remarks.push(format!(
-            "{file}: a coordinate exceeds the range of 32-bit floats, so no ray hits triangles with its vertex"
+            "{file}: a coordinate exceeds the range of 32-bit floats, so no ray hits the triangles that use this vertex"
         ));
     }
     let loss = errors.filter(|e| e.is_finite()).fold(0.0, f64::max);

@@ -1,7 +1,7 @@
 //! Key frames from mesh files of equal topology, one per file.
 
 use crate::folder::Folder;
-use crate::mesh::{CLAY, Paint, Polygons, compact, mean};
+use crate::mesh::{CLAY, Paint, Polygons, mean, renumber_used_vertices};
 use crate::paging::{KeySize, check_keys, reserve};
 use crate::paths::extension;
 use crate::ply::{MeshFile, PlyTemplate};
@@ -16,7 +16,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, OnceLock};
 use std::time::SystemTime;
 
-/// Reads a mesh file of either format. An OBJ file has no template.
+/// Reads a mesh file of either format. An OBJ file has no template, so each later file is parsed.
 fn read(path: &Path) -> Result<MeshFile> {
     match extension(path).as_str() {
         "obj" => Ok(MeshFile {
@@ -55,7 +55,7 @@ pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &SceneOptions) ->
         triangles: &triangles,
     };
     let colours = surface.colours(&folder, mesh.paint, &mut notes);
-    let kept = compact(&mut triangles, polygons.vertices);
+    let kept = renumber_used_vertices(&mut triangles, polygons.vertices);
     let exact = pick(path, &mesh.points, &kept)?;
     drop(mesh.points);
     let rounding = Rounding::of(&exact, options);
@@ -82,7 +82,7 @@ pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &SceneOptions) ->
     let facts = Facts {
         format: extension(&files[0]),
         files,
-        offset: rounding.chosen(options),
+        offset: rounding.reported_offset(options),
         notes,
         ..Facts::default()
     };
@@ -112,6 +112,8 @@ struct Sequence {
     alike: Vec<AtomicBool>,
     /// Polygons of all files.
     polygons: Polygons,
+    /// Template with which later files are compared byte by byte instead of being parsed. `None` for OBJ files and for
+    /// some PLY files.
     template: Option<PlyTemplate>,
     /// Indices, as numbered in the files, of the vertices that faces use.
     kept: Vec<u32>,

@@ -1,6 +1,8 @@
 //! Opens one input: a demo, a file, a directory or a glob.
 
-use crate::paths::{extension, is_gltf, is_pattern, matching_files, path, stem, visible_files};
+use crate::paths::{
+    decode_path, extension, is_gltf, is_pattern, matching_files, stem, visible_files,
+};
 use crate::{Result, Scene, SceneError, SceneOptions, demo, gltf, sequence};
 use alphanumeric_sort::compare_str;
 use std::fs;
@@ -11,7 +13,7 @@ pub(crate) fn open_one(spec: &str, options: &SceneOptions) -> Result<Scene> {
         refuse_clip(spec, options)?;
         return demo::open(name, options);
     }
-    let path = &path(spec);
+    let path = &decode_path(spec);
     match fs::metadata(path) {
         Ok(metadata) if metadata.is_dir() => directory(path, options),
         Ok(_) => file(path, options),
@@ -26,7 +28,7 @@ pub(crate) fn is_gltf_input(spec: &str) -> bool {
         let matched = matching_files(spec).unwrap_or_default();
         matches!(matched.as_slice(), [only] if is_gltf(only))
     };
-    is_gltf(&path(spec)) || is_pattern(spec) && is_only_match()
+    is_gltf(&decode_path(spec)) || is_pattern(spec) && is_only_match()
 }
 
 /// Returns an error if `options` name a clip. Used for sources without clips.
@@ -104,7 +106,8 @@ fn frames(
     };
     files.retain(|f| extension(f) == kind);
     refuse_clip(place, options)?;
-    // The natural order ignores how names differ in bytes that are not UTF-8.
+    // Sorts by bytes first. The natural order treats names as equal if they differ only in bytes that are not UTF-8,
+    // and the stable sort keeps their order.
     files.sort();
     files.sort_by(|a, b| compare_str(a.to_string_lossy(), b.to_string_lossy()));
     sequence::open(name, files, options)
@@ -260,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn git_lfs_pointers_are_named() {
+    fn git_lfs_pointers_are_reported() {
         let pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n";
         let triangle = obj(0, TRIANGLE);
         let gltf = r#"{"asset":{"version":"2.0"},"meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],

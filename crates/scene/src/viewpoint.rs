@@ -97,6 +97,7 @@ impl PyramidExtent {
             let finite = points.iter().filter(|p| p.iter().all(|x| x.is_finite()));
             finite.map(of_point).fold(Self::NONE, Self::max)
         };
+        // `None` for a paged animation.
         let Some(keys) = animation.held_keys() else {
             let boxes = animation.key_bounds().iter().filter(|b| !b.is_empty());
             let fits = boxes.map(|b| of_points(&b.corners()));

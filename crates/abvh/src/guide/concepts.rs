@@ -4,7 +4,7 @@
 //! [`Tracer`](crate::Tracer), which uploads it to a [`Device`](crate::Device). After that no mesh can be added, but
 //! each can be [replaced](crate::Tracer::replace).
 //!
-//! | mesh | is moved by | in a step without this call |
+//! | mesh | is moved by | if a step does not move it |
 //! |---|---|---|
 //! | [`Mesh::fixed`](crate::Mesh::fixed) | nothing | |
 //! | [`Mesh::keyframes`](crate::Mesh::keyframes) | the step's time, in key frames: at 2.5, halfway from key 2 to key 3 | |

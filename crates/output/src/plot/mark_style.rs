@@ -1,7 +1,7 @@
 //! Colour, shape and fill of marks.
 //!
-//! Apart from greys, the colours are those of Okabe and Ito (*Color Universal Design*, 2008), which are distinct for all
-//! types of colour vision. They also differ in lightness, for print in black and white.
+//! Apart from greys, the colours are those of Okabe and Ito (*Color Universal Design*, 2008), which are distinct for
+//! all types of colour vision.
 
 use super::ChartPoint;
 use backend::{BackendName, Intersector, Policy};

@@ -1,7 +1,8 @@
 //! Built-in scenes that need no files: `demo:NAME[:TRIANGLES]`.
 //!
-//! Scenes are bit-identical on all machines. All numbers are results of `libm` or of single IEEE operations in double
-//! precision. Random numbers are hashes of seeds and indices. No result depends on the order in which threads finish.
+//! Scenes are bit-identical on all machines. All numbers are results of `libm` or of individual (not fused) IEEE
+//! operations in double precision. Random numbers are hashes of seeds and indices. No result depends on the order in
+//! which threads finish.
 
 mod collide;
 mod figure;

@@ -50,7 +50,8 @@ fn cuts_of(piece: u64, pieces: u64, budget: u64) -> u32 {
     let small = (budget / (12 * pieces)).isqrt().max(1);
     let missing = budget.saturating_sub(12 * pieces * small * small);
     let large = (missing / (12 * (2 * small + 1))).min(pieces);
-    // Distributes large pieces evenly: the integer `i * large / pieces` increases after each large piece `i`.
+    // Piece `i` is large if the integer `(i + 1) * large / pieces` exceeds `i * large / pieces`. This spaces the large
+    // pieces evenly.
     let rises = (piece + 1) * large / pieces > piece * large / pieces;
     (small + u64::from(rises)) as u32
 }

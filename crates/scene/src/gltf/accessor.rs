@@ -1,7 +1,7 @@
 //! Reads numbers from accessors. Every range is checked before it is read.
 
 use super::document::GltfFile;
-use super::schema::{Accessor, Sparse, Whole};
+use super::schema::{Accessor, Sparse, WholeNumber};
 use crate::{Result, SceneError};
 
 /// Type of a component.
@@ -16,7 +16,7 @@ enum Component {
 }
 
 impl Component {
-    fn of(code: Whole) -> Result<Self, String> {
+    fn of(code: WholeNumber) -> Result<Self, String> {
         match code.0 {
             5120 => Ok(Self::I8),
             5121 => Ok(Self::U8),
@@ -53,7 +53,7 @@ impl Component {
 /// Accessor whose types are known to be supported.
 struct Elements<'a> {
     file: &'a GltfFile,
-    index: Whole,
+    index: WholeNumber,
     accessor: &'a Accessor,
     component: Component,
     /// Number of components per element.
@@ -61,7 +61,7 @@ struct Elements<'a> {
 }
 
 /// Reads an accessor of N floats per element. Normalized integers become fractions.
-pub(super) fn floats<const N: usize>(file: &GltfFile, index: Whole) -> Result<Vec<[f32; N]>> {
+pub(super) fn floats<const N: usize>(file: &GltfFile, index: WholeNumber) -> Result<Vec<[f32; N]>> {
     let elements = Elements::of(file, index)?;
     elements.expect(match N {
         1 => "SCALAR",
@@ -89,7 +89,7 @@ pub(super) fn floats<const N: usize>(file: &GltfFile, index: Whole) -> Result<Ve
     })
 }
 
-pub(super) fn indices(file: &GltfFile, index: Whole) -> Result<Vec<u32>> {
+pub(super) fn indices(file: &GltfFile, index: WholeNumber) -> Result<Vec<u32>> {
     let elements = Elements::of(file, index)?;
     elements.expect("SCALAR")?;
     match elements.component {
@@ -105,8 +105,8 @@ type Rows<'a> = std::iter::Take<std::slice::Chunks<'a, u8>>;
 
 /// Sequence of equally sized elements in a buffer view.
 struct ElementSpan {
-    view: Whole,
-    offset: Option<Whole>,
+    view: WholeNumber,
+    offset: Option<WholeNumber>,
     count: usize,
     /// Size of an element in bytes.
     size: usize,
@@ -136,7 +136,7 @@ impl ElementSpan {
 }
 
 impl<'a> Elements<'a> {
-    fn of(file: &'a GltfFile, index: Whole) -> Result<Self> {
+    fn of(file: &'a GltfFile, index: WholeNumber) -> Result<Self> {
         let accessor = file.accessor(index)?;
         let wrong = |cause| file.wrong(("accessor", index.0), cause);
         let component = Component::of(accessor.component_type).map_err(wrong)?;

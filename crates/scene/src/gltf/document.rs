@@ -1,7 +1,7 @@
 //! An open glTF file: its document, and its buffers, which are loaded on first use.
 
 use super::container::{self, Container};
-use super::schema::{Accessor, BufferView, Document, GltfNode, Head, Whole};
+use super::schema::{Accessor, BufferView, Document, GltfNode, Head, WholeNumber};
 use crate::Location;
 use crate::folder::Folder;
 use crate::{Result, SceneError};
@@ -80,21 +80,26 @@ impl GltfFile {
     }
 
     /// Returns an item of a list in the document.
-    pub(super) fn item<'a, T>(&self, kind: &str, list: &'a [T], index: Whole) -> Result<&'a T> {
+    pub(super) fn item<'a, T>(
+        &self,
+        kind: &str,
+        list: &'a [T],
+        index: WholeNumber,
+    ) -> Result<&'a T> {
         let found = find_item(kind, list, index);
         found.map_err(|cause| SceneError::malformed(&self.path, None, cause))
     }
 
-    pub(super) fn node(&self, index: Whole) -> Result<&GltfNode> {
+    pub(super) fn node(&self, index: WholeNumber) -> Result<&GltfNode> {
         self.item("node", &self.document.nodes, index)
     }
 
-    pub(super) fn accessor(&self, index: Whole) -> Result<&Accessor> {
+    pub(super) fn accessor(&self, index: WholeNumber) -> Result<&Accessor> {
         self.item("accessor", &self.document.accessors, index)
     }
 
     /// Returns a buffer view and its bytes. The error does not contain the path.
-    pub(super) fn view_bytes(&self, index: Whole) -> Result<(&BufferView, &[u8]), String> {
+    pub(super) fn view_bytes(&self, index: WholeNumber) -> Result<(&BufferView, &[u8]), String> {
         let view = find_item("buffer view", &self.document.buffer_views, index)?;
         let buffer = self.buffer(view.buffer)?;
         let rest = buffer.get(view.byte_offset.map_or(0, |o| o.0)..);
@@ -106,7 +111,7 @@ impl GltfFile {
         Ok((view, bytes?))
     }
 
-    fn buffer(&self, index: Whole) -> Result<&[u8], String> {
+    fn buffer(&self, index: WholeNumber) -> Result<&[u8], String> {
         let buffer = find_item("buffer", &self.buffers, index)?;
         let declared = &self.document.buffers[index.0];
         let found = match (&declared.uri, &self.binary) {
@@ -130,7 +135,7 @@ impl GltfFile {
 }
 
 /// Returns an item of a list. The error does not contain the path.
-fn find_item<'a, T>(kind: &str, list: &'a [T], index: Whole) -> Result<&'a T, String> {
+fn find_item<'a, T>(kind: &str, list: &'a [T], index: WholeNumber) -> Result<&'a T, String> {
     list.get(index.0).ok_or_else(|| {
         let (index, count) = (index.0, list.len());
         format!("{kind} {index} does not exist, there are {count}")
@@ -233,7 +238,7 @@ fn extensions(document: &Document) -> Result<Vec<String>, String> {
 /// Adds one node per mesh. A file without scenes and nodes is a library of meshes (glTF 2.0, 3.5.1).
 fn place_meshes(document: &mut Document) {
     let node = |mesh| GltfNode {
-        mesh: Some(Whole(mesh)),
+        mesh: Some(WholeNumber(mesh)),
         ..GltfNode::default()
     };
     document.nodes = (0..document.meshes.len()).map(node).collect();

@@ -82,7 +82,7 @@ pub(crate) fn open(name: String, path: &Path, options: &SceneOptions) -> Result<
         files: vec![path.to_owned()],
         clip: clip.map(|i| clip_name(&file, i)),
         seconds_per_key,
-        offset: rounding.chosen(options),
+        offset: rounding.reported_offset(options),
         notes,
     };
     let first = rounding.points(&exact);
@@ -133,7 +133,8 @@ fn choose(
     Err(SceneError::unusable(&file.path, cause))
 }
 
-/// Returns evenly spaced times in seconds from the start to the end of the clip, at least `fps` per second.
+/// Returns evenly spaced times in seconds from the start to the end of the clip. Apart from the tolerance below, there
+/// are at least `fps` per second.
 fn times(path: &Path, [start, end]: [f64; 2], fps: f64) -> Result<Vec<f64>> {
     // The tolerance keeps rounding errors from adding a key frame: 2.0000001 intervals count as 2.
     let steps = ((end - start) * fps - 1e-4).ceil().max(0.0) as usize;

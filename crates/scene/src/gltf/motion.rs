@@ -2,7 +2,7 @@
 
 use super::accessor::floats;
 use super::document::GltfFile;
-use super::schema::{Clip, Whole};
+use super::schema::{Clip, WholeNumber};
 use super::transform::{Transform, unit};
 use crate::Result;
 use glam::DVec3;
@@ -134,13 +134,13 @@ fn interpolation(name: Option<&str>) -> Result<Interpolation, String> {
     }
 }
 
-fn numbers<const N: usize>(file: &GltfFile, accessor: Whole) -> Result<Vec<f64>> {
+fn numbers<const N: usize>(file: &GltfFile, accessor: WholeNumber) -> Result<Vec<f64>> {
     let elements = floats::<N>(file, accessor)?;
     Ok(elements.into_iter().flatten().map(f64::from).collect())
 }
 
 /// Returns the number of morph targets of a node.
-fn targets(file: &GltfFile, node: Whole) -> Result<usize> {
+fn targets(file: &GltfFile, node: WholeNumber) -> Result<usize> {
     let Some(mesh) = file.node(node)?.mesh else {
         return Ok(0);
     };
@@ -150,7 +150,7 @@ fn targets(file: &GltfFile, node: Whole) -> Result<usize> {
 }
 
 /// Returns the times of a sampler, after checking that they are finite and non-decreasing.
-fn times(file: &GltfFile, input: Whole) -> Result<Vec<f64>> {
+fn times(file: &GltfFile, input: WholeNumber) -> Result<Vec<f64>> {
     let times = numbers::<1>(file, input)?;
     let wrong = |cause: &str| Err(file.wrong(("accessor", input.0), cause));
     if times.iter().any(|t| !t.is_finite()) {
@@ -195,7 +195,7 @@ impl Track {
         Ok(())
     }
 
-    /// Returns the number of rows per time.
+    /// Returns the number of rows of `values` per time. A row is one value or one tangent, of `size` components.
     fn rows_per_time(&self) -> usize {
         match self.interpolation {
             Interpolation::CubicSpline => 3,

@@ -4,9 +4,9 @@ use super::accessor::{floats, indices};
 use super::document::GltfFile;
 use super::motion::{ClipMotion, NodeProperty};
 use super::rig::{Rig, instance_transforms};
-use super::schema::{GltfMaterial, GltfPrimitive, Whole};
+use super::schema::{GltfMaterial, GltfPrimitive, WholeNumber};
 use super::transform::vector;
-use crate::mesh::{append, compact, from_linear};
+use crate::mesh::{append, from_linear, renumber_used_vertices};
 use crate::rounding::Position;
 use crate::{Result, Rgb};
 use glam::{DMat4, DVec3, Mat4};
@@ -93,8 +93,8 @@ struct PrimitiveReader<'a> {
     source: &'a GltfPrimitive,
     mode: usize,
     /// Accessor of the positions.
-    positions: Whole,
-    skin: Option<Whole>,
+    positions: WholeNumber,
+    skin: Option<WholeNumber>,
 }
 
 impl PrimitiveReader<'_> {
@@ -114,7 +114,7 @@ impl PrimitiveReader<'_> {
         let skin = self.skin;
         let skin = skin.map(|skin| VertexSkin::new(file, skin, self.source, rest.len()));
         let mut skin = skin.transpose()?.unwrap_or_default();
-        let kept = compact(&mut triangles, rest.len());
+        let kept = renumber_used_vertices(&mut triangles, rest.len());
         keep(&mut rest, &kept);
         targets.iter_mut().for_each(|(_, moves)| keep(moves, &kept));
         keep(&mut skin.influences, &kept);
@@ -178,7 +178,12 @@ fn keep<T>(list: &mut Vec<T>, kept: &[u32]) {
     list.truncate(kept.len());
 }
 
-fn check_count(file: &GltfFile, accessor: Whole, found: usize, vertices: usize) -> Result<()> {
+fn check_count(
+    file: &GltfFile,
+    accessor: WholeNumber,
+    found: usize,
+    vertices: usize,
+) -> Result<()> {
     if found == vertices {
         return Ok(());
     }
@@ -303,7 +308,7 @@ struct VertexSkin {
 impl VertexSkin {
     fn new(
         file: &GltfFile,
-        number: Whole,
+        number: WholeNumber,
         primitive: &GltfPrimitive,
         vertices: usize,
     ) -> Result<Self> {
@@ -343,7 +348,12 @@ impl VertexSkin {
     }
 
     /// Adds one set of four influences per vertex. A joint index with weight 0 may be invalid.
-    fn add_influences(&mut self, file: &GltfFile, joints: Whole, weights: Whole) -> Result<()> {
+    fn add_influences(
+        &mut self,
+        file: &GltfFile,
+        joints: WholeNumber,
+        weights: WholeNumber,
+    ) -> Result<()> {
         let vertices = self.influences.len();
         let (joint_rows, weight_rows) = (floats::<4>(file, joints)?, floats::<4>(file, weights)?);
         check_count(file, joints, joint_rows.len(), vertices)?;

@@ -3,7 +3,7 @@
 use super::accessor::floats;
 use super::document::GltfFile;
 use super::motion::ClipMotion;
-use super::schema::{GltfNode, Whole};
+use super::schema::{GltfNode, WholeNumber};
 use super::transform::{Transform, unit, vector};
 use crate::Result;
 use glam::{DMat4, DQuat, DVec3};
@@ -55,12 +55,13 @@ impl Rig {
             }
         }
         let roots = (0..nodes.len()).filter(|&i| parents[i].is_none());
-        let order = descend(file, roots.map(Whole).collect());
+        let order = descend(file, roots.map(WholeNumber).collect());
         if order.len() < nodes.len() {
             let mut reached = order;
             reached.sort_unstable();
             let lost = (0..).zip(&reached).take_while(|(i, r)| i == *r).count();
-            // A node that no root reaches leads to a cycle of parents. After this many steps, `node` is in the cycle.
+            // From a node that no root reaches, following parents ends in a cycle. After `nodes.len()` steps, `node` is
+            // in this cycle.
             let cyclic = (0..nodes.len()).fold(lost, |node, _| parents[node].unwrap_or(node));
             return Err(file.wrong(("node", cyclic), "the node is its own ancestor"));
         }
@@ -78,7 +79,7 @@ impl Rig {
         if document.scenes.is_empty() && document.scene.is_none() {
             return Ok(self.order.clone());
         }
-        let scene = document.scene.unwrap_or(Whole(0));
+        let scene = document.scene.unwrap_or(WholeNumber(0));
         let scene = file.item("scene", &document.scenes, scene)?;
         for &root in &scene.nodes {
             file.node(root)?;
@@ -114,13 +115,13 @@ impl Rig {
 
 /// Returns `roots` and all their descendants in depth-first order, each once. If no root has a parent, each node comes
 /// after its parent.
-fn descend(file: &GltfFile, roots: Vec<Whole>) -> Vec<usize> {
+fn descend(file: &GltfFile, roots: Vec<WholeNumber>) -> Vec<usize> {
     let nodes = &file.document.nodes;
     let mut seen = vec![false; nodes.len()];
     let mut waiting = roots;
     waiting.reverse();
     let mut order = Vec::new();
-    while let Some(Whole(i)) = waiting.pop() {
+    while let Some(WholeNumber(i)) = waiting.pop() {
         if !std::mem::replace(&mut seen[i], true) {
             order.push(i);
             waiting.extend(nodes[i].children.iter().rev());

@@ -10,9 +10,9 @@ use std::collections::BTreeMap;
 
 /// Non-negative integer. JSON has only one number type, so `3.0` is accepted as 3.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Whole(pub(super) usize);
+pub(super) struct WholeNumber(pub(super) usize);
 
-impl<'de> Deserialize<'de> for Whole {
+impl<'de> Deserialize<'de> for WholeNumber {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         /// Above this limit, doubles cannot represent every integer.
         const LIMIT: f64 = (1_u64 << f64::MANTISSA_DIGITS) as f64;
@@ -46,7 +46,7 @@ pub(super) struct Asset {
 pub(super) struct Document {
     pub(super) extensions_used: Vec<String>,
     pub(super) extensions_required: Vec<String>,
-    pub(super) scene: Option<Whole>,
+    pub(super) scene: Option<WholeNumber>,
     pub(super) scenes: Vec<GltfScene>,
     pub(super) nodes: Vec<GltfNode>,
     pub(super) meshes: Vec<GltfMesh>,
@@ -61,15 +61,15 @@ pub(super) struct Document {
 #[derive(Default, Deserialize)]
 #[serde(default)]
 pub(super) struct GltfScene {
-    pub(super) nodes: Vec<Whole>,
+    pub(super) nodes: Vec<WholeNumber>,
 }
 
 #[derive(Default, Deserialize)]
 #[serde(default)]
 pub(super) struct GltfNode {
-    pub(super) children: Vec<Whole>,
-    pub(super) mesh: Option<Whole>,
-    pub(super) skin: Option<Whole>,
+    pub(super) children: Vec<WholeNumber>,
+    pub(super) mesh: Option<WholeNumber>,
+    pub(super) skin: Option<WholeNumber>,
     pub(super) matrix: Option<[f64; 16]>,
     pub(super) translation: Option<[f64; 3]>,
     pub(super) rotation: Option<[f64; 4]>,
@@ -89,7 +89,7 @@ pub(super) struct NodeExtensions {
 #[serde(default)]
 pub(super) struct Instancing {
     /// Accessors by attribute name.
-    pub(super) attributes: BTreeMap<String, Whole>,
+    pub(super) attributes: BTreeMap<String, WholeNumber>,
 }
 
 #[derive(Deserialize)]
@@ -102,21 +102,21 @@ pub(super) struct GltfMesh {
 #[serde(default)]
 pub(super) struct GltfPrimitive {
     /// Accessors by attribute semantic.
-    pub(super) attributes: BTreeMap<String, Whole>,
-    pub(super) indices: Option<Whole>,
-    pub(super) material: Option<Whole>,
-    pub(super) mode: Option<Whole>,
-    pub(super) targets: Vec<BTreeMap<String, Whole>>,
+    pub(super) attributes: BTreeMap<String, WholeNumber>,
+    pub(super) indices: Option<WholeNumber>,
+    pub(super) material: Option<WholeNumber>,
+    pub(super) mode: Option<WholeNumber>,
+    pub(super) targets: Vec<BTreeMap<String, WholeNumber>>,
 }
 
 impl GltfPrimitive {
     /// Returns the accessor of the positions.
-    pub(super) fn positions(&self) -> Option<Whole> {
+    pub(super) fn positions(&self) -> Option<WholeNumber> {
         self.attributes.get(POSITION).copied()
     }
 
     /// Returns the accessor of position displacements of each morph target.
-    pub(super) fn displacements(&self) -> impl Iterator<Item = Option<Whole>> {
+    pub(super) fn displacements(&self) -> impl Iterator<Item = Option<WholeNumber>> {
         let targets = self.targets.iter();
         targets.map(|target| target.get(POSITION).copied())
     }
@@ -127,8 +127,8 @@ const POSITION: &str = "POSITION";
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct GltfSkin {
-    pub(super) inverse_bind_matrices: Option<Whole>,
-    pub(super) joints: Vec<Whole>,
+    pub(super) inverse_bind_matrices: Option<WholeNumber>,
+    pub(super) joints: Vec<WholeNumber>,
 }
 
 /// Material in any form. Colours do not affect triangles, so malformed materials are accepted.
@@ -155,33 +155,33 @@ pub(super) struct Clip {
 
 #[derive(Deserialize)]
 pub(super) struct GltfChannel {
-    pub(super) sampler: Whole,
+    pub(super) sampler: WholeNumber,
     pub(super) target: GltfTarget,
 }
 
 #[derive(Deserialize)]
 pub(super) struct GltfTarget {
     /// Absent if an extension specifies the target.
-    pub(super) node: Option<Whole>,
+    pub(super) node: Option<WholeNumber>,
     pub(super) path: String,
 }
 
 #[derive(Deserialize)]
 pub(super) struct GltfSampler {
-    pub(super) input: Whole,
-    pub(super) output: Whole,
+    pub(super) input: WholeNumber,
+    pub(super) output: WholeNumber,
     pub(super) interpolation: Option<String>,
 }
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct Accessor {
-    pub(super) buffer_view: Option<Whole>,
-    pub(super) byte_offset: Option<Whole>,
-    pub(super) component_type: Whole,
+    pub(super) buffer_view: Option<WholeNumber>,
+    pub(super) byte_offset: Option<WholeNumber>,
+    pub(super) component_type: WholeNumber,
     #[serde(default)]
     pub(super) normalized: bool,
-    pub(super) count: Whole,
+    pub(super) count: WholeNumber,
     #[serde(rename = "type")]
     pub(super) kind: String,
     pub(super) sparse: Option<Sparse>,
@@ -189,7 +189,7 @@ pub(super) struct Accessor {
 
 #[derive(Deserialize)]
 pub(super) struct Sparse {
-    pub(super) count: Whole,
+    pub(super) count: WholeNumber,
     pub(super) indices: SparseIndices,
     pub(super) values: SparseValues,
 }
@@ -197,30 +197,30 @@ pub(super) struct Sparse {
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct SparseIndices {
-    pub(super) buffer_view: Whole,
-    pub(super) byte_offset: Option<Whole>,
-    pub(super) component_type: Whole,
+    pub(super) buffer_view: WholeNumber,
+    pub(super) byte_offset: Option<WholeNumber>,
+    pub(super) component_type: WholeNumber,
 }
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct SparseValues {
-    pub(super) buffer_view: Whole,
-    pub(super) byte_offset: Option<Whole>,
+    pub(super) buffer_view: WholeNumber,
+    pub(super) byte_offset: Option<WholeNumber>,
 }
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct BufferView {
-    pub(super) buffer: Whole,
-    pub(super) byte_offset: Option<Whole>,
-    pub(super) byte_length: Whole,
-    pub(super) byte_stride: Option<Whole>,
+    pub(super) buffer: WholeNumber,
+    pub(super) byte_offset: Option<WholeNumber>,
+    pub(super) byte_length: WholeNumber,
+    pub(super) byte_stride: Option<WholeNumber>,
 }
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct GltfBuffer {
-    pub(super) byte_length: Whole,
+    pub(super) byte_length: WholeNumber,
     pub(super) uri: Option<String>,
 }

@@ -1,5 +1,6 @@
-//! Reader of Wavefront OBJ files: vertices, polygons and their colours. Statements that do not affect triangles are
-//! skipped silently, all others with a remark.
+//! Reader of Wavefront OBJ files: vertices, polygons and their colours. Statements for normals, texture coordinates,
+//! curve parameters, groups and rendering are skipped silently. Other statements that the reader does not use, such as
+//! lines (`l`), are skipped with a remark.
 //!
 //! `tobj` reads only the material libraries. It is not used for meshes because its errors name no line, it drops faces
 //! silently, and it reads lines (`l`) as faces.
@@ -11,7 +12,7 @@ pub(crate) use materials::library_names;
 use crate::mesh::{
     Colours, MaterialUse, Materials, Paint, PolygonMesh, Polygons, SHORT_FACES, Skipped, append,
 };
-use crate::paths::{encode, path};
+use crate::paths::{decode_path, encode};
 use crate::rounding::Position;
 use crate::text::{LineError, before_comment, check_encoding, lines, number};
 use crate::{Result, SceneError};
@@ -100,7 +101,8 @@ impl Statements {
             | "shadow_obj" | "trace_obj" => {}
             word if word.starts_with('#') => {}
             word => {
-                let word = path(word).display().to_string().chars().take(24).collect();
+                let word = decode_path(word).display().to_string();
+                let word = word.chars().take(24).collect();
                 self.skipped.entry(word).or_default().add(("line", line));
             }
         }

@@ -142,7 +142,8 @@ impl<'a> AsciiBody<'a> {
     }
 }
 
-/// Parses an element. Its text is checked first, because the parser allocates up to 24 bytes per byte of text.
+/// Parses an element. First checks that enough memory is free, because the parser allocates up to 24 bytes per byte of
+/// text.
 fn parse(text: &str, definition: &ElementDef) -> Result<Element, String> {
     host::check_memory(24 * text.len() as u64).map_err(|e| e.to_string())?;
     let read = Parser::new().read_ascii_element(text, definition);

@@ -120,7 +120,8 @@ pub(super) fn push_number(text: &mut String, word: &str) {
     }
 }
 
-/// Returns whether the parser can read `word`. Words that are not numbers may pass, because the parser refuses them.
+/// Returns `false` if `word` is a number in a form that the parser lacks. May return `true` for a word that is not a
+/// number, because the parser refuses it.
 pub(super) fn is_plain(word: &str) -> bool {
     let bytes = word.as_bytes();
     let digit = |i: usize| bytes.get(i).is_some_and(u8::is_ascii_digit);

@@ -16,7 +16,7 @@ pub(super) struct PlyFile<'a> {
     path: &'a Path,
     pub(super) header: PlyHeader,
     pub(super) bytes: &'a [u8],
-    /// Unread part of the file.
+    /// Unread part of the file. For a binary file, only `rest` is used.
     body: AsciiBody<'a>,
     /// Byte offsets of the end of the header and of the end of the vertices. Equal until the vertices are read.
     pub(super) ends: [usize; 2],

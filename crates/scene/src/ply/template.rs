@@ -17,10 +17,12 @@ pub(crate) struct PlyTemplate {
     floats: Option<Floats>,
 }
 
-/// Layout of rows whose coordinates are little-endian 32-bit floats. All offsets are in bytes.
+/// Layout of a vertex row: the bytes of one vertex. x, y and z are little-endian 32-bit floats.
 struct Floats {
-    row: usize,
-    xyz: [usize; 3],
+    /// Size of a row, in bytes.
+    row_bytes: usize,
+    /// Byte offsets of x, y and z in a row.
+    xyz_offsets: [usize; 3],
 }
 
 impl PlyTemplate {
@@ -79,24 +81,27 @@ impl Floats {
     /// Returns the layout if all vertex properties are scalars, and x, y and z are 32-bit floats. Otherwise `None`.
     fn of(header: &PlyHeader) -> Option<Self> {
         let vertex = header.element("vertex")?;
-        let (mut row, mut xyz) = (0, [None; 3]);
+        let (mut row_bytes, mut offsets) = (0, [None; 3]);
         for (name, property) in &vertex.properties {
             let PropertyType::Scalar(kind) = &property.data_type else {
                 return None;
             };
             if let Some(axis) = ["x", "y", "z"].iter().position(|axis| axis == name) {
-                xyz[axis] = Some(row).filter(|_| *kind == ScalarType::Float);
+                offsets[axis] = Some(row_bytes).filter(|_| *kind == ScalarType::Float);
             }
-            row += size(kind);
+            row_bytes += size(kind);
         }
-        let xyz = [xyz[0]?, xyz[1]?, xyz[2]?];
-        (header.encoding == Encoding::BinaryLittleEndian).then_some(Self { row, xyz })
+        let xyz_offsets = [offsets[0]?, offsets[1]?, offsets[2]?];
+        (header.encoding == Encoding::BinaryLittleEndian).then_some(Self {
+            row_bytes,
+            xyz_offsets,
+        })
     }
 
     fn point(&self, rows: &[u8], vertex: usize) -> Position {
-        let row = &rows[vertex * self.row..][..self.row];
-        self.xyz.map(|at| {
-            let bytes = row[at..].first_chunk();
+        let row = &rows[vertex * self.row_bytes..][..self.row_bytes];
+        self.xyz_offsets.map(|offset| {
+            let bytes = row[offset..].first_chunk();
             f32::from_le_bytes(*bytes.expect("a float ends within the row")).into()
         })
     }

@@ -374,7 +374,7 @@ fn expands_mesh_instances() {
 }
 
 #[test]
-fn unsupported_extensions_are_named() {
+fn unsupported_extensions_are_reported() {
     let mut bin = Bin::default();
     let positions = bin.floats(&CORNERS, "VEC3");
     for name in ["KHR_draco_mesh_compression", "EXT_meshopt_compression"] {

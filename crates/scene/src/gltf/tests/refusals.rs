@@ -1,40 +1,6 @@
 //! Invalid files: each error names its cause, and no file causes a panic.
 
 use super::*;
-use crate::testing::put;
-
-#[test]
-fn reads_buffers_from_uris_and_files() {
-    use base64::prelude::{BASE64_STANDARD, Engine};
-    let (bin, rest) = moving();
-    let all = tempfile::tempdir().unwrap();
-    let read = |source: &str, allow_outside| {
-        let json = bin.json(&rest, &format!(r#","uri":"{source}""#));
-        let path = put(&all, "scene/a.gltf", json);
-        let options = SceneOptions {
-            allow_outside,
-            ..SceneOptions::default()
-        };
-        open(path.to_str().unwrap(), &options)
-    };
-    put(&all, "scene/some bytes.bin", &bin.bytes);
-    put(&all, "outside.bin", &bin.bytes);
-    let beside = read("some%20bytes.bin", false).unwrap();
-    assert_eq!(beside.facts.format, "gltf");
-    let text = BASE64_STANDARD.encode(&bin.bytes);
-    let text = format!("data:application/octet-stream;base64,{text}");
-    assert!(read(&text, false).is_ok() && read("../outside.bin", true).is_ok());
-    for (source, says) in [
-        ("data:;base64,@@@@", "buffer 0: a data URI with bad base64"),
-        ("data:;base64,AAAA", "are declared, 3 are there"),
-        ("data:;base64", "a data URI without data"),
-        ("absent.bin", "absent.bin"),
-        ("https://example.org/a.bin", "network"),
-        ("../outside.bin", "--allow-outside"),
-    ] {
-        refused(read(source, false), &[says]);
-    }
-}
 
 /// Checks that the file cannot be opened after any of the changes. Each line has the old text, the new text and a part
 /// of the message. `HUGE` means 2^64 - 1.
