@@ -42,8 +42,8 @@ pub(crate) struct BenchSettings {
     /// Threads that render
     #[arg(long, value_name = "N", value_parser = parsers::threads())]
     threads: Option<usize>,
-    /// Threads that build trees. By default, as many as --threads or cores. With async, one less if a GPU traces, or a
-    /// quarter if the host traces
+    /// Threads that build trees. Default: the number of --threads, or else of cores. With async: one less than that if
+    /// a GPU traces, a quarter of it if the host traces
     #[arg(long, value_name = "N", value_parser = parsers::threads())]
     builder_threads: Option<usize>,
     /// JSON file for the results of every frame
@@ -68,7 +68,7 @@ impl RunCommand for BenchSettings {
         match results.failures.len() {
             0 => Ok(()),
             n => Err(CliError::failed(format!(
-                "{n} of {} runs failed; their rows give the reason",
+                "{n} of {} runs failed, for the reasons listed with the results",
                 n + results.rows.len()
             ))),
         }

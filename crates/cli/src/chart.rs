@@ -91,7 +91,7 @@ impl RunCommand for ChartSettings {
         let methods = plan::unique(&methods);
         let steps = methods.len() + scenes.len() + chart.entries.len();
         chart.log.progress = ProgressLine::new(steps as u64, self.measure.quiet);
-        let tests = hard::families(self.rays);
+        let tests = hard::tests(self.rays);
         for method in methods {
             chart.count_hard_rays(&tests, method);
         }

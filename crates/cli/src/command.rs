@@ -13,7 +13,7 @@ pub(crate) trait RunCommand {
         Vec::new()
     }
 
-    /// Returns the requested number of threads for work outside the backend and the builder.
+    /// Returns the requested number of threads of rayon's global pool. `None` means one per core.
     fn threads(&self) -> Option<usize> {
         None
     }

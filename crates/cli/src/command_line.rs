@@ -139,8 +139,8 @@ fn refused(args: &[OsString], e: &clap::Error) -> CliError {
             format!("{rival} is a rival, not a backend: use bench or chart with --rival {rival}");
         return CliError::invalid(why);
     }
-    // clap drops escape sequences from arguments that it quotes. So parse the escaped arguments again: the error is the
-    // same, and its text is complete.
+    // clap removes terminal control sequences from arguments that it quotes. So parse again with control characters
+    // replaced by visible escapes: the error is the same, and it quotes the whole argument.
     let escaped = args.iter().map(|arg| {
         console::plain(&arg.to_string_lossy(), &[])
             .into_owned()

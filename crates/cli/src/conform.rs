@@ -87,6 +87,7 @@ impl ConformSettings {
         let mut rows = Vec::new();
         for backend in &mut *backends {
             let name = backend.device().backend;
+            // Access to the output of single stages, which the properties compare.
             let subject = abvh::backends::inspect(backend.as_mut());
             let subject = subject.expect("the program opens only known backends");
             for property in properties() {

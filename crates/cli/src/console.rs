@@ -152,7 +152,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn escapes_only_control_characters() {
+    fn escapes_control_characters_but_not_letters() {
         let name = "a  b\u{1b}[31m\r\n\u{9b}\0é.obj";
         assert_eq!(plain(name, &[]), "a  b\\u{1b}[31m\\r\\n\\u{9b}\\u{0}é.obj");
         assert_eq!(plain("one\ntwo", &['\n']), "one\ntwo");

@@ -29,8 +29,8 @@ pub(crate) struct DeviceSettings {
     /// Threads that render
     #[arg(long, value_name = "N", value_parser = parsers::threads())]
     pub(crate) threads: Option<usize>,
-    /// Threads that build trees. By default, as many as --threads or cores. With async, one less if a GPU traces, or a
-    /// quarter if the host traces
+    /// Threads that build trees. Default: the number of --threads, or else of cores. With async: one less than that if
+    /// a GPU traces, a quarter of it if the host traces
     #[arg(long, value_name = "N", value_parser = parsers::threads())]
     pub(crate) builder_threads: Option<usize>,
     /// Neither read nor write compiled kernels in the user's cache folder
@@ -51,20 +51,20 @@ impl DeviceSettings {
     }
 }
 
-/// A value and, if `auto` chose it, the reason. For a value that was made with a backend, this is the reason for the
-/// backend.
+/// A value and, if `auto` chose it, the reason. For the result of [`DeviceSettings::open_and`], `why` is the reason for
+/// the backend.
 pub(crate) struct Selected<T> {
     pub(crate) value: T,
     pub(crate) why: Option<String>,
 }
 
 impl DeviceSettings {
-    /// Opens the backend and calls `ready` with it. A named backend is never replaced by another. `auto` skips backends
-    /// that cannot be opened or for which `ready` fails. A backend on the host gets the rendering threads, or one
-    /// thread per core.
+    /// Opens the backend and passes it to `prepare`, which loads what the caller needs. A named backend is never
+    /// replaced by another. `auto` skips backends that cannot be opened or for which `prepare` fails. A backend on the
+    /// host gets the rendering threads, or one thread per core.
     pub(crate) fn open_and<T>(
         &self,
-        ready: impl Fn(Box<dyn Backend>) -> Result<T, CliError>,
+        prepare: impl Fn(Box<dyn Backend>) -> Result<T, CliError>,
     ) -> Result<Selected<T>, CliError> {
         let adapter = self.adapter.as_deref();
         let threads = self.threads.unwrap_or_else(host::cores);
@@ -73,10 +73,10 @@ impl DeviceSettings {
                 || CliError::invalid(format!("this program was built without backend {name}"));
             let entry = find_backend(name).ok_or_else(absent)?;
             let opened = entry.open(adapter, threads).map_err(CliError::invalid)?;
-            let value = ready(opened)?;
+            let value = prepare(opened)?;
             return Ok(Selected { value, why: None });
         }
-        match open_best(adapter, threads, ready) {
+        match open_best(adapter, threads, prepare) {
             Ok((value, why)) => Ok(Selected {
                 value,
                 why: Some(why),
@@ -153,7 +153,7 @@ fn serialize<S: Serializer>(all: &[AdapterInfo], to: S) -> Result<S::Ok, S::Erro
     }))
 }
 
-/// Returns all backends, available or not, in the order in which `auto` tries them.
+/// Returns all backends, available or not, in the order of [`BACKENDS`]. `auto` prefers by kind of device first.
 pub(crate) fn availability() -> impl DoubleEndedIterator<Item = BackendAvailability> {
     BACKENDS.iter().map(|entry| {
         let found = entry.adapters();

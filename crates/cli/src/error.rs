@@ -85,8 +85,8 @@ impl From<SceneError> for CliError {
     }
 }
 
-/// A file that cannot be written during the run is a failure. Checks before the run and read errors use
-/// [`CliError::invalid`].
+/// A file that cannot be written during the run is a failure. Errors of reading, and of checks before the run, are
+/// [`CliError::invalid`] instead.
 impl From<OutputError> for CliError {
     fn from(e: OutputError) -> Self {
         Self::failed(e)
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn combines_reasons_and_worst_exit_code() {
+    fn combined_error_is_invalid_only_if_every_part_is() {
         let (bad, failed) = (CliError::invalid("no device"), CliError::failed("lost"));
         let refused = all_failed(vec![bad.clone(), bad.clone()]);
         assert!(matches!(&refused, CliError::InvalidRequest(why) if why == "no device"));

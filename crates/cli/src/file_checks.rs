@@ -85,6 +85,7 @@ impl<'a> CommandFiles<'a> {
     /// Returns the option of the output folder that contains `path`, if the run may write a file of that name.
     fn folder_of(&self, path: &Path) -> Option<&'a str> {
         let name = path.file_name()?.to_string_lossy();
+        // The manifest and the journals are named `abvh-run*`.
         let is_ours = name.starts_with("abvh-run") || FileKind::of(&name).is_some();
         let folder = path.parent().filter(|_| is_ours)?;
         let found = self.folders.iter().find(|(_, f)| absolute(f) == folder);

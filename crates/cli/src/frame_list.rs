@@ -171,8 +171,8 @@ fn slurm_shard(variable: &dyn Fn(&str) -> Option<String>) -> Result<Shard, Strin
     }
 }
 
-/// Returns the frames that a run renders of a motion with `keys` key frames. Frames at key times are numbered by key
-/// time, others from 0.
+/// Returns the frames of a run over a motion with `keys` key frames. Frames at key times are numbered by key time,
+/// others from 0.
 pub(crate) fn list(
     frames: Option<&FrameChoice>,
     range: Option<TimeRange>,

@@ -40,7 +40,8 @@ struct Inspection {
     motion: MotionStats,
     inactive: CountRange,
     degenerate: CountRange,
-    decay: Vec<RefitCosts>,
+    #[serde(rename = "decay")]
+    refit_costs: Vec<RefitCosts>,
     auto: Vec<AutoChoice>,
 }
 
@@ -58,7 +59,7 @@ impl RunCommand for InspectSettings {
             motion: pipeline::motion(animation).map_err(CliError::invalid)?,
             inactive,
             degenerate,
-            decay: pipeline::refit_costs(animation, SAMPLES).map_err(CliError::failed)?,
+            refit_costs: pipeline::refit_costs(animation, SAMPLES).map_err(CliError::failed)?,
             auto: choices_of_auto(&self.scene, &scene)?,
         };
         if self.json {
@@ -116,7 +117,7 @@ fn text(scene: &Scene, i: &Inspection) -> String {
     for (what, n) in [("inactive", i.inactive), ("degenerate", i.degenerate)] {
         text += &format!("{what}: {} to {} triangles per key frame\n", n.min, n.max);
     }
-    text += &refit_table(&i.decay);
+    text += &refit_table(&i.refit_costs);
     for t in &i.auto {
         text += &format!("{t}\n");
     }

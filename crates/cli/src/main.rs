@@ -12,9 +12,9 @@
 //! | `measure` | measurements of frames on a backend or on a rival: a third-party ray tracer |
 //! | `file_checks` | refuses outputs that overwrite inputs or each other |
 //! | `console`, `table`, `machine` | output to the terminal; tables of results; facts about the machine |
-//! | `error`, `signals`, `threads` | errors with exit codes; SIGINT and SIGTERM; threads outside the backend |
+//! | `error`, `signals`, `threads` | errors with exit codes; SIGINT and SIGTERM; rayon's global pool |
 //!
-//! Imports between these modules have no cycles.
+//! Apart from tests, imports between these modules have no cycles.
 //!
 //! Settings are converted to the types of the libraries before work begins. For example, `--lockstep 2` is a field of
 //! `TracerSettings`. `TracerSettings::policy` turns it into `Policy::Lockstep(2)`, and `setup` passes that policy to

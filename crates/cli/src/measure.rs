@@ -53,8 +53,8 @@ pub(crate) struct MeasureSettings {
     /// Intersectors
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = parsers::intersector())]
     pub(crate) intersector: Vec<Intersector>,
-    /// Frames of each run: N spread evenly over the time range, key times A..B, or a list such as 1,4,10-20x2 (every
-    /// second)
+    /// Frames of each run: N spread evenly over the time range, or the key times A..B, without B. Or a list of key
+    /// times, such as 1,4,10-20x2 (10 to 20 in steps of 2)
     #[arg(long, value_name = "N|A..B|LIST")]
     pub(crate) frames: FrameChoice,
     /// Time range, in key frames [default: the whole motion]
@@ -62,8 +62,9 @@ pub(crate) struct MeasureSettings {
     time_range: Option<TimeRange>,
     #[command(flatten)]
     pub(crate) camera: CameraSettings,
-    /// Warm-up: seconds for which a device repeats the first frame of each run before the other frames are timed. Warm-up
-    /// then continues until frame times are steady, for at most 0.5 s more. 0 disables it [default: 0.7 on a GPU]
+    /// Warm-up: seconds for which a device repeats the traces of the first frame of each run before the other frames
+    /// are timed. Warm-up then continues until frame times are steady, for at most 0.5 s more. 0 disables it [default:
+    /// 0.7 on a GPU]
     #[arg(long, value_name = "SECONDS",
         value_parser = parsers::number(|s: f64| (0.0..=60.0).contains(&s), "a warm-up lasts from 0 to 60 seconds"))]
     pub(crate) warm_up: Option<f64>,
@@ -206,7 +207,7 @@ impl RunLog {
             backend: names.backend.to_owned(),
             intersector: names.intersector.to_owned(),
             update: names.update.to_owned(),
-            rays: run.rays.unless_camera(),
+            rays: run.rays.name_unless_camera(),
             error: error.to_string(),
         };
         self.progress.step(&failure.to_string());
@@ -329,8 +330,8 @@ pub(crate) struct MeasuredRow {
     /// Millions of primary and shadow rays per second of tracing time.
     pub(crate) mrays_per_s: Option<f64>,
     pub(crate) trees: usize,
-    /// Number of trees that were built but not adopted. Such a tree costs no less than the current tree, or a newer
-    /// tree would arrive while the current tree's target time is still the nearer one.
+    /// Number of trees that were built but rejected. A tree is rejected if it costs no less than the current tree, if a
+    /// newer tree would arrive before it is due, or if the device has no memory for it.
     rejected: usize,
     /// Milliseconds of the first frame, which waits for the first tree.
     first_ms: Option<f64>,
@@ -399,7 +400,7 @@ impl MeasuredRow {
             triangles,
             moving: scene.animation.moving_count(),
             setup,
-            rays: rays.unless_camera(),
+            rays: rays.name_unless_camera(),
             warm_up,
             frames: stats.len(),
             mrays_per_s: Summary::of(rates).map(|s| s.median),

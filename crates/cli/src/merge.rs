@@ -34,38 +34,40 @@ impl RunCommand for MergeSettings {
         files.check_apart()?;
         let parts = read(&self.folders)?;
         let mut expected: BTreeMap<u64, BTreeSet<FileKind>> = BTreeMap::new();
-        for (&frame, kinds) in parts.iter().flat_map(|part| &part.finished.expected) {
+        for (&frame, kinds) in parts.iter().flat_map(|part| &part.journals.expected) {
             expected.entry(frame).or_default().extend(kinds);
         }
         if expected.is_empty() {
             return Err(CliError::failed("no run has begun: no folder lists frames"));
         }
-        let (mut rows, mut missing) = (Vec::new(), Vec::new());
+        let (mut records, mut missing) = (Vec::new(), Vec::new());
         for (&frame, kinds) in &expected {
             let is_listed = |kind: &FileKind| {
                 let mut parts = parts.iter();
-                parts.any(|part| part.finished.lists_kind(frame, *kind))
+                parts.any(|part| part.journals.lists_kind(frame, *kind))
             };
-            let listing = parts.iter().filter(|part| part.finished.lists(frame));
-            let found = listing.map(|part| part.finished.all_unchanged(frame, part.folder));
+            let listing = parts.iter().filter(|part| part.journals.lists(frame));
+            let found = listing.map(|part| part.journals.all_unchanged(frame, part.folder));
             match found.collect::<Option<Vec<_>>>().as_deref() {
-                Some([row, ..]) if kinds.iter().all(is_listed) => rows.push((*row).clone()),
+                Some([record, ..]) if kinds.iter().all(is_listed) => {
+                    records.push((*record).clone());
+                }
                 _ => missing.push(frame),
             }
         }
         if !missing.is_empty() {
             return Err(CliError::failed(absent(&missing, expected.len())));
         }
-        let stats = parts.iter().filter_map(|part| part.finished.stats.as_ref());
+        let stats = parts.iter().filter_map(|part| part.journals.stats.as_ref());
         // Prefer statistics that name a device. Those of shards without frames do not.
         let stats = stats.max_by_key(|stats| stats["backend"].is_string());
         if let (Some(file), Some(stats)) = (&self.stats, stats) {
-            statistics::write(file, &statistics::with_rows(stats.clone(), &rows))?;
+            statistics::write(file, &statistics::with_records(stats.clone(), &records))?;
             if file.as_os_str() == "-" {
                 return Ok(());
             }
         }
-        console::print(&format!("all {} frames are complete\n", rows.len()))
+        console::print(&format!("all {} frames are complete\n", records.len()))
     }
 }
 
@@ -73,7 +75,7 @@ impl RunCommand for MergeSettings {
 struct MergedFolder<'a> {
     folder: &'a Path,
     manifest: Manifest,
-    finished: JournalContents,
+    journals: JournalContents,
 }
 
 impl<'a> MergedFolder<'a> {
@@ -89,7 +91,7 @@ impl<'a> MergedFolder<'a> {
         Ok(Self {
             folder,
             manifest: manifest.ok_or_else(no_manifest)?,
-            finished: JournalContents::in_folder(folder).map_err(CliError::invalid)?,
+            journals: JournalContents::in_folder(folder).map_err(CliError::invalid)?,
         })
     }
 }

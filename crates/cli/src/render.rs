@@ -94,8 +94,8 @@ impl RunCommand for RenderSettings {
         self.check_files()?;
         let files = FrameFiles::of(self);
         let earlier = EarlierRun::find(self, &files)?;
-        if let Some(rows) = earlier.finished(self, &files)? {
-            return finish_complete(self, &earlier, &rows);
+        if let Some(records) = earlier.finished(self, &files)? {
+            return finish_complete(self, &earlier, &records);
         }
         let opening = setup::begin(&self.tracer);
         let rays = self.camera.pixels();
@@ -112,7 +112,8 @@ impl RunCommand for RenderSettings {
             return finish_empty_shard(self, earlier, &files, &scene, &plan);
         }
         let lit_camera = self.camera.aim(&scene)?;
-        // Declared before the video, whose unfinished file must be removed before its folder.
+        // Locals are dropped in reverse order. So `video`, declared later, removes its unfinished file before
+        // `new_folders` removes the folder.
         let mut new_folders = NewFolders::default();
         if files.has_video {
             // The video may be in a new output folder.
@@ -135,9 +136,9 @@ impl RunCommand for RenderSettings {
             hits: files.has_hits(),
             pixels: files.has_pictures() || files.has_video,
         };
-        let on_device = tracer.prepare_frames(lit_camera.view(), wanted)?;
+        let shades_on_device = tracer.prepare_frames(lit_camera.view(), wanted)?;
         // If the host shades, it needs the hits of each frame. They count towards the memory limit of the frame writer.
-        wanted.hits |= wanted.pixels && !on_device;
+        wanted.hits |= wanted.pixels && !shades_on_device;
         files.create_folders(&mut new_folders)?;
         self.write_rays(&scene, &lit_camera)?;
         let DividedFrames { done, todo } = earlier.divide(frames, &files);
@@ -154,12 +155,12 @@ impl RunCommand for RenderSettings {
             journals: &mut journals,
             progress: self.begin_progress(&scene, &setup, todo.len(), done.len()),
             video,
-            rows: Vec::new(),
+            records: Vec::new(),
             failed: None,
         };
-        let rows = render_frames(tracer, &todo, context, log)?;
-        self.write_stats(stats, &[&done[..], &rows].concat())?;
-        self.print(&results(self, &scene, &setup, &rows))
+        let records = render_frames(tracer, &todo, context, log)?;
+        self.write_stats(stats, &[&done[..], &records].concat())?;
+        self.print(&results(self, &scene, &setup, &records))
     }
 
     fn requirements(&self) -> Vec<Requirement> {
@@ -252,9 +253,9 @@ impl RenderSettings {
         progress
     }
 
-    fn write_stats(&self, stats: Value, rows: &[FrameRecord]) -> Result<(), CliError> {
+    fn write_stats(&self, stats: Value, records: &[FrameRecord]) -> Result<(), CliError> {
         match &self.stats {
-            Some(file) => statistics::write(file, &statistics::with_rows(stats, rows)),
+            Some(file) => statistics::write(file, &statistics::with_records(stats, records)),
             None => Ok(()),
         }
     }
@@ -264,12 +265,12 @@ impl RenderSettings {
 fn finish_complete(
     settings: &RenderSettings,
     earlier: &EarlierRun,
-    rows: &[FrameRecord],
+    records: &[FrameRecord],
 ) -> Result<(), CliError> {
     if let Some(stats) = earlier.statistics() {
-        settings.write_stats(stats, rows)?;
+        settings.write_stats(stats, records)?;
     }
-    let all = rows.len();
+    let all = records.len();
     settings.print(&format!(
         "nothing is left to render: all {all} frames are complete\n"
     ))
@@ -293,7 +294,7 @@ fn finish_empty_shard(
     settings.print("this shard has no frames: there are more shards than frames\n")
 }
 
-/// Renders every frame and writes its files. Returns one row per frame.
+/// Renders every frame and writes its files. Returns one record per frame.
 fn render_frames(
     mut tracer: Tracer,
     frames: &[Frame],
@@ -317,7 +318,7 @@ fn results(
     settings: &RenderSettings,
     scene: &Scene,
     setup: &Setup,
-    rows: &[FrameRecord],
+    records: &[FrameRecord],
 ) -> String {
     let [width, height] = settings.camera.size;
     let mut text = format!(
@@ -326,13 +327,13 @@ fn results(
         table::counted(scene.animation.triangle_count(), table::TRIANGLES),
         table::format_count(scene.animation.moving_count()),
         table::counted(scene.animation.key_count(), table::KEY_FRAMES),
-        table::counted(rows.len(), table::FRAMES),
+        table::counted(records.len(), table::FRAMES),
         setup.caption,
     );
-    if !rows.is_empty() {
-        text += &table::stages(rows);
-        text += &output::trees_text(rows);
-        text += &output::memory_text(rows);
+    if !records.is_empty() {
+        text += &table::stages(records);
+        text += &output::trees_text(records);
+        text += &output::memory_text(records);
     }
     if !settings.no_images {
         text += &format!("pictures: {}\n", settings.out.display());
@@ -340,7 +341,7 @@ fn results(
     text
 }
 
-/// Returns the statistics of a run without the rows of its frames.
+/// Returns the statistics of a run without the records of its frames.
 fn statistics_of(settings: &RenderSettings, scene: &Scene, setup: &Setup) -> Value {
     let mut stats = json!(setup);
     stats["schema"] = json!(SCHEMA);

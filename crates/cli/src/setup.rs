@@ -1,6 +1,7 @@
 //! Opens the device of a run, replaces options that are `auto` by chosen values, and loads the scene.
 //!
-//! `render` and `trace` use the library's tracer. Other commands use the frame driver on which the tracer is built.
+//! `start_tracer` serves `render` and `trace`; `start_driver` serves `bench`, `chart` and `inspect`. The library's
+//! tracer is built on the frame driver.
 
 use crate::auto::{self, Capabilities};
 use crate::devices::{DeviceSettings, Opening, Selected, SelectedBackend};
@@ -56,7 +57,7 @@ pub(crate) fn begin(settings: &TracerSettings) -> Opening {
     if is_on_host {
         Opening::default()
     } else {
-        Opening::begin(settings.opened_device())
+        Opening::begin(settings.device_to_open())
     }
 }
 
@@ -108,7 +109,7 @@ fn start<T>(
     load: impl Fn(Resolved) -> Result<T, CliError>,
 ) -> Result<Started<T>, CliError> {
     check_trees(animation.triangle_count(), workload.rays)?;
-    let ready = |backend: Box<dyn Backend>| {
+    let prepare = |backend: Box<dyn Backend>| {
         let resolved = resolve(backend, animation, settings, workload)?;
         let setup = resolved.setup.clone();
         let tracer = load(resolved)?;
@@ -116,12 +117,12 @@ fn start<T>(
     };
     let first = opened.map(|opened| {
         let why = opened.why;
-        ready(opened.value).map(|value| Selected { value, why })
+        prepare(opened.value).map(|value| Selected { value, why })
     });
     // If a backend that `auto` chose fails here, try the backends again with the scene.
     let is_auto = settings.device.backend.is_none();
     let first = first.filter(|first| first.is_ok() || !is_auto);
-    let selected = first.unwrap_or_else(|| settings.opened_device().open_and(ready))?;
+    let selected = first.unwrap_or_else(|| settings.device_to_open().open_and(prepare))?;
     let Started { tracer, mut setup } = selected.value;
     let choice = auto::choice("backend", setup.backend, selected.why);
     setup.auto.splice(0..0, choice);
@@ -149,7 +150,7 @@ fn resolve(
         why: why_policy,
     } = auto::choose_policy(capabilities, animation, settings, workload)?;
     let threads = settings.share(capabilities.device, policy);
-    // A backend with 0 host threads computes on a device, so the number of threads does not matter.
+    // Backends with 0 host threads are GPU backends, which ignore the number of threads.
     let backend = if [0, threads.render].contains(&backend.device().threads) {
         backend
     } else {

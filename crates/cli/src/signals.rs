@@ -37,7 +37,7 @@ fn listen() -> std::io::Result<()> {
 #[cfg(unix)]
 fn wait_for_signals(mut signals: signal_hook::iterator::Signals) {
     for signal in signals.forever() {
-        // A second signal ends the program at once.
+        // A second signal, or any signal before [`defer`], ends the program at once.
         if ARRIVED.swap(signal, Ordering::Relaxed) != RUN_HANDLES_SIGNAL {
             end_at_once(signal);
         }

@@ -162,7 +162,8 @@ impl Serialize for StabilityRow {
             "rate": wrong.rate(),
             "bound": wrong.bound,
             // Only for closed meshes. Leaks are rays from inside that hit nothing. Double hits are rays that cross the
-            // surface an odd number of times from outside, or an even number of times from inside.
+            // surface an odd number of times from outside, or an even number of times from inside. Double hits of
+            // `exact` are not counted.
             "leaks": of(Measure::Leaks),
             "double_hits": of(Measure::DoubleHits),
             // Whether every count is within its bound.

@@ -188,7 +188,7 @@ impl<'a> StreamedMotion<'a> {
         let mesh = scene.add(Mesh::streamed(&self.poses[0], self.animation.triangles())?);
         Ok(StreamedTracer {
             motion: self,
-            tracer: builder.build_on(settings.opened_device().open()?, scene)?,
+            tracer: builder.build_on(settings.device_to_open().open()?, scene)?,
             mesh,
             source: run.source,
         })

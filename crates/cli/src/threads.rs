@@ -1,11 +1,12 @@
-//! Threads for all work outside the backend and the builder.
+//! Rayon's global pool, which the program and the library share.
 
 use rayon::ThreadBuilder;
 use std::io;
 use std::sync::mpsc::{Sender, channel};
 
-/// Starts rayon's global pool for all work outside the backend and the builder, such as reading and shading. The pool
-/// has `threads` threads, or one per core. If the system cannot start that many, prints a remark and uses fewer.
+/// Starts rayon's global pool for parallel work that has no pool of its own, such as reading, shading, writing and the
+/// copies of GPU backends. Builders and CPU backends have their own pools. The global pool has `threads` threads, or
+/// one per core. If the system cannot start that many, prints a remark and uses fewer.
 ///
 /// The global pool can be built only once. So the threads are started first, and the pool uses those that started.
 pub(crate) fn start(threads: Option<usize>) {
@@ -45,9 +46,9 @@ fn worker_senders(
     spawn: impl Fn(Box<dyn FnOnce() + Send>) -> io::Result<()>,
 ) -> Vec<Sender<ThreadBuilder>> {
     let start = |_| {
-        let (worker, inbox) = channel::<ThreadBuilder>();
-        let work = move || inbox.recv().map(ThreadBuilder::run).unwrap_or_default();
-        spawn(Box::new(work)).ok().map(|()| worker)
+        let (sender, receiver) = channel::<ThreadBuilder>();
+        let work = move || receiver.recv().map(ThreadBuilder::run).unwrap_or_default();
+        spawn(Box::new(work)).ok().map(|()| sender)
     };
     let mut worker_senders: Vec<_> = (0..wanted).map_while(start).collect();
     if worker_senders.len() < wanted {

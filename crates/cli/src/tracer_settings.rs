@@ -78,7 +78,7 @@ impl TracerSettings {
     }
 
     /// Returns the device to open. A backend on the host gets the rendering threads, not those of the builder.
-    pub(crate) fn opened_device(&self) -> DeviceSettings {
+    pub(crate) fn device_to_open(&self) -> DeviceSettings {
         let host = self.share(DeviceKind::Cpu, self.policy().value);
         DeviceSettings {
             threads: Some(host.render),
@@ -115,18 +115,18 @@ pub(crate) fn needs_host_builds(updates: &[PolicyChoice]) -> Requirement {
     )
 }
 
-/// The frames and rays of a run: the input of the choice of `auto` and of the memory estimate.
+/// The frames and rays of a run. `auto` and the memory estimate use them.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Workload<'a> {
-    /// Frames to trace. Empty if they are not known in advance.
+    /// Frames to trace. May be empty if `auto` does not choose the policy, or if they are not known in advance.
     pub(crate) frames: &'a [Frame],
     /// Number of rays of a frame.
     pub(crate) rays: usize,
 }
 
 impl Workload<'_> {
-    /// Returns the earliest and the latest time of the frames, in key frames. Returns 0 to infinity if the frames are
-    /// not known.
+    /// Returns the earliest and the latest time of the frames, in key frames. Returns 0 to infinity if the list of
+    /// frames is empty.
     pub(crate) fn time_range(&self) -> [f64; 2] {
         if self.frames.is_empty() {
             return [0.0, f64::INFINITY];

@@ -15,7 +15,7 @@ use scene::Viewpoint;
 use std::sync::Arc;
 
 /// Number of sample times in a scene's motion at which rays are traced.
-const MOMENTS: usize = 4;
+const SAMPLE_TIMES: usize = 4;
 /// Maximum number of rays that are traced at a time.
 const MOST: usize = 1 << 20;
 
@@ -45,10 +45,10 @@ impl<'a> AnsweredRays<'a> {
         view: Viewpoint,
         count: usize,
     ) -> Result<Self, CliError> {
-        let moments = moments(animation, MOMENTS);
-        let count = count.div_ceil(moments.len());
+        let times = sample_times(animation, SAMPLE_TIMES);
+        let count = count.div_ceil(times.len());
         let mut batches = Vec::new();
-        for time in moments {
+        for time in times {
             let oracle = Oracle::at(&animation.at(time).map_err(CliError::invalid)?);
             let kinds = rays_at(animation, &view, time, count);
             for (all, is_aimed) in kinds.iter().zip([false, true]) {
@@ -91,7 +91,7 @@ impl<'a> AnsweredRays<'a> {
         point: &mut ChartPoint,
     ) -> Result<(), CliError> {
         let mut loaded = LoadedScene::load(contender, self.animation)?;
-        // Trace no rays at time 0, so that the first tree is built at the beginning of the motion.
+        // Trace an empty list of rays at time 0. This builds the first tree at the beginning of the motion.
         let none = Query {
             rays: Rays::List(&[]),
             kind: QueryKind::Closest,
@@ -138,8 +138,8 @@ const ORIGIN_SCALE: f64 = 2.0;
 /// Maximum number of random triangles that are tried to find an active one to aim at.
 const DRAWS: usize = 64;
 
-/// Returns the middle of each of `count` equal parts of the motion, or one time if nothing moves.
-fn moments(animation: &Animation, count: usize) -> Vec<f64> {
+/// Returns the middle of each of `count` equal parts of the motion, or one time if there is one key frame.
+fn sample_times(animation: &Animation, count: usize) -> Vec<f64> {
     let end = animation.end();
     let count = if end > 0.0 { count } else { 1 };
     let at = |i: usize| end * (i as f64 + 0.5) / count as f64;
@@ -250,12 +250,12 @@ mod tests {
     }
 
     #[test]
-    fn moments_lie_inside_the_animation() {
+    fn sample_times_lie_inside_the_animation() {
         let key = |x| vec![[x, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
         let of = |keys| Animation::new(keys, vec![[0, 1, 2]]).unwrap();
         let moving = of(vec![key(0.0), key(1.0), key(2.0)]);
-        assert_eq!(moments(&moving, 2), [0.5, 1.5]);
-        assert_eq!(moments(&of(vec![key(0.0)]), 2), [0.0]);
+        assert_eq!(sample_times(&moving, 2), [0.5, 1.5]);
+        assert_eq!(sample_times(&of(vec![key(0.0)]), 2), [0.0]);
     }
 
     #[test]

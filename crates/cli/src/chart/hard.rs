@@ -1,4 +1,4 @@
-//! Counts wrong answers in scenes of mixed range.
+//! Counts wrong answers in scenes of mixed range. A *family* is one kind of numerically hard scenes and rays.
 
 use crate::error::CliError;
 use backend::{Backend, Intersector};
@@ -10,8 +10,8 @@ const RAYS: [usize; 2] = [1 << 11, 1 << 12];
 /// Scenes in which sizes or distances differ by many orders of magnitude.
 const MIXED_RANGE: [Family; 3] = [Family::Outlier, Family::Exploding, Family::ExtremeKeys];
 
-/// Returns scenes of mixed range with their exact answers.
-pub(super) fn families(rays: usize) -> Vec<StabilityTest> {
+/// Returns the tests of scenes of mixed range, with exact answers.
+pub(super) fn tests(rays: usize) -> Vec<StabilityTest> {
     let rays = (rays / 32).clamp(RAYS[0], RAYS[1]) as u32;
     let plan = Plan { seed: 1, rays };
     MIXED_RANGE.map(|f| StabilityTest::new(f, &plan)).into()

@@ -6,7 +6,7 @@ use std::fmt;
 
 /// A removed option, or a removed value of an option, with advice.
 pub(super) struct Removed {
-    /// The option. The name of its command precedes it if other commands still have the option.
+    /// The option. If the name of a command precedes it, the entry applies only to that command.
     option: &'static str,
     /// The removed value, or `None` if the whole option was removed.
     value: Option<&'static str>,

@@ -78,8 +78,8 @@ fn help_uses_short_sentences() {
     assert!(long.is_empty(), "{long:#?}");
 }
 
-/// Rejected command lines, each with parts of its message. For an option without effect, the message also names the
-/// option that it needs or conflicts with.
+/// Rejected command lines, each with parts of its message. For an option without effect, the message also says what the
+/// option applies to.
 const REFUSED: &str = "\
 render --rays-out - | only --stats
 render --hits - | only --stats

@@ -17,7 +17,7 @@ pub(crate) enum MeasuredRays {
 
 impl MeasuredRays {
     /// Returns the name in results, or `None` for camera rays, which results do not name.
-    pub(crate) fn unless_camera(self) -> Option<&'static str> {
+    pub(crate) fn name_unless_camera(self) -> Option<&'static str> {
         (self == Self::Random).then_some("random")
     }
 }

@@ -48,7 +48,7 @@ pub(super) struct FrameLog<'a> {
     pub(super) journals: &'a mut [Journal],
     pub(super) progress: ProgressLine,
     pub(super) video: Option<Video<BorrowedBuffers>>,
-    pub(super) rows: Vec<FrameRecord>,
+    pub(super) records: Vec<FrameRecord>,
     /// The first failure.
     pub(super) failed: Option<CliError>,
 }
@@ -109,9 +109,9 @@ impl<'a> FrameWriter<'a> {
         }
     }
 
-    /// Writes a frame on rayon's threads. `place` is the frame's index in the run. Swaps `outputs` for free buffers,
-    /// and waits while too many frames are being written. Fails if a signal arrived, or if files of an earlier frame
-    /// could not be written.
+    /// Writes a frame on rayon's threads. `place` counts the frames that this process renders, from 0. Swaps `outputs`
+    /// for free buffers, and waits while too many frames are being written. Fails if a signal arrived, or if files of
+    /// an earlier frame could not be written.
     pub(super) fn write<'s>(
         &'s self,
         scope: &Scope<'s>,
@@ -123,12 +123,12 @@ impl<'a> FrameWriter<'a> {
         self.check()?;
         let mut borrowed = self.borrow_buffers()?;
         std::mem::swap(outputs, &mut borrowed.buffers.outputs);
-        let row = FrameRecord {
+        let record = FrameRecord {
             host_bytes: host::resident(),
             ..frame.clone()
         };
         let write = move || {
-            if let Err(error) = self.write_files(row, &mut borrowed.buffers) {
+            if let Err(error) = self.write_files(record, &mut borrowed.buffers) {
                 self.lock().failed.get_or_insert(error);
             } else if let Some(video) = &self.lock().video {
                 video.queue(place, borrowed);
@@ -146,7 +146,7 @@ impl<'a> FrameWriter<'a> {
         Ok(())
     }
 
-    /// Returns the rows of all frames, in any order. Fails if files of a frame or the video could not be written.
+    /// Returns the records of all frames, in any order. Fails if files of a frame or the video could not be written.
     pub(super) fn finish(self) -> Result<Vec<FrameRecord>, CliError> {
         let ended = self.check().and_then(|()| {
             let video = self.lock().video.take();
@@ -157,7 +157,7 @@ impl<'a> FrameWriter<'a> {
             signals::check()?;
         }
         ended?;
-        Ok(std::mem::take(&mut self.lock().rows))
+        Ok(std::mem::take(&mut self.lock().records))
     }
 
     /// Returns buffers for one more frame. Waits until some are free.
@@ -179,8 +179,8 @@ impl<'a> FrameWriter<'a> {
         log.failed.take().map_or(Ok(()), Err)
     }
 
-    fn write_files(&self, row: FrameRecord, buffers: &mut FrameBuffers) -> Result<(), CliError> {
-        let Frame { index, time } = row.frame;
+    fn write_files(&self, record: FrameRecord, buffers: &mut FrameBuffers) -> Result<(), CliError> {
+        let Frame { index, time } = record.frame;
         let FrameContext {
             scene,
             lit_camera,
@@ -210,11 +210,11 @@ impl<'a> FrameWriter<'a> {
         let digests = digests.collect::<Result<Vec<_>, _>>()?;
         let mut log = self.lock();
         for (journal, files) in log.journals.iter_mut().zip(digests) {
-            journal.add(files, &row)?;
+            journal.add(files, &record)?;
         }
-        let ms = row.wall_ms;
+        let ms = record.wall_ms;
         log.progress.step(&format!("time {time:.3}, {ms:.1} ms"));
-        log.rows.push(row);
+        log.records.push(record);
         Ok(())
     }
 }

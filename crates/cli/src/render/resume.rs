@@ -24,7 +24,7 @@ struct OutputFolder {
     path: PathBuf,
     /// Kinds of files that each frame has in the folder.
     kinds: Vec<FileKind>,
-    finished: JournalContents,
+    journals: JournalContents,
 }
 
 /// The manifest of a run, the numbers of all its frames in all shards, and the shard that is rendered.
@@ -69,7 +69,7 @@ impl EarlierRun {
             if let Some(found) = &found {
                 check_same_run(&path, found, &manifest(settings, found.key_frames)?)?;
             }
-            let finished = if settings.resume && found.is_some() {
+            let journals = if settings.resume && found.is_some() {
                 JournalContents::in_folder(&path).map_err(CliError::invalid)?
             } else {
                 JournalContents::default()
@@ -79,7 +79,7 @@ impl EarlierRun {
             folders.push(OutputFolder {
                 path,
                 kinds,
-                finished,
+                journals,
             });
         }
         Ok(Self {
@@ -92,27 +92,27 @@ impl EarlierRun {
     pub(super) fn divide(&self, frames: Vec<Frame>, files: &FrameFiles) -> DividedFrames {
         let (mut done, mut todo) = (Vec::new(), Vec::new());
         for frame in frames {
-            match self.row(frame.index).filter(|_| !files.has_video) {
-                Some(row) => done.push(row),
+            match self.record(frame.index).filter(|_| !files.has_video) {
+                Some(record) => done.push(record),
                 None => todo.push(frame),
             }
         }
         DividedFrames { done, todo }
     }
 
-    fn row(&self, frame: u64) -> Option<FrameRecord> {
-        let mut row = None;
+    fn record(&self, frame: u64) -> Option<FrameRecord> {
+        let mut record = None;
         for folder in &self.folders {
             for kind in &folder.kinds {
                 let name = kind.file_name(frame);
-                row = Some(folder.finished.unchanged(frame, &folder.path, &name)?);
+                record = Some(folder.journals.unchanged(frame, &folder.path, &name)?);
             }
         }
-        row.cloned()
+        record.cloned()
     }
 
-    /// Returns the rows of all frames if the run resumes and is complete, so that nothing needs to be loaded. Returns
-    /// `None` for an empty shard, because its statistics describe the scene.
+    /// Returns the records of all frames if the run resumes and is complete, so that nothing needs to be loaded.
+    /// Returns `None` for an empty shard: its statistics describe the scene, which must be loaded.
     pub(super) fn finished(
         &self,
         settings: &RenderSettings,
@@ -133,11 +133,11 @@ impl EarlierRun {
 
     /// Returns the statistics of the earlier run without its frames.
     pub(super) fn statistics(&self) -> Option<Value> {
-        self.folders.first()?.finished.stats.clone()
+        self.folders.first()?.journals.stats.clone()
     }
 
-    /// Writes the manifest to all folders, and begins a journal in each. Fails if another run has begun in a folder.
-    /// No folder is changed before all are locked and checked.
+    /// Writes the manifest to all folders, and begins a journal in each. Fails if another run has begun in a folder,
+    /// unless `overwrite` is set. No folder is changed before all are locked and checked.
     pub(super) fn begin(
         self,
         overwrite: bool,
@@ -279,8 +279,8 @@ fn other_options(settings: &RenderSettings, key_frames: usize) -> BTreeMap<Strin
     let RenderSettings { source, tracer, .. } = settings;
     let mut all = vec![
         ("clip", json!(source.clip)),
-        // Decides whether key frames are paged. The default view is then fitted to their bounding boxes, otherwise to
-        // their vertices.
+        // Decides whether key frames are read during playback. If so, the default view is fitted to their bounding
+        // boxes, otherwise to their vertices.
         ("key-memory", json!(source.key_memory)),
         ("frames", frames_value(settings, key_frames)),
         ("intersector", json!(tracer.intersector.name())),

@@ -7,12 +7,12 @@ use pipeline::FrameRecord;
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// Returns statistics with these rows, in the order of frames.
-pub(crate) fn with_rows(mut stats: Value, rows: &[FrameRecord]) -> Value {
-    let mut rows = rows.to_vec();
-    rows.sort_by_key(|row| row.frame.index);
-    stats["summary"] = json!(overview(&rows));
-    stats["frames"] = json!(rows);
+/// Returns statistics with these records, in the order of frames.
+pub(crate) fn with_records(mut stats: Value, records: &[FrameRecord]) -> Value {
+    let mut records = records.to_vec();
+    records.sort_by_key(|record| record.frame.index);
+    stats["summary"] = json!(overview(&records));
+    stats["frames"] = json!(records);
     stats["command_line"] = json!(crate::machine::command_line());
     stats
 }
