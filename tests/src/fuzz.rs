@@ -1,6 +1,6 @@
 //! Fuzzing of file readers: files of arbitrary bytes are loaded or refused with a message, without a panic.
 //!
-//! Tests on mutated seeds and the fuzzers in `fuzz/` check the same code by the same function for each format.
+//! Tests on mutated seeds and the fuzzers in `fuzz/` both call [`Format::load`].
 
 mod mutate;
 
@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use tempfile::TempDir;
 
-/// A file format that the program reads.
+/// A format of input: a file format that the program reads, or a command line as a text file.
 #[derive(Clone, Copy)]
 pub struct Format {
     /// Name of the format and of the folder of its seeds.

@@ -11,8 +11,8 @@ pub mod stage;
 use abvh::{Device, Scene, Tracer};
 use libtest_mimic::{Arguments, Trial};
 
-/// Returns whether `ABVH_FULL=1` requests the full tier: more cases, more files, and more runs of the program that a
-/// test kills.
+/// Returns whether `ABVH_FULL=1` requests the full tier: more cases, more files, and more runs in the tests that kill
+/// the program.
 pub fn is_full() -> bool {
     std::env::var("ABVH_FULL").is_ok_and(|v| v == "1")
 }
@@ -32,8 +32,8 @@ pub fn share(full: usize) -> usize {
 /// compile kernels.
 const MOST_THREADS: usize = 8;
 
-/// Parses the harness's command line. By default there is one thread more than cores, so that another test runs while
-/// one waits for a driver.
+/// Parses the harness's command line. By default there is one thread more than cores, but at most `MOST_THREADS`, so
+/// that another test runs while one waits for a driver.
 pub fn arguments() -> Arguments {
     let mut arguments = Arguments::from_args();
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
@@ -42,7 +42,7 @@ pub fn arguments() -> Arguments {
     arguments
 }
 
-/// The devices of the library, by name, each with the reason if it is absent.
+/// The library's device for each of `cpu`, `vulkan` and `wgpu`, with the reason if it is absent.
 pub fn devices() -> [(&'static str, Device, Option<String>); 3] {
     [
         ("cpu", Device::Cpu),

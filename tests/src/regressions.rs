@@ -1,7 +1,7 @@
 //! Cases in which properties failed before, in proptest's files.
 //!
-//! `TestRunner::run` would store the state of its generator. Here the generator's seed is made of a case's seed and
-//! number, so that a line of a file names the case.
+//! Proptest itself would store its generator's state, which does not name a case. So we store a case's seed and number
+//! in place of this state.
 
 use conformance::{Disagreement, seed_bytes};
 use proptest::test_runner::{FailurePersistence, FileFailurePersistence, PersistedSeed};
@@ -53,7 +53,7 @@ impl Regressions {
 }
 
 impl StoredCase {
-    /// Reads a seed of proptest's generator, which is printed in hexadecimal after its kind.
+    /// Reads a seed in proptest's notation: `cc ` (ChaCha), then hexadecimal digits.
     fn read(stored: &PersistedSeed) -> Option<Self> {
         let text = stored.to_string();
         let hex = text.strip_prefix("cc ")?;

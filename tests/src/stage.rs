@@ -89,7 +89,7 @@ pub fn vast_camera() -> Camera {
 }
 
 /// Returns the rays of [`camera`]: 240 by 160 pixels in the full tier, else 120 by 80.
-pub fn pixels(animation: &Animation) -> Vec<Ray> {
+pub fn picture_rays(animation: &Animation) -> Vec<Ray> {
     let size = if is_full() { [240, 160] } else { [120, 80] };
     camera(animation, size).rays().collect()
 }

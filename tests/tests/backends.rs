@@ -3,11 +3,11 @@
 //! Tests of an absent backend show as ignored, with the reason in their kind.
 //! `ABVH_REQUIRE_BACKENDS=cpu,wgpu,vulkan` makes them fail instead. GPU backends run under the Vulkan validation layers
 //! where these are installed, and any message is a failure. A required `vulkan` needs the layers too, unless
-//! `ABVH_VALIDATION=if-installed`. `ABVH_CASES` and `ABVH_SEED` choose the number of cases and the cases of a property.
-//! A case that fails is stored in `tests/proptest-regressions`. Stored cases are tested before others.
+//! `ABVH_VALIDATION=if-installed`. `ABVH_CASES` sets the number of cases of each property, `ABVH_SEED` which cases
+//! these are. A case that fails is stored in `tests/proptest-regressions`. Stored cases are tested before others.
 //!
 //! `wgpu` is tested with the default intersector only, and skips cases with other intersectors, including stored ones.
-//! `ABVH_FULL=1` tests it with every intersector, and also with the kernels that devices without features use
+//! `ABVH_FULL=1` tests it with every intersector, and also with kernels that are passed as WGSL with run-time checks
 //! (`wgpu-wgsl`).
 
 use backend::Inspect;
@@ -55,7 +55,8 @@ fn wgpu(uses_checked_wgsl: bool) -> backend::Result<Box<dyn Inspect>> {
 
 fn main() {
     let arguments = integration::arguments();
-    // Another test compares these kernels with the usual ones: `wgpu_lent::featureless_device_gives_same_hits`.
+    // Without the full tier, only `wgpu_lent::featureless_device_gives_same_hits` tests kernels that are passed as WGSL
+    // with run-time checks.
     let tested = BACKENDS
         .iter()
         .filter(|(name, ..)| *name != "wgpu-wgsl" || is_full());
@@ -106,7 +107,8 @@ fn trials_of((name, requirement, open): (&'static str, &str, Open)) -> Vec<Trial
     let is_ignored = absent.is_some() && !is_required(requirement);
     let host = CpuBackend::new(Some(1)).expect("one thread is available");
     let reference = Reference::new(Box::new(host));
-    // The number counts the complaints that were reported. It starts at 0 to include complaints while opening.
+    // The last value is the number of validation messages already seen. It starts at 0, so that the first test also
+    // reports messages from opening the backend.
     let shared = Arc::new(Mutex::new((opened, reference, 0)));
     // A software driver would take minutes to compile all kernels again. `vulkan` uses the same ones.
     let is_narrowed = requirement == "wgpu" && !is_full();
@@ -119,7 +121,7 @@ fn trials_of((name, requirement, open): (&'static str, &str, Open)) -> Vec<Trial
         };
         let trial = Trial::test(format!("{name}::{}", property.name), move || {
             let mut shared = shared.lock().unwrap_or_else(PoisonError::into_inner);
-            let (subject, reference, heard) = &mut *shared;
+            let (subject, reference, seen_messages) = &mut *shared;
             let subject = subject.as_mut().map_err(|e| format!("absent: {e}"))?;
             let seed = number("ABVH_SEED", 1);
             let numbers = property.case_numbers().take(cases(name) as usize);
@@ -133,9 +135,9 @@ fn trials_of((name, requirement, open): (&'static str, &str, Open)) -> Vec<Trial
             if let Err(found) = &held {
                 regressions.add(found);
             }
-            let complaints = subject.complaints();
-            let new = complaints[*heard..].first();
-            *heard = complaints.len();
+            let validation_messages = subject.complaints();
+            let new = validation_messages[*seen_messages..].first();
+            *seen_messages = validation_messages.len();
             held.map_err(|found| {
                 let (backend, options) = (found.backend, found.options());
                 format!("{found}\nabvh conform --backend {backend} {options}")

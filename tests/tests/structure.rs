@@ -29,9 +29,9 @@ abvh: backend cpu-ref cpu-simd geom gpu-common gpu-vulkan gpu-wgpu host pipeline
 cli: abvh backend conformance geom host output pipeline rivals scene
 ";
 
-/// For each kind of choice: names of one of its values, and the maximum number of files outside tests that may contain one
-/// of these names.
-const AXES: [(&str, [&str; 2], usize); 4] = [
+/// Kinds of choice, such as the backend. Each has one example value, spelled in two ways, and the maximum number of
+/// files outside tests that may contain a spelling.
+const CHOICES: [(&str, [&str; 2], usize); 4] = [
     ("backend", ["BackendName::CpuRef", "Self::CpuRef"], 5),
     ("intersector", ["MollerTrumbore", "moller-trumbore"], 6),
     ("policy", ["DeviceRebuild", "device-rebuild"], 5),
@@ -94,7 +94,7 @@ fn crates_depend_only_on_crates_below() {
     }
 }
 
-/// Returns all files of Rust and WGSL below `folder`, except those of tests.
+/// Appends all files of Rust and WGSL below `folder` to `found`, except tests and examples.
 fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
@@ -118,17 +118,17 @@ fn product(path: &Path) -> String {
 }
 
 #[test]
-fn few_files_name_axis_values() {
+fn few_files_name_one_choice() {
     let mut files = Vec::new();
     sources(&root().join("crates"), &mut files);
     assert!(files.len() > 300, "{} files", files.len());
-    for (axis, names, most) in AXES {
+    for (choice, names, most) in CHOICES {
         let knows = |path: &&PathBuf| {
             let product = product(path);
             names.iter().any(|name| product.contains(name))
         };
         let found: Vec<_> = files.iter().filter(knows).collect();
-        assert!(found.len() <= most, "{axis}: {found:#?}");
+        assert!(found.len() <= most, "{choice}: {found:#?}");
     }
 }
 
@@ -146,7 +146,7 @@ fn device_traits_do_not_grow() {
     }
 }
 
-/// The path of a module in its crate. The crate root has no names.
+/// The path of a module in its crate. It is empty for the crate root.
 type Module = Vec<String>;
 
 /// Returns the paths that follow `keyword` in a file: one, or those of a list in braces.
@@ -212,7 +212,7 @@ fn imports(src: &Path) -> BTreeMap<Module, BTreeSet<Module>> {
 }
 
 #[test]
-fn modules_do_not_import_each_other() {
+fn module_imports_have_no_cycles() {
     let folders = fs::read_dir(root().join("crates")).unwrap();
     for folder in folders {
         let src = folder.unwrap().path().join("src");

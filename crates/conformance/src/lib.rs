@@ -31,7 +31,7 @@ use std::cell::RefCell;
 use std::ops::RangeInclusive;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// A case in which a property fails, with a description of the disagreement between subject and reference.
+/// A case in which a property fails, with a description of the failure: what was found and what was expected.
 #[derive(Clone, Debug, thiserror::Error)]
 #[error("property {property}, seed {seed}, case {case}: {what}; the case shrinks to {minimal}")]
 pub struct Disagreement {
@@ -163,8 +163,8 @@ mod tests {
     use cpu_ref::CpuBackend;
     use proptest::strategy::ValueTree;
 
-    /// Number of attempts to shrink a case before its properties are tested. Every third attempt is undone.
-    const ATTEMPTS: usize = 60;
+    /// Number of shrinking steps before the properties are tested. Every third step undoes the step before it.
+    const STEPS: usize = 60;
 
     /// Properties must hold for shrunken cases too. Otherwise shrinking would end at a case that shows no fault.
     #[test]
@@ -174,8 +174,8 @@ mod tests {
         for number in 0..15 {
             let mut case = value_tree(&cases(number), &mut runner(3, number, 0));
             for _ in 0..4 {
-                for attempt in 0..ATTEMPTS {
-                    let _ = match attempt % 3 {
+                for step in 0..STEPS {
+                    let _ = match step % 3 {
                         2 => case.complicate(),
                         _ => case.simplify(),
                     };

@@ -12,21 +12,21 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// The key frames that these functions read are always in memory.
-const HELD: &str = "key frames are held";
+const IN_MEMORY: &str = "key frames are in memory";
 
 /// Maximum time that [`next_positions`] waits for a copy of positions.
 const TIME_LIMIT: Duration = Duration::from_secs(30);
 
 /// Returns the vertices at `time`, by the blend formula of `geom`.
 pub fn vertices(animation: &Animation, time: f64) -> Vec<Point> {
-    let moment = animation.at(time).expect(HELD);
+    let moment = animation.at(time).expect(IN_MEMORY);
     let all = 0..animation.vertex_count() as u32;
     all.map(|v| moment.vertex(v)).collect()
 }
 
 /// Returns the triangles at `time`.
 pub fn triangles(animation: &Animation, time: f64) -> Vec<Triangle> {
-    let moment = animation.at(time).expect(HELD);
+    let moment = animation.at(time).expect(IN_MEMORY);
     let all = 0..animation.triangle_count() as u32;
     all.map(|t| moment.corners(t)).collect()
 }
@@ -42,16 +42,21 @@ pub(crate) fn with_triangle(animation: &Animation, corners: Triangle) -> Animati
     animation.expect("triangles use only vertices of the scene")
 }
 
-/// Returns whether every backend must test a ray from `origin` at `time` in exact arithmetic: see
-/// [`geom::CoordinateRange`].
+/// Returns whether, with `watertight` and `exact`, every backend must test a ray from `origin` at `time` in exact
+/// arithmetic: see [`geom::CoordinateRange`].
+///
+/// Backends trace in *scaled units* of `2^k` scene units, where `k` is [`Animation::scale_exponent`]. A scene is scaled
+/// if `k` is not 0.
 pub(crate) fn is_extreme(animation: &Animation, time: f64, origin: Point) -> bool {
     let unit = f64::from(-animation.scale_exponent()).exp2();
     let scaled = origin.map(|x| (f64::from(x) * unit) as f32);
     animation.range(animation.pose(time)).is_extreme(scaled)
 }
 
-/// Builds a tree over these vertices with treelets, and with lists of moving treelets if [`Topology::with_moving`] adds
-/// any.
+/// Builds a tree over these vertices.
+///
+/// The topology has treelets, and lists of the treelets that contain moving triangles unless more than half of all do
+/// ([`Topology::with_moving`]).
 pub fn tree_over(animation: &Animation, vertices: &[Point]) -> Topology {
     let mut tree = BinaryTree::default();
     let boxes = AnimationBoxes {

@@ -1,9 +1,9 @@
-//! Tests CUDA on the same GPU through the library of its driver. It imports the tracer's exports as a CUDA program
+//! Tests memory and semaphores shared with CUDA on the same GPU. The tests call CUDA's driver library as a CUDA program
 //! would.
 
 #![expect(unsafe_code, reason = "the driver's library has no safe calls")]
 
-use crate::external::{OFFSET, Shared, check_shared_rays, words};
+use crate::external::{OFFSET, Shared, as_bytes, check_shared_rays};
 use crate::lent::{OnHost, Sheets, bits, check_vertices_match_host, sheet};
 use crate::other_device::{Exported, Importer};
 use crate::scenes::camera;
@@ -51,7 +51,7 @@ struct Range {
 #[derive(Default)]
 struct Value {
     value: u64,
-    of_others: [u64; 8],
+    other_semaphore_kinds: [u64; 8],
     flags: c_uint,
     reserved: [c_uint; 16],
 }
@@ -258,7 +258,9 @@ pub(crate) fn steps_and_cuda_synchronize() {
         let (points, offset) = (sheet(height(frame)), OFFSET);
         shared.other.order(imported, 2 * frame, true);
         shared.other.spoil(*bytes);
-        shared.other.begin_to_write(*bytes, OFFSET, words(&points));
+        shared
+            .other
+            .begin_to_write(*bytes, OFFSET, as_bytes(&points));
         shared.other.order(imported, 2 * frame + 1, false);
         let mut step = shared.tracer.step(0.0);
         step.vertices(shared.sheets[0], Source::External { buffer, offset })

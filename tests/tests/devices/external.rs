@@ -1,7 +1,7 @@
 //! Tests vertices, rays and results in memory shared with another device, and the semaphore that orders accesses.
 
 use crate::lent::{
-    Found, LentRays, Moved, OnHost, Sheets, check_rays_match_host, check_vertices_match_host,
+    Found, Moved, OnHost, RaysOnDevice, Sheets, check_rays_match_host, check_vertices_match_host,
     check_vertices_survive_replacement, found, sheet, triangles, two_sheets,
 };
 use crate::open_vulkan;
@@ -88,7 +88,7 @@ impl<O: Importer> Sheets for Shared<O> {
             let (points, (buffer, bytes)) = (sheet(height), &self.memory[i]);
             let source = match is_shared {
                 true => {
-                    self.other.write(*bytes, OFFSET, words(&points));
+                    self.other.write(*bytes, OFFSET, as_bytes(&points));
                     let offset = OFFSET;
                     Source::External { buffer, offset }
                 }
@@ -100,7 +100,7 @@ impl<O: Importer> Sheets for Shared<O> {
     }
 }
 
-pub(crate) fn words(points: &[Point]) -> &[u8] {
+pub(crate) fn as_bytes(points: &[Point]) -> &[u8] {
     bytemuck::cast_slice(points)
 }
 
@@ -142,7 +142,7 @@ impl<O: Importer> SharedRays<O> {
     }
 }
 
-impl<O: Importer> LentRays for SharedRays<O> {
+impl<O: Importer> RaysOnDevice for SharedRays<O> {
     fn tracer(&mut self) -> &mut Tracer {
         &mut self.tracer
     }
@@ -304,7 +304,7 @@ pub(crate) fn timeline_bounds_external_memory_access() {
         let refused = backend.gpu_mut().synchronize(&timeline, wait, signal);
         assert!(refused.is_err());
     }
-    // The device of a scene that replaces this one knows the signals, too.
+    // A device that takes over from this one still refuses values that were used.
     let mut next = backend.share_device()().unwrap();
     next.gpu_mut().copy_signals(backend.gpu());
     assert!(next.gpu_mut().synchronize(&timeline, 1, 2).is_err());
@@ -320,7 +320,7 @@ pub(crate) fn timeline_bounds_external_memory_access() {
     });
     assert!(seen == still);
 
-    let write = |height| other.write(to_vertices, 0, words(&sheet(height)));
+    let write = |height| other.write(to_vertices, 0, as_bytes(&sheet(height)));
     let bring = |backend: &mut VulkanBackend, wait, signal| {
         let device = backend.gpu_mut();
         device.synchronize(&timeline, wait, signal).unwrap();

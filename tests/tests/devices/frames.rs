@@ -1,4 +1,4 @@
-//! Tests submissions, snapshots and scenes: limits on work in flight, lifetime of results, and dropping.
+//! Tests timing, memory, refused queries, scenes on a shared device, and dropping a backend.
 
 use crate::Subject;
 use crate::scenes::{
@@ -233,7 +233,7 @@ pub(crate) fn dropping_a_busy_backend_is_safe(mut backend: Box<dyn Subject>) {
 
 /// Checks that the device holds only few key frames, in any order of playback. The property
 /// `paged_key_frames_have_the_positions_of_held_ones` of `conformance` checks the positions.
-pub(crate) fn paged_key_frames_take_memory_for_few(backend: &mut dyn Subject) {
+pub(crate) fn only_few_paged_key_frames_are_on_the_device(backend: &mut dyn Subject) {
     let options = scene::SceneOptions {
         key_bytes: 0,
         ..scene::SceneOptions::default()

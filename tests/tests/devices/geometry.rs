@@ -90,9 +90,10 @@ fn resting() -> Arc<Animation> {
 
 pub(crate) fn skipping_static_treelets_preserves_bits(backend: &mut dyn Subject) {
     let animation = resting();
-    let listed = tree_at(&animation, 0.0);
-    let plain = Topology::new(Arc::clone(listed.binary()), listed.triangle_count());
-    let treelets = listed.treelets().unwrap();
+    let with_moving_list = tree_at(&animation, 0.0);
+    let count = with_moving_list.triangle_count();
+    let without_list = Topology::new(Arc::clone(with_moving_list.binary()), count);
+    let treelets = with_moving_list.treelets().unwrap();
     let moving = treelets.moving.as_ref().unwrap().words.len();
     assert!(
         moving > 1 && moving < treelets.treelet_count() / 4,
@@ -101,10 +102,10 @@ pub(crate) fn skipping_static_treelets_preserves_bits(backend: &mut dyn Subject)
     let mut seen = Vec::new();
     // Within one submission, `preprocess` may compute all boxes. In a later one, `refit` has to.
     for (tree, apart) in [
-        (&plain, false),
-        (&listed, false),
-        (&plain, true),
-        (&listed, true),
+        (&without_list, false),
+        (&with_moving_list, false),
+        (&without_list, true),
+        (&with_moving_list, true),
     ] {
         let intersector = Intersector::Watertight;
         backend.load(Arc::clone(&animation), intersector).unwrap();
@@ -146,7 +147,7 @@ pub(crate) fn trees_of_any_shape_have_the_references_hits_and_boxes(backend: &mu
     let mut seen = Vec::new();
     for backend in [&mut reference as &mut dyn Inspect, backend] {
         open(backend, &animation);
-        // The second time is a key frame, after which some triangles become inactive.
+        // Some triangles are inactive at time 0.3 but not at 0.0, the first key frame.
         for (tree, (generation, time)) in trees.iter().zip([(2, 0.3), (3, 0.0)]) {
             backend.adopt(tree, Generation(generation)).unwrap();
             interpolate_and_refit(backend, &animation, time);

@@ -1,4 +1,5 @@
-//! Tests of vertices, rays and results in device memory. They run for each kind of memory and each owner of the device.
+//! Tests of vertices, rays and results in device memory. They run on the caller's wgpu device (`wgpu_*.rs`), and on
+//! Vulkan with memory shared with another device or CUDA (`external.rs`, `cuda.rs`).
 
 use crate::scenes::{camera, rays, swarm};
 use abvh::{
@@ -167,7 +168,7 @@ fn one_replaced<S: Sheets>(is_traced: bool) -> S {
 }
 
 /// A tracer, rays, and a buffer for results.
-pub(crate) trait LentRays {
+pub(crate) trait RaysOnDevice {
     fn tracer(&mut self) -> &mut Tracer;
     /// Returns the hits of the rays, with or without writing results to the buffer.
     fn trace(&mut self, query: Query, has_results: bool) -> Vec<Found>;
@@ -246,7 +247,7 @@ pub(crate) fn all_kinds() -> Vec<Ray> {
 
 /// Checks that lent rays have the same hits and results as rays of the host, whatever the buffer of results held
 /// before. Returns the last `L`. Its last query was for closest hits, and some rays hit.
-pub(crate) fn check_rays_match_host<L: LentRays>(open: impl Fn(Scene, &[Ray]) -> L) -> L {
+pub(crate) fn check_rays_match_host<L: RaysOnDevice>(open: impl Fn(Scene, &[Ray]) -> L) -> L {
     let list = all_kinds();
     let [_, last] = [(nothing(), false), (flying(), true)].map(|(scene, hits_some)| {
         let mut lent = open(scene, &list);
@@ -264,7 +265,7 @@ pub(crate) fn check_rays_match_host<L: LentRays>(open: impl Fn(Scene, &[Ray]) ->
                 let (results, unused) = words.split_at(list.len());
                 let met = results.iter().map(|&word| word != 0);
                 assert!(met.eq(expected.iter().map(Option::is_some)));
-                // The rest of the buffer belongs to the program and must not change.
+                // The rest of the buffer belongs to the caller and must not change.
                 assert!(unused.iter().all(|&word| word == 0x0707_0707));
             } else {
                 let words: Vec<_> = expected.iter().map(|hit| hit.unwrap_or(miss)).collect();

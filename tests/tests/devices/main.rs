@@ -1,4 +1,5 @@
-//! Tests of properties of every device, run on each device of this machine, and of properties of one device only.
+//! Tests of properties of every device, run on the default Vulkan device and the default wgpu device, and of properties
+//! of one device only.
 //!
 //! A device is opened once for all tests that load their own scenes. Tests of an absent device show as ignored, with
 //! the reason. `ABVH_REQUIRE_BACKENDS=vulkan,wgpu` makes them fail instead.
@@ -85,7 +86,7 @@ macro_rules! named {
 const SHARED: &[Test] = named![
     frames::stages_are_timed_in_milliseconds,
     frames::steady_frames_create_no_buffers,
-    frames::paged_key_frames_take_memory_for_few,
+    frames::only_few_paged_key_frames_are_on_the_device,
     frames::device_memory_is_counted_and_freed,
     frames::too_large_query_is_refused,
     frames::range_is_measured_after_refused_query,
@@ -112,7 +113,7 @@ const OF_KERNELS: &[Test] = named![
     together::packets_match_single_rays,
 ];
 
-/// Tests that end with the device.
+/// Tests that open a device of their own and close it.
 const FRESH: &[LastTest] = named![
     frames::snapshot_outlives_the_backend,
     frames::dropping_a_busy_backend_is_safe,
@@ -155,7 +156,7 @@ const OF_WGPU: &[(&str, fn())] = named![
     wgpu_encode::unencodable_steps_are_refused,
     wgpu_encode::tree_outlives_commands_that_read_it,
     wgpu_encode::submitted_step_follows_encoded_steps,
-    wgpu_encode::misses_keep_the_command_order,
+    wgpu_encode::results_without_triangles_keep_the_command_order,
     wgpu_encode::dropped_step_keeps_resources_of_earlier_step,
     wgpu_module::shader_hits_match_queries,
     wgpu_module::untraceable_scene_is_an_error,
@@ -241,10 +242,11 @@ fn main() -> ExitCode {
     libtest_mimic::run(&arguments, trials).exit_code()
 }
 
-/// Runs a test, then asserts that the device has no complaints.
+/// Runs a test, then asserts that there are no validation messages.
 fn watch(device: &Mutex<backend::Result<Box<dyn Subject>>>, body: impl FnOnce(&mut dyn Subject)) {
     let mut device = lock(device);
     let subject = &mut **device.as_mut().unwrap();
     body(subject);
-    assert_eq!(subject.complaints(), [""; 0]);
+    let validation_messages = subject.complaints();
+    assert_eq!(validation_messages, [""; 0]);
 }

@@ -16,7 +16,7 @@ use std::sync::Arc;
 
 const MEMORY_FD: vk::ExternalMemoryHandleTypeFlags = vk::ExternalMemoryHandleTypeFlags::OPAQUE_FD;
 
-/// Parameters of an import.
+/// Exported memory, and the parameters that its importer needs.
 pub(crate) struct Exported {
     pub(crate) fd: OwnedFd,
     pub(crate) size: u64,

@@ -84,8 +84,8 @@ pub(crate) fn builds_trees_of_extreme_coordinates(backend: &mut dyn Subject) {
         let animation = at_points((0..4096).map(point), size);
         made(backend, &animation, 0.0).0.binary().depth(0)
     });
-    // The lowest possible tree has depth 12. In every second phase of clustering, the tiles of 512 clusters begin half a
-    // tile earlier, which adds at most one level.
+    // The lowest possible tree has depth 12. In every second phase, the groups of 512 clusters begin 256 clusters
+    // earlier (docs/design/device-trees.md), which adds at most one level.
     assert!(depths[3] <= 13, "{depths:?}");
 }
 

@@ -114,7 +114,7 @@ fn dust_and(count: u32, triangle: impl FnMut(u32) -> [Point; 3]) -> Arc<Animatio
     separate_triangles(vec![corners])
 }
 
-/// Diagonal slivers, which cover many tiles and few pixels.
+/// Diagonal slivers with few pixels in many coverage tiles (docs/design/visibility-buffer.md).
 fn splinters(count: u32) -> Arc<Animation> {
     let mut number = numbers(17);
     dust_and(count, |_| {
@@ -142,11 +142,11 @@ fn sheets(count: u32) -> Arc<Animation> {
 
 /// Returns whether rasterization of the last picture was complete, according to the visibility buffer.
 fn is_rasterization_complete(backend: &mut dyn Subject, intersector: Intersector) -> bool {
-    let numbers = match intersector {
+    let entries = match intersector {
         Intersector::Watertight => PIXELS,
         _ => 2 * PIXELS,
     };
-    backend.words(BufferName::Visibility, 2 * numbers + 2)[2 * numbers..] == [u32::MAX; 2]
+    backend.words(BufferName::Visibility, 2 * entries + 2)[2 * entries..] == [u32::MAX; 2]
 }
 
 pub(crate) fn rasterization_matches_single_rays(backend: &mut dyn Subject) {
@@ -203,7 +203,7 @@ fn check_fallback_to_rays(backend: &mut dyn Subject, intersector: Intersector) {
             "{intersector:?}, {triangles} triangles"
         );
     }
-    // Rasterization is retried after a while. This camera has fewer triangles to cover.
+    // Rasterization is retried after a while. This camera looks away from the triangles, so the retry succeeds.
     let away = look([0.0, 0.0, 3.0], [0.0, 0.0, 9.0], (50.0, PICTURE_SIZE));
     let mut tried = (0..1000).map(|_| {
         trace(backend, Rays::Camera(&away), SHADOWED);

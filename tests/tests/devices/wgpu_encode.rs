@@ -1,4 +1,4 @@
-//! Tests steps that are recorded into the program's command encoder.
+//! Tests steps that are recorded into the caller's command encoder.
 
 use crate::lent::{Found, OnHost, Sheets, bits, nothing, sheet, triangles, two_sheets};
 use crate::scenes::{
@@ -18,7 +18,7 @@ use integration::stage::own_device_with;
 use std::iter::zip;
 use wgpu::{Buffer, BufferUsages, CommandEncoder};
 
-/// A scene of two sheets. The program's commands move the first one.
+/// A scene of two sheets. The caller's commands move the first one.
 struct Encoded {
     caller: SheetsOnCallerDevice,
     vertices: Buffer,
@@ -411,7 +411,7 @@ pub(crate) fn submitted_step_follows_encoded_steps() {
 }
 
 /// Without live triangles, no kernel writes the results.
-pub(crate) fn misses_keep_the_command_order() {
+pub(crate) fn results_without_triangles_keep_the_command_order() {
     let device = own_device(required_limits(&nothing(), 1).unwrap());
     let builder = Tracer::builder().device(Device::from(device.clone()));
     let mut tracer = builder.threads(2).build(nothing()).unwrap();
@@ -435,7 +435,7 @@ pub(crate) fn misses_keep_the_command_order() {
     assert_eq!(written[..16], *bytemuck::cast_slice::<u32, u8>(&miss));
 }
 
-/// A dropped step does not free the resources of the step before it, which the program may still submit.
+/// A dropped step does not free the resources of the step before it, which the caller may still submit.
 pub(crate) fn dropped_step_keeps_resources_of_earlier_step() {
     let mut encoded = Encoded::new(Update::Async);
     let first = encoded.encode([0.5, 1.0]);

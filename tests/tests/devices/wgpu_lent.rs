@@ -1,4 +1,4 @@
-//! Tests devices that the program opened: with few features, with low limits, or lost.
+//! Tests devices that the caller opened: with few features, with low limits, or lost.
 
 use crate::scenes::{
     SHADOWED, camera, interpolate_and_refit, open, rays, report, submit_trace, swarm, trace,
@@ -130,7 +130,7 @@ pub(crate) fn lent_device_keeps_its_handlers() {
         counter.fetch_add(1, Ordering::Relaxed);
     });
     let mut backend = backend_on(&own).unwrap();
-    // One scene is refused and one fits. Neither calls the program's handlers.
+    // One scene is refused and one fits. Neither invokes the caller's handlers.
     assert!(
         backend
             .load(swarm(40_000), Intersector::Watertight)
@@ -265,7 +265,8 @@ pub(crate) fn calls_after_device_loss_return_errors() {
     }
 }
 
-/// Reports, when a device is destroyed, whether kernels cannot be compiled at that time.
+/// When its device is destroyed, reports whether the lock against compilation is held
+/// ([`gpu_common::lock_device_lifetime`]).
 struct DestructionProbe(mpsc::Sender<bool>);
 
 impl Drop for DestructionProbe {

@@ -1,4 +1,4 @@
-//! Tests rays that the program's own shaders trace.
+//! Tests rays that the caller's own shaders trace.
 
 use crate::lent::{Sheets, all_kinds, sheet, triangles, two_sheets};
 use crate::wgpu_lent::{bytes_of, filled};
@@ -9,7 +9,7 @@ use abvh::{Device, Error, Intersector, Mesh, Query, Ray, Source, Tracer, Update}
 use integration::stage::vast_camera;
 use wgpu::{BindGroupEntry, Buffer, BufferUsages, CommandEncoder};
 
-/// A shader with its own bind group and with names that the module might use, too.
+/// A shader with its own bind group and with names that the library's WGSL (`shader_module::wgsl`) might use, too.
 const SHADER: &str = "
 struct Ray { origin: vec3f, t_min: f32, direction: vec3f, t_max: f32 }
 @group(0) @binding(0) var<storage, read> rays: array<Ray>;
@@ -118,7 +118,7 @@ impl Shader {
     }
 }
 
-/// Moves sheets by the program's commands, traces with its shader, and compares with queries. Only extreme rays differ.
+/// Moves sheets by the caller's commands, traces with its shader, and compares with queries. Only extreme rays differ.
 pub(crate) fn shader_hits_match_queries() {
     let mut list = all_kinds();
     // Hits may have negative distances.

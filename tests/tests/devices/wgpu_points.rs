@@ -1,4 +1,4 @@
-//! Tests vertices in the program's own buffers.
+//! Tests vertices in the caller's own buffers.
 
 use crate::lent::{
     Moved, OnHost, Sheets, check_vertices_match_host, check_vertices_survive_replacement, sheet,
@@ -10,13 +10,13 @@ use abvh::own_device::{OwnDevice, required_limits};
 use abvh::{Device, Error, MeshId, Point, Query, Source, Step, Tracer, Update};
 use wgpu::{Buffer, BufferDescriptor, BufferUsages};
 
-/// Usage of each sheet's vertex buffer. The first can only be copied by commands, the second by a kernel.
+/// Usage of each sheet's vertex buffer. The first allows only copy commands. The second can also be read by a kernel.
 const USAGES: [BufferUsages; 2] = [
     BufferUsages::COPY_SRC,
     BufferUsages::COPY_SRC.union(BufferUsages::STORAGE),
 ];
 
-/// A scene of two sheets, traced on the program's own device.
+/// A scene of two sheets, traced on the caller's own device.
 pub(crate) struct SheetsOnCallerDevice {
     pub(crate) device: OwnDevice,
     pub(crate) tracer: Tracer,

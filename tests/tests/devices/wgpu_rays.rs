@@ -1,6 +1,6 @@
-//! Tests rays in the program's own buffers, and results that are written to them.
+//! Tests rays in the caller's own buffers, and results that are written to them.
 
-use crate::lent::{Found, LentRays, all_kinds, check_rays_match_host, flying, found};
+use crate::lent::{Found, RaysOnDevice, all_kinds, check_rays_match_host, flying, found};
 use crate::scenes::rays;
 use crate::wgpu_lent::{bytes_of, filled, own_device};
 use abvh::own_device::{OwnDevice, RayBuffers, required_limits};
@@ -18,7 +18,7 @@ const USAGE: BufferUsages = BufferUsages::STORAGE
     .union(BufferUsages::COPY_DST)
     .union(BufferUsages::COPY_SRC);
 
-/// A scene on the program's device, with buffers of rays and of results.
+/// A scene on the caller's device, with buffers of rays and of results.
 struct RaysOnCallerDevice {
     device: OwnDevice,
     tracer: Tracer,
@@ -46,7 +46,7 @@ impl RaysOnCallerDevice {
     }
 }
 
-impl LentRays for RaysOnCallerDevice {
+impl RaysOnDevice for RaysOnCallerDevice {
     fn tracer(&mut self) -> &mut Tracer {
         &mut self.tracer
     }
@@ -84,7 +84,7 @@ pub(crate) fn reads_rays_from_caller_buffers() {
         let hits = caller.tracer.hits_buffer(done, asked).unwrap();
         let hits = bytes_of(&caller.device, &hits);
         assert!(hits[..16 * list.len()] == bytes_of(&caller.device, &caller.results));
-        // Later rays from the host do not overwrite the program's buffer.
+        // Later rays from the host do not overwrite the caller's buffer.
         for query in [Query::Closest, Query::Any].repeat(4) {
             let ray = [Ray::new([9.0; 3], [1.0; 3])];
             found(&mut caller.tracer, query, |step| step.trace(&ray, query));
@@ -105,7 +105,7 @@ pub(crate) fn long_lists_fit_the_requested_limits() {
     }
 }
 
-/// Checks that buffers are released, since a program may pass new ones in every step.
+/// Checks that buffers are released, since the caller may pass new ones in every step.
 pub(crate) fn ray_buffers_are_released() {
     const BYTES: usize = 8 << 20;
     let few = rays(64);

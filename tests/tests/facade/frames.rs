@@ -179,7 +179,8 @@ pub(crate) fn unreadable(device: &Device) {
     }
 }
 
-/// Checks that no update policy changes a hit, for any time range. Nothing moves beyond the ends of the animation.
+/// Checks that no update policy with trees from the host changes a hit, for any time range. Nothing moves beyond the
+/// ends of the animation.
 pub(crate) fn policies(device: &Device) {
     let demo = demo("demo:twist:2000");
     let camera = camera(&demo.animation, [40, 30]);
@@ -234,7 +235,7 @@ pub(crate) fn policies(device: &Device) {
     }
 }
 
-/// Tests a tracer on a backend that the program created.
+/// Tests a tracer on a backend that the caller created.
 pub(crate) fn on_backend(device: &Device) {
     let demo = demo("demo:twist:2000");
     let mut usual = of_keys(&demo, device);

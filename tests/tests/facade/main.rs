@@ -17,7 +17,7 @@ use abvh::{
     Step, Tracer, Update,
 };
 use geom::Animation;
-use integration::stage::{pixels, vast_camera};
+use integration::stage::{picture_rays, vast_camera};
 use integration::{device_trial, is_full};
 use pool::{Pooled, tracer};
 use std::sync::Arc;
@@ -118,7 +118,7 @@ fn demo(name: &str) -> Demo {
     Demo {
         keys: keys.iter().map(|key| key.to_vec()).collect(),
         triangles: animation.triangles().to_vec(),
-        rays: pixels(&animation),
+        rays: picture_rays(&animation),
         animation,
     }
 }
@@ -316,7 +316,7 @@ fn misuse(device: &Device) {
     let few = step.vertices(cloth, Source::Host(&points[1..]));
     assert_eq!(few, Err(count(cloth, "vertices", 3, 2)));
     assert_eq!(step.poses(robot, &[]), Err(count(robot, "matrices", 4, 0)));
-    // Links without geometry have matrices, too.
+    // There may be further matrices, for parts without vertices.
     step.poses(robot, &[[[0.0; 4]; 3]; 6]).unwrap();
     // A failed query has not started tracing, so updates are still accepted.
     assert!(step.trace(Rays::OnDevice(1), Query::Any).is_err());

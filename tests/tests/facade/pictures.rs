@@ -54,8 +54,8 @@ fn floor() -> Mesh {
     floor.with_colours(&[FLOOR_COLOUR]).unwrap()
 }
 
-/// Checks pictures of meshes with any motion, in steps with other queries. Results last until two more steps are
-/// submitted.
+/// Checks pictures of streamed and key-framed meshes, in steps with other queries. Results last until two more steps
+/// are submitted.
 pub(crate) fn shaded(device: &Device) {
     let demo = demo("demo:twist:2000");
     let own = colours(demo.triangles.len());
@@ -223,7 +223,7 @@ pub(crate) fn together(device: &Device) {
             asked.push((time, done, query, expected));
         }
         asked.retain(|(of, ..)| of + 1 >= time);
-        // The previous step comes first. Most of its results have not been read yet.
+        // The previous step comes first. In two of three steps, its results have not been read yet.
         for (of, done, query, expected) in &asked {
             if *of + 1 == time || time % 3 == 0 {
                 let found = all_results(together.hits(*done, *query).unwrap());

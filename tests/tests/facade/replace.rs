@@ -1,4 +1,4 @@
-//! Tests that replace meshes, with new topology, while the scene is traced.
+//! Tests that replace meshes by meshes with other triangles, while the scene is traced.
 
 use crate::pool::{self, tracer};
 use crate::{Demo, Found, bits, demo, hits_after, hits_at, scene_of};
@@ -170,7 +170,7 @@ pub(crate) fn anew(device: &Device) {
             assert!(found(&mut live, asked) == expected, "{before:?} at {i}");
             i += 1;
         }
-        // Updates of a step that is dropped without a trace still apply.
+        // A step that is dropped before any query still moves its meshes.
         let cloth = sources.cloth(i + 1);
         let mut step = live.step(time(i));
         step.vertices(ids.cloth, Source::Host(&cloth)).unwrap();

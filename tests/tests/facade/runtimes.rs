@@ -1,4 +1,4 @@
-//! Tests the library inside the program's own threads: rayon's, and readers of key frames.
+//! Tests the library inside the caller's own threads: rayon's, and readers of key frames.
 
 use crate::{demo, hits_at, scene_of};
 use abvh::{Camera, CameraPose, Device, Mesh, Point, Query, Ray, Source, Tracer};
@@ -162,8 +162,8 @@ fn occupy_the_global_pool() -> Receiver<()> {
     held
 }
 
-/// Tests with a busy global pool. In a caller's program, its tasks may wait for a tracer that is in use, so the library must
-/// not wait for the pool.
+/// Tests with a busy global pool. Tasks of that pool may wait for a tracer that is in use, so the library must not wait
+/// for the pool.
 pub(crate) fn no_global_pool(device: &Device) {
     let device = device.clone();
     let held = occupy_the_global_pool();
@@ -171,7 +171,7 @@ pub(crate) fn no_global_pool(device: &Device) {
     drop(held);
 }
 
-/// Tests readers of key frames that trace, also with a shared tracer.
+/// Tests key-frame readers that trace rays, on the tested device and on the host.
 pub(crate) fn readers_trace(device: &Device) {
     let demo = Arc::new(demo("demo:collide:300"));
     let (keys, shared) = (Arc::clone(&demo), Arc::new(Mutex::new(world(device))));

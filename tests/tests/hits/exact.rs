@@ -1,4 +1,5 @@
-//! Compares `exact` with the oracle, which shares no code with it, on every ray. Also tests the limits of rays.
+//! Compares `exact` with the oracle, which shares no code with it, on every ray. Also tests `t_min` and `t_max` with
+//! every intersector that rounds.
 
 use backend::{Intersector, QueryKind, Rays};
 use conformance::oracle::{ExactHit, Oracle};
@@ -7,7 +8,7 @@ use conformance::{Target, aimed, nth_case};
 use geom::{Aabb, Animation, Hit, Point, Ray, Triangle, is_active, is_degenerate};
 use integration::scenes::Source;
 use integration::share;
-use integration::stage::{LoadedBackend, camera, light, pixels};
+use integration::stage::{LoadedBackend, camera, light, picture_rays};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -22,7 +23,7 @@ pub(crate) fn rays(source: Source) {
     let middle = 0.618 * animation.end();
     let mut exact = LoadedBackend::new(&animation, Intersector::Exact, 2);
     for time in [0.0, middle] {
-        let rays = pixels(&animation);
+        let rays = picture_rays(&animation);
         let mut all = rays.clone();
         for target in Target::ALL {
             for distance in [0.6, 2.0, 100.0, 1e4] {
@@ -90,7 +91,7 @@ pub(crate) fn odd_scenes() {
 pub(crate) fn shadows(source: Source) {
     let animation: Arc<Animation> = source.animation();
     let scale = animation.scale_exponent();
-    assert_eq!(scale, 0, "the oracle knows no scaled units");
+    assert_eq!(scale, 0, "`shadow_ray` supports only unscaled scenes");
     let rays = camera(&animation, [120, 80]).rays().collect::<Vec<_>>();
     let light = light(&animation);
     let time = 0.618 * animation.end();

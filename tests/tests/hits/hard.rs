@@ -1,4 +1,5 @@
-//! Rays that take devices extra work: from far away, at ties, and at hits that a first search cannot decide.
+//! Rays that need more than the first kernel of `exact`: from far away, at ties, and at hits that its filter leaves
+//! open (docs/design/exact-arithmetic.md).
 
 use crate::exact::check;
 use backend::{Backend, Hits, Intersector, QueryKind, Rays};
@@ -49,8 +50,8 @@ fn through_hub() -> Vec<Ray> {
     all.collect()
 }
 
-/// Groups of triangles, each met by one ray of [`at_tiny_offsets`]. The hit depends on coordinates so small that they
-/// need more than 60 bits next to the others.
+/// Groups of triangles, each met by one ray of [`at_tiny_offsets`]. The hit depends on coordinates so small that all
+/// coordinates in a common unit need more than 60 bits.
 fn tiny_offsets() -> Arc<Animation> {
     const TINY: f32 = 1e-20;
     let ulp = f32::EPSILON;
@@ -73,10 +74,10 @@ fn tiny_offsets() -> Arc<Animation> {
         vec![slanted(-TINY, 1.0)],
         // The rounded `t` of both are equal. The second one is nearer.
         vec![slanted(-TINY, 1.0 + ulp), slanted(TINY, 1.0 + ulp)],
-        // The same in both orders, where the nearer one fits 60 bits.
+        // As before, but the nearer triangle fits 60 bits. It is the second one here, the first one in the next group.
         vec![slanted(-TINY, 1.0 + ulp), near],
         vec![near, slanted(-TINY, 1.0 + ulp)],
-        // A near triangle is compared with others after farther triangles of more than 60 bits.
+        // Near triangles that fit 60 bits, each followed by a farther one that does not.
         [near, far].repeat(6),
     ];
     let rows = groups.iter().zip(TINY_OFFSET_ROWS);
@@ -106,9 +107,9 @@ fn stack(triangles: usize) -> Arc<Animation> {
     still(points, vec![[0, 1, 2]; triangles])
 }
 
-/// Number of triangles at which the search itself exceeds its limit of iterations.
+/// Numbers of triangles in a stack. All of them are candidates of one ray, as the exact `t` are equal. Before Mesa
+/// 23.1, lavapipe ended the search (`TALL`) or the pass over the candidates (`LOWER`) early.
 const TALL: usize = 30_000;
-/// Number of triangles at which only the pass over the search's candidates exceeds the limit.
 const LOWER: usize = 12_000;
 
 /// One ray through the stack, and one that misses it.
@@ -151,8 +152,8 @@ fn watertight(mut backend: Box<dyn Backend>) -> Box<dyn Backend> {
     backend
 }
 
-/// A triangle with edges of `3.3e-13` and `1.1e-16`. In the scene's units, the numerator of `t` is below `1e-40` and so
-/// subnormal. A device that flushed it missed the triangle before coordinates of this size were scaled.
+/// A triangle with edges of `3.3e-13` and `1.1e-16`. Without scaling, the numerator of `t` would be below `1e-40`, and
+/// a device that flushes subnormal numbers would miss the triangle.
 fn sliver() -> Arc<Animation> {
     let points = vec![
         [1.000_418e-9, 9.997_51e-10, 1.000_179_9e-9],
@@ -242,7 +243,8 @@ fn pictures() -> Vec<Picture> {
             dark.len() >= 60 && lit.len() >= 60
         },
     });
-    // Rays through the edge, and rays beside it, in a scene that is scaled when it is loaded.
+    // Twice the wall of `seam`: with rays exactly through its common edge, and with rays beside it in a scene that is
+    // scaled.
     all.extend(
         [(0.0, 1.0), (1e-8, 2_f32.powi(-20))].map(|(x, scale)| Picture {
             animation: seam(x, scale),
@@ -299,8 +301,8 @@ fn camera_at(distance: f32, animation: &Animation) -> Camera {
     Camera::look_at(pose.with_up([0.0, 0.0, 1.0]), [16, 12]).expect("a picture")
 }
 
-/// Doubles every triangle, and adds every third one again with rotated vertices. So every hit is a tie. A device's
-/// first search decides neither the hit nor its shadow.
+/// Doubles every triangle, and adds every third one again with rotated vertices. So every hit is a tie. The first
+/// kernel decides neither the hit nor its shadow.
 fn twice(animation: &Animation) -> Arc<Animation> {
     let triangles = animation.triangles();
     let turned = triangles.iter().step_by(3).map(|&[a, b, c]| [b, c, a]);

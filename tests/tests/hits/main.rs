@@ -1,5 +1,5 @@
-//! Compares hits of `exact` and `watertight` with exact answers, on whole scenes and hard rays. Also tests the limits
-//! of rays with `woop` and `moller-trumbore`.
+//! Compares hits of `exact` and `watertight` with exact answers, on whole scenes and hard rays. Also tests `t_min` and
+//! `t_max` with every intersector that rounds.
 
 mod exact;
 mod hard;
@@ -32,15 +32,15 @@ type Test = (&'static str, fn(Box<dyn Backend>) -> Box<dyn Backend>);
 /// Tests of every device. Each returns the backend for the next test.
 const OF_DEVICES: [Test; 8] = [
     (
-        "infinite_lights_cast_no_shadow_of_extreme_rays",
+        "hits_of_extreme_rays_are_lit_by_infinite_lights",
         rounding::infinite_light,
     ),
     (
-        "distances_that_underflow_are_positive",
+        "distances_that_underflow_are_plus_zero",
         rounding::underflowing_distances,
     ),
     (
-        "shadows_ignore_overflowing_edges",
+        "shadow_rays_start_finite_if_edges_overflow",
         rounding::overflowing_edges,
     ),
     (
@@ -52,7 +52,7 @@ const OF_DEVICES: [Test; 8] = [
         rounding::near_the_origin,
     ),
     (
-        "small_determinants_decide_no_distance",
+        "underflowing_determinants_leave_limits_exact",
         rounding::small_determinants,
     ),
     (
@@ -60,7 +60,7 @@ const OF_DEVICES: [Test; 8] = [
         rounding::ties_at_zero,
     ),
     (
-        "needles_in_a_picture_equal_single_rays",
+        "camera_hits_on_needles_match_single_rays",
         rounding::needles_in_a_picture,
     ),
 ];

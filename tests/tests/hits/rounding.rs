@@ -8,7 +8,8 @@ use geom::{Animation, Camera, Point, Ray};
 use integration::stage::{LoadedBackend, separate_triangles};
 use std::sync::Arc;
 
-/// A triangle just behind the start of equal rays, which a host traces as a packet. The distance underflows to zero.
+/// A triangle just before the start (`t < 0`) of equal rays, which a host traces as a packet. The distance underflows
+/// to zero.
 pub(crate) fn underflowing_distances(backend: Box<dyn Backend>) -> Box<dyn Backend> {
     let (size, depth) = ((-60_f32).exp2(), (-91_f32).exp2());
     let corners = [
@@ -48,10 +49,11 @@ pub(crate) fn infinite_light(backend: Box<dyn Backend>) -> Box<dyn Backend> {
     stage.into_backend()
 }
 
-/// The edges of the first triangle overflow. The second one blocks the light, but not the ray.
+/// The edges of the first triangle overflow. The second triangle blocks the light, but not the ray.
 pub(crate) fn overflowing_edges(backend: Box<dyn Backend>) -> Box<dyn Backend> {
     let wall = [[3e38, -3e38, -1e38], [3e38, 3e38, -1e38], [3e38, 0.0, 2e38]];
-    // Where the edges are replaced by the largest float, the computed hit has this `y`.
+    // An overflowing edge is replaced by the largest float (hits.md, extreme rays). The hit computed from such edges
+    // has this `y`.
     let (y, size) = (-8.66e37, 1e37);
     let blocker = [
         [0.0, y - size, -size],
@@ -114,8 +116,9 @@ fn against_the_oracle(
     stage.into_backend()
 }
 
-/// The box of this triangle is very near to the ray's start. Its padding is proportional to this distance, which is limited
-/// to at least `2^-38`. Without the limit, the padding would be less than coordinates that are replaced by zero.
+/// This triangle's box is very near to the ray's start. The box test pads the box in proportion to `D`, its distance
+/// from the ray's start, but as if `D` were at least `2^-38` (hits.md, box test). Otherwise the padding would be
+/// smaller than the error of replacing tiny coordinates by zero.
 pub(crate) fn near_the_origin(backend: Box<dyn Backend>) -> Box<dyn Backend> {
     let (step, width) = ((-47_f32).exp2(), (-64_f32).exp2());
     let x = (-24_f32).exp2() + step;
@@ -156,8 +159,8 @@ pub(crate) fn small_determinants(backend: Box<dyn Backend>) -> Box<dyn Backend> 
     against_the_oracle(backend, &[FAR, near], &rays.collect::<Vec<_>>())
 }
 
-/// A ray that starts in two triangles and hits both at `t = 0`. The first one's box begins behind the ray's start, at
-/// a distance that rounds to zero.
+/// A ray that starts in two triangles and hits both at `t = 0`. The first one's box begins beyond the ray's start, at a
+/// distance that rounds to zero.
 pub(crate) fn ties_at_zero(mut backend: Box<dyn Backend>) -> Box<dyn Backend> {
     let first = [
         [-2.052_907_2e-19, 1.577_45e-19, 1.084_211e-19],

@@ -98,6 +98,7 @@ fn repeatable(sandbox: &Sandbox) {
 fn recorded(sandbox: &Sandbox) {
     let (run, json) = sandbox.run_json("stability --backend cpu --seeds 1 --quiet", "--record");
     assert_eq!(json["arithmetic"]["rounds_division"], true);
+    // This text states where and from how many rays the rates were measured.
     let ground = json["ground"].as_str().unwrap();
     let told = ground.contains("8192 rays per family") && run.stdout.contains(ground);
     assert!(told, "{ground}: {}", run.stdout);

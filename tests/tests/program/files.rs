@@ -46,7 +46,8 @@ fn memory_estimate_is_accurate(sandbox: &Sandbox, backend: &str) {
         _ => "device_bytes",
     };
     for how in [
-        // Without `--lockstep`, the estimate includes a candidate tree, which a short run may not have.
+        // Without `--lockstep`, the estimate includes a finished tree that is refitted beside the current one until
+        // costs are compared. A short run may not have it.
         "--size 64x48 --update async --lockstep 1",
         "--size 640x480 --update rebuild",
     ] {
@@ -82,7 +83,7 @@ fn broken_pipe(sandbox: &Sandbox) {
     }
 }
 
-/// Tests a slope of 0.1 across a unit square, at coordinates where single precision has steps of 0.5.
+/// Tests a slope of 0.1 across a unit square, at coordinates where single precision has steps of up to 0.5.
 fn recentred(sandbox: &Sandbox) {
     let corner = |x: f64, y: f64| [691_608.0 + x, 5_334_760.2 + y, 520.0 + 0.1 * x];
     let corners = [

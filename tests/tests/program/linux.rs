@@ -1,4 +1,4 @@
-//! Features that only Linux has: names of arbitrary bytes, and memory limits.
+//! Tests that run only on Linux: file names of arbitrary bytes, and limits on memory and file size.
 
 use crate::bad::npy;
 use crate::sandbox::{Run, SQUARE, Sandbox, trial};
@@ -46,7 +46,7 @@ fn too_large(sandbox: &Sandbox) {
 /// Options for a single thread of each kind.
 const CPU: &str = "--backend cpu --threads 1 --builder-threads 1";
 
-/// Checks that small files of large meshes are refused with needed and available memory, without a crash.
+/// Checks that small files of large meshes are refused with a message that states the needed and the available memory.
 fn beyond_memory(sandbox: &Sandbox) {
     let ply = |faces: &str, list: &str, body: &str| {
         let point = "property float x\nproperty float y\nproperty float z";

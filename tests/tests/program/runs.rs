@@ -178,7 +178,7 @@ fn finished(sandbox: &Sandbox) {
     sandbox.run_ok(&format!("{elsewhere} --resume"));
     // The frame rate of a video does not affect the run.
     sandbox.run_ok(&format!("{words} --resume --fps 30 --y4m a.y4m"));
-    // A '+' in the name of a folder joins nothing, so the folder may be renamed.
+    // The scene's folder may be renamed. A '+' in its name does not join scenes.
     sandbox.write("a+b/1.obj", SQUARE);
     sandbox.run_ok(&format!(
         "{} --resume",

@@ -99,7 +99,8 @@ fn memory(sandbox: &Sandbox) {
     assert!(stats["summary"]["host_bytes"].is_null(), "{stats}");
 }
 
-/// Checks that predicted trees need no vertices of the device, except perhaps the first, and that other trees do.
+/// Checks that vertices are read back for at most one tree with `--predict on`, and for almost every tree with
+/// `--predict off`.
 fn read_back(sandbox: &Sandbox) {
     for (predict, needs_vertices) in [("on", false), ("off", true)] {
         let options = format!("--frames 12 --update async --lockstep 2 --predict {predict}");

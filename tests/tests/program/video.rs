@@ -15,7 +15,10 @@ pub(crate) fn trials() -> Vec<Trial> {
         #[cfg(unix)]
         trial("video::failed_encoder_leaves_no_video", fails),
         #[cfg(unix)]
-        trial("video::signal_outranks_interrupted_encoder", interrupted),
+        trial(
+            "video::signal_sets_exit_code_though_encoder_fails",
+            interrupted,
+        ),
     ]
 }
 

@@ -4,7 +4,7 @@ use super::bodies::{BODIES, BodyRay, BodyRayKind, PlacedBody, body_rays, placed_
 use super::commands::{BackendCommand, commands};
 use super::rays::{RayDescription, RayKind, TargetTriangles, nth_ray};
 use super::scenes::{KEYS, MovingMesh, SceneKind, grid_point, scenes};
-use super::strategies::{Precision, each, precision, runner, steps, value_tree};
+use super::strategies::{Precision, last_of, precision, runner, shrinking_list, value_tree};
 use super::topologies::TreeDescription;
 use crate::compare::ray_text;
 use geom::{Animation, Camera, CameraPose, Point, Ray};
@@ -23,7 +23,7 @@ pub struct Case {
     pub about: String,
     /// The scene.
     pub animation: Arc<Animation>,
-    /// Times to visit, in key frames. There are at least three, and the first tree is built at the first one.
+    /// Times to visit, in key frames. Generated cases have three. Most properties build their first tree at the first.
     pub times: Vec<f64>,
     /// Rays to trace. Consecutive rays cycle through the [kinds](crate::RayKind).
     pub rays: Vec<Ray>,
@@ -120,10 +120,10 @@ struct CaseDescription {
 /// are removed.
 pub(crate) fn cases(number: u32) -> impl Strategy<Value = Case> {
     let kind = SceneKind::ALL[number as usize % SceneKind::ALL.len()];
-    let rays = each((0..ROUNDS * RayKind::ALL.len() as u64).map(nth_ray));
+    let rays = shrinking_list((0..ROUNDS * RayKind::ALL.len() as u64).map(nth_ray));
     let sizes = (
-        each((0..TRIANGLES).map(Just)),
-        steps((1..=KEYS).collect::<Vec<_>>()),
+        shrinking_list((0..TRIANGLES).map(Just)),
+        last_of((1..=KEYS).collect::<Vec<_>>()),
     );
     let scene = (sizes, placements(), precision(), scenes(kind));
     let rest = (
@@ -134,7 +134,9 @@ pub(crate) fn cases(number: u32) -> impl Strategy<Value = Case> {
         any::<u64>().no_shrink(),
         commands(),
         bodies(),
-        each((0..BODY_RAYS).map(|i| body_rays(BodyRayKind::ALL[i % BodyRayKind::ALL.len()]))),
+        shrinking_list(
+            (0..BODY_RAYS).map(|i| body_rays(BodyRayKind::ALL[i % BodyRayKind::ALL.len()])),
+        ),
     );
     (scene, rays, rest).prop_map(move |(scene, rays, rest)| {
         let ((kept, keys), place, precision, scene) = scene;
@@ -308,7 +310,7 @@ pub(crate) struct ScenePlacement {
     offset: [f64; 3],
 }
 
-/// Scales and offsets, in units of the scaled scene: far from the origin, and at sizes whose products overflow or
+/// A scale, and an offset as a multiple of that scale: scenes far from the origin, and sizes whose products overflow or
 /// underflow.
 const ELSEWHERE: [[f64; 2]; 16] = [
     [1.0, 10.0],
@@ -360,13 +362,15 @@ impl ScenePlacement {
         })
     }
 
-    /// Returns a camera that sees the scene. The picture has 408 or 255 pixels. GPU backends rasterize no picture of
-    /// 255 pixels, and pictures of 408 pixels only if the scene has more than 102 triangles. So properties are tested with
-    /// and without rasterization.
-    pub(crate) fn camera(&self, unit: Point) -> Camera {
-        let eye = self.put([2.5 + unit[0], 1.5 + unit[1], 3.0 + unit[2]]);
+    /// Returns a camera that sees the scene. `anywhere` is a random point in the cube `-1..=1`. It moves the eye and
+    /// selects the picture's width.
+    ///
+    /// The picture has 408 or 255 pixels. GPU backends rasterize no picture of 255 pixels, and pictures of 408 pixels
+    /// only if the scene has more than 102 triangles. So properties are tested with and without rasterization.
+    pub(crate) fn camera(&self, anywhere: Point) -> Camera {
+        let eye = self.put([2.5 + anywhere[0], 1.5 + anywhere[1], 3.0 + anywhere[2]]);
         let pose = CameraPose::new(eye, self.put([0.0; 3])).with_fov(50.0);
-        let width = if unit[0] < 0.0 { 24 } else { 15 };
+        let width = if anywhere[0] < 0.0 { 24 } else { 15 };
         Camera::look_at(pose, [width, 17]).expect("the camera sees the scene")
     }
 }

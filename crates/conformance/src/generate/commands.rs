@@ -1,6 +1,6 @@
 //! Commands that may precede a frame, in any order that the contract of backends permits.
 
-use super::strategies::each;
+use super::strategies::shrinking_list;
 use super::topologies::{LeafSplit, TreeDescription};
 use bvh_layout::Topology;
 use geom::Animation;
@@ -55,7 +55,7 @@ pub(crate) fn commands() -> impl Strategy<Value = Vec<BackendCommand>> {
         2 => Just(BackendCommand::Request),
         2 => tree.prop_map(BackendCommand::Adopt),
     ];
-    each((0..COMMANDS).map(move |_| one.clone().no_shrink()))
+    shrinking_list((0..COMMANDS).map(move |_| one.clone().no_shrink()))
 }
 
 impl AdoptedTree {

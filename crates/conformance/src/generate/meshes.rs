@@ -215,7 +215,7 @@ pub(crate) fn plane() -> impl Strategy<Value = IndexedMesh> {
         0..3_usize,
         vec(any::<bool>(), 16 * 16),
     );
-    let all = numbers.prop_map(|(n, tilt, turn, halves)| {
+    let all = numbers.prop_map(|(n, tilt, turn, diagonals)| {
         let point = |i: u32, j: u32| {
             let [x, y] = [i, j].map(|k| k as f32 / 8.0 - 1.0);
             let p = [x, y, tilt[0] * x + tilt[1] * y];
@@ -224,8 +224,9 @@ pub(crate) fn plane() -> impl Strategy<Value = IndexedMesh> {
         let points = (0..=n).flat_map(|j| (0..=n).map(move |i| (i, j)));
         let at = |i, j| j * (n + 1) + i;
         let mut triangles = Vec::new();
-        for ([[a, b, c], [_, _, d]], half) in quads(n, n, at).into_iter().zip(halves) {
-            triangles.extend(if half {
+        let quads = quads(n, n, at).into_iter().zip(diagonals);
+        for ([[a, b, c], [_, _, d]], is_first_diagonal) in quads {
+            triangles.extend(if is_first_diagonal {
                 [[a, b, c], [a, c, d]]
             } else {
                 [[b, d, a], [d, b, c]]

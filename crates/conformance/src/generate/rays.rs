@@ -1,7 +1,7 @@
 //! Rays of several kinds, each for one purpose. Sums are computed in double precision and rounded once.
 
 use super::meshes::point;
-use super::strategies::{Precision, Steps, precision, runner, steps, value_tree};
+use super::strategies::{LastOf, Precision, last_of, precision, runner, value_tree};
 use crate::stage;
 use geom::{Animation, Point, Ray, Triangle, is_active};
 use proptest::array::uniform3;
@@ -142,10 +142,10 @@ pub(crate) fn rays_of(kind: RayKind, target: Target) -> impl Strategy<Value = Ra
 const VARIANTS: usize = 9 * 4 * 7;
 
 /// A kind, or the simpler kinds that it shrinks to.
-fn kinds(kind: RayKind) -> Steps<RayKind> {
+fn kinds(kind: RayKind) -> LastOf<RayKind> {
     let simple = [RayKind::Random, RayKind::Aimed].into_iter();
     let simple = simple.take_while(|&simple| simple != kind);
-    steps(simple.chain([kind]).collect::<Vec<_>>())
+    last_of(simple.chain([kind]).collect::<Vec<_>>())
 }
 
 /// Ray `i` of a scene. Consecutive rays cycle through all kinds, and then through all targets.
@@ -156,7 +156,7 @@ pub(crate) fn nth_ray(i: u64) -> impl Strategy<Value = RayDescription> {
 
 /// Returns `count` rays from all sides, each at a target on a random triangle.
 ///
-/// Rays start at most `distance` times the scene's size away.
+/// Rays start at most `distance` times the scene's size away from their targets, along each axis.
 pub fn aimed(
     animation: &Animation,
     time: f64,
@@ -261,7 +261,8 @@ impl TargetTriangles {
                 let from = within(triangle, ray.walk.map(f64::from));
                 [from, within(triangle, halves(rim, ray.part))]
             }
-            // If vertices are multiples of a power of two, the ray passes exactly through its target.
+            // If the coordinates of vertices have few binary digits, as on a grid, all sums here are exact. Then the
+            // ray passes exactly through its target.
             RayKind::Exactly | RayKind::Limited => {
                 let at = within(triangle, halves(ray.target, ray.part));
                 let from = around(2.0 * self.radius, ray.points[0]);
@@ -356,7 +357,7 @@ fn towards(from: [f64; 3], at: [f64; 3]) -> Ray {
     Ray::new(origin, to)
 }
 
-/// Rays whose origin and direction consist of zeros and small numbers.
+/// Rays whose coordinates are zeros or a few powers of two, of either sign.
 pub(crate) fn of_zeros() -> impl Strategy<Value = Ray> {
     const FROM: [f32; 8] = [0.0, -0.0, 0.25, -0.25, 0.5, -0.5, 2.0, -2.0];
     const ALONG: [f32; 6] = [0.0, -0.0, 1.0, -1.0, 0.5, -0.25];

@@ -1,8 +1,8 @@
 //! Building blocks of the strategies, and their random numbers.
 //!
 //! `proptest` shrinks one number at a time. A failing scene has thousands of numbers, and each attempt runs
-//! a property on a backend. So these strategies shrink in large steps: [`each`] removes half of a list at once, and
-//! [`steps`] tries the simplest of a few values first.
+//! a property on a backend. So these strategies shrink in large steps: [`shrinking_list`] removes half of a list at
+//! once, and [`last_of`] tries the simplest of a few values first.
 
 use geom::Point;
 use proptest::prelude::*;
@@ -52,22 +52,24 @@ pub(crate) fn value_tree<S: Strategy>(strategy: &S, runner: &mut TestRunner) -> 
 ///
 /// Shrinking removes runs of elements, from halves of the list down to single elements. Then it shrinks those that are
 /// left. At least one element remains.
-pub(crate) fn each<S: Strategy>(elements: impl IntoIterator<Item = S>) -> Each<S> {
-    Each(elements.into_iter().collect())
+pub(crate) fn shrinking_list<S: Strategy>(
+    elements: impl IntoIterator<Item = S>,
+) -> ShrinkingList<S> {
+    ShrinkingList(elements.into_iter().collect())
 }
 
-/// The strategy that [`each`] returns.
+/// The strategy that [`shrinking_list`] returns.
 #[derive(Clone, Debug)]
-pub(crate) struct Each<S>(Vec<S>);
+pub(crate) struct ShrinkingList<S>(Vec<S>);
 
-impl<S: Strategy> Strategy for Each<S> {
-    type Tree = EachTree<S::Tree>;
+impl<S: Strategy> Strategy for ShrinkingList<S> {
+    type Tree = ShrinkingListTree<S::Tree>;
     type Value = Vec<S::Value>;
 
     fn new_tree(&self, runner: &mut TestRunner) -> NewTree<Self> {
         let elements = self.0.iter().map(|element| element.new_tree(runner));
         let elements = elements.collect::<Result<Vec<_>, _>>()?;
-        Ok(EachTree {
+        Ok(ShrinkingListTree {
             kept: (0..elements.len()).collect(),
             run: elements.len().div_ceil(2),
             elements,
@@ -80,7 +82,7 @@ impl<S: Strategy> Strategy for Each<S> {
 
 /// A list whose runs of elements are removed, then its elements shrunk.
 #[derive(Debug)]
-pub(crate) struct EachTree<T> {
+pub(crate) struct ShrinkingListTree<T> {
     elements: Vec<T>,
     /// Indices of the elements that are left.
     kept: Vec<usize>,
@@ -94,7 +96,7 @@ pub(crate) struct EachTree<T> {
     next: usize,
 }
 
-impl<T: ValueTree> EachTree<T> {
+impl<T: ValueTree> ShrinkingListTree<T> {
     /// Removes the next run. Returns `false` if no run is left to try.
     fn remove(&mut self) -> bool {
         while self.run > 0 {
@@ -111,7 +113,7 @@ impl<T: ValueTree> EachTree<T> {
     }
 }
 
-impl<T: ValueTree> ValueTree for EachTree<T> {
+impl<T: ValueTree> ValueTree for ShrinkingListTree<T> {
     type Value = Vec<T::Value>;
 
     fn current(&self) -> Self::Value {
@@ -151,21 +153,21 @@ impl<T: ValueTree> ValueTree for EachTree<T> {
 }
 
 /// Returns a strategy for the last of `values`. Shrinking finds the first value that fails.
-pub(crate) fn steps<T: Clone + Debug>(values: impl Into<Vec<T>>) -> Steps<T> {
-    Steps(values.into())
+pub(crate) fn last_of<T: Clone + Debug>(values: impl Into<Vec<T>>) -> LastOf<T> {
+    LastOf(values.into())
 }
 
-/// The strategy that [`steps`] returns.
+/// The strategy that [`last_of`] returns.
 #[derive(Clone, Debug)]
-pub(crate) struct Steps<T>(Vec<T>);
+pub(crate) struct LastOf<T>(Vec<T>);
 
-impl<T: Clone + Debug> Strategy for Steps<T> {
-    type Tree = StepsTree<T>;
+impl<T: Clone + Debug> Strategy for LastOf<T> {
+    type Tree = LastOfTree<T>;
     type Value = T;
 
     fn new_tree(&self, _: &mut TestRunner) -> NewTree<Self> {
         let last = self.0.len() - 1;
-        Ok(StepsTree {
+        Ok(LastOfTree {
             values: self.0.clone(),
             low: 0,
             now: last,
@@ -176,7 +178,7 @@ impl<T: Clone + Debug> Strategy for Steps<T> {
 
 /// A value that shrinks to a simpler one.
 #[derive(Debug)]
-pub(crate) struct StepsTree<T> {
+pub(crate) struct LastOfTree<T> {
     values: Vec<T>,
     /// The first value that was not tried.
     low: usize,
@@ -185,7 +187,7 @@ pub(crate) struct StepsTree<T> {
     high: usize,
 }
 
-impl<T: Clone + Debug> ValueTree for StepsTree<T> {
+impl<T: Clone + Debug> ValueTree for LastOfTree<T> {
     type Value = T;
 
     fn current(&self) -> T {
@@ -210,7 +212,7 @@ impl<T: Clone + Debug> ValueTree for StepsTree<T> {
 /// Precision of generated numbers.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Precision {
-    /// As a multiple of an eighth.
+    /// As a multiple of an eighth, if below 1024 in magnitude. Other numbers stay as they are.
     Eighths,
     /// With three significant bits.
     ThreeBits,
@@ -219,8 +221,8 @@ pub(crate) enum Precision {
 }
 
 /// Returns a strategy for full precision, which shrinks to less.
-pub(crate) fn precision() -> Steps<Precision> {
-    steps([Precision::Eighths, Precision::ThreeBits, Precision::Full])
+pub(crate) fn precision() -> LastOf<Precision> {
+    last_of([Precision::Eighths, Precision::ThreeBits, Precision::Full])
 }
 
 impl Precision {
@@ -259,7 +261,7 @@ mod tests {
 
     #[test]
     fn lists_shrink_in_few_attempts() {
-        let numbers = each((0..1000).map(Just));
+        let numbers = shrinking_list((0..1000).map(Just));
         for wanted in [vec![7], vec![0, 999], vec![3, 400, 401, 800]] {
             let (list, attempts) = shrunk(&numbers, |l| wanted.iter().all(|x| l.contains(x)));
             assert_eq!(list, wanted);
@@ -271,7 +273,7 @@ mod tests {
 
     #[test]
     fn remaining_elements_shrink() {
-        let lists = each((0..9).map(|i| (Just(i), 0..100)));
+        let lists = shrinking_list((0..9).map(|i| (Just(i), 0..100)));
         let fails = |l: &Vec<(i32, i32)>| l.iter().any(|&(i, x)| i == 5 && x >= 0);
         assert_eq!(shrunk(&lists, fails).0, [(5, 0)]);
     }
@@ -279,7 +281,7 @@ mod tests {
     #[test]
     fn shrinking_finds_the_simplest_failure() {
         for least in 0..4 {
-            let found = shrunk(&steps([0, 1, 2, 3]), |&x| x >= least);
+            let found = shrunk(&last_of([0, 1, 2, 3]), |&x| x >= least);
             assert_eq!(found.0, least);
         }
     }

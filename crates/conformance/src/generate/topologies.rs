@@ -1,6 +1,6 @@
 //! Valid but unusual trees, and trees of other scenes.
 
-use super::strategies::each;
+use super::strategies::shrinking_list;
 use bvh_build::{BinaryTree, MAX_DEPTH};
 use bvh_layout::Topology;
 use geom::Animation;
@@ -45,7 +45,9 @@ impl TreeDescription {
     /// Lists with a tree of each [`LeafSplit`]. Shrinking removes trees.
     pub(crate) fn all() -> impl Strategy<Value = Vec<Self>> {
         let numbers = || any::<u64>().no_shrink();
-        each(LeafSplit::ALL.map(|split| numbers().prop_map(move |seed| Self { split, seed })))
+        shrinking_list(
+            LeafSplit::ALL.map(|split| numbers().prop_map(move |seed| Self { split, seed })),
+        )
     }
 
     /// Returns the tree over the triangles of a scene.

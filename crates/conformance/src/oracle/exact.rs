@@ -19,9 +19,10 @@ type ExactVector = [BigInt; 3];
 
 /// Returns the crossing of a valid ray and an active triangle, if there is one.
 ///
-/// Let `A`, `B`, `C` be the vectors from the origin to the corners and `|x y z|` a determinant. Then the corners have
-/// the weights `U = |d B C|`, `V = |d C A|`, `W = |d A B|`, and `t = |A B C| / (U + V + W)`. The divisor is `d . N`:
-/// zero for a ray in the plane and for a triangle without area.
+/// Let `d` be the ray's direction, and `A`, `B`, `C` the vectors from the ray's origin to the corners. Let `|x y z|` be
+/// a determinant. Then the corners have the weights `U = |d B C|`, `V = |d C A|`, `W = |d A B|`, and
+/// `t = |A B C| / (U + V + W)`. With `N = (B - A) x (C - A)`, the divisor is `d . N`. It is zero for a ray in the plane
+/// and for a triangle without area.
 pub(super) fn cross(ray: &Ray, [a, b, c]: &Triangle) -> Option<Crossing> {
     let o = &ray.origin;
     let flat: [f32; 12] = std::array::from_fn(|i| [a, b, c, o][i / 3][i % 3]);

@@ -1,7 +1,8 @@
 //! Exact hits, computed slowly in integer arithmetic.
 //!
-//! This is the reference for every backend, so it shares no code with any backend. From `geom`, it uses only types and
-//! their simplest methods. Its definition of a hit is that of [`backend::Intersector::Exact`]:
+//! Every backend, the reference backend included, is measured against these hits. So this module shares no code with
+//! any backend. From `geom`, it uses only types and their simplest methods. Its definition of a hit is that of
+//! [`backend::Intersector::Exact`]:
 //!
 //! - Triangles include their edges. A ray through an edge or a vertex hits every triangle that shares it.
 //! - A ray in a triangle's plane misses it.

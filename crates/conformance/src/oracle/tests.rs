@@ -53,8 +53,8 @@ fn shared_edge_does_not_leak() {
     assert_eq!(naive::all(&ray, &corners).len(), 2);
 }
 
-/// Returns scenes of 1 to 40 triangles and one more copy of the first triangle, with every fifth ray. Some kinds of
-/// scenes do not occur.
+/// Returns the generated cases of 1 to 40 triangles, each with its first triangle repeated and a fifth of its rays.
+/// Kinds of scenes that always have more triangles do not occur.
 fn cases() -> impl Iterator<Item = (Vec<Triangle>, Vec<Ray>)> {
     let few = (0..200).map(|i| nth_case(9, i));
     few.filter(|case| (1..=40).contains(&case.animation.triangle_count()))
@@ -83,7 +83,7 @@ fn oracle_agrees_with_naive_version() {
 }
 
 #[test]
-fn certain_double_results_are_correct() {
+fn certain_results_in_double_precision_are_correct() {
     for (all, rays) in cases() {
         for ray in rays.iter().filter(|ray| ray.is_valid()) {
             for corners in all.iter().filter(|corners| is_active(corners)) {
@@ -141,7 +141,7 @@ mod naive {
     }
 
     fn vector(p: Point) -> Vector {
-        p.map(|x| BigRational::from_float(x).expect("tests ask with finite numbers"))
+        p.map(|x| BigRational::from_float(x).expect("`hit` excludes numbers that are not finite"))
     }
 
     fn sub(a: &Vector, b: &Vector) -> Vector {

@@ -121,7 +121,7 @@ pub(super) fn together(c: &mut Check<'_>) -> Result<()> {
         c.interpolate_and_refit(time)?;
         c.subject.trace(&queries)?;
         let ticket = c.subject.submit()?;
-        let (met, mut sum) = (c.subject.wait(ticket)?.hits, 0);
+        let (counted_hits, mut sum) = (c.subject.wait(ticket)?.hits, 0);
         let mut found = vec![Hits::default(); queries.len()];
         for (index, hits) in found.iter_mut().enumerate() {
             c.subject.take_hits(ticket, index, hits)?;
@@ -132,7 +132,10 @@ pub(super) fn together(c: &mut Check<'_>) -> Result<()> {
             answered.with_context(|| format!("query {place}"))?;
             sum += alone.report.hits;
         }
-        ensure!(met == sum, "the report counts {met} hits, expected {sum}");
+        ensure!(
+            counted_hits == sum,
+            "the report counts {counted_hits} hits, expected {sum}"
+        );
     }
     Ok(())
 }

@@ -58,9 +58,9 @@ pub(super) fn apart(c: &mut Check<'_>) -> Result<()> {
         let same = same_results(case, case.times[1], query.rays, &found[i], &expected);
         same.with_context(|| format!("with {stray:?}"))?;
     }
-    let met = near_found[1].blocked.iter().zip(&far_found[1].blocked);
-    let met: Vec<u8> = met.map(|(a, b)| a | b).collect();
-    let same = found[1].blocked == met;
+    let pairs = near_found[1].blocked.iter().zip(&far_found[1].blocked);
+    let expected_blocked: Vec<u8> = pairs.map(|(a, b)| a | b).collect();
+    let same = found[1].blocked == expected_blocked;
     ensure!(same, "any-hit results differ with {stray:?}");
     Ok(())
 }

@@ -9,7 +9,8 @@ use backend::{Generation, QueryKind, Ticket};
 use bvh_layout::Topology;
 use std::mem::take;
 
-/// Tests that positions, boxes, counts, costs and hits of frames equal the reference's, whatever was recorded before.
+/// Tests that boxes, counts, costs and hits of frames equal the reference's, and positions those of `geom`'s formula,
+/// whatever was recorded before.
 ///
 /// Copies of positions must be those of the moment at which they were requested, and arrive in order.
 pub(super) fn after_commands(c: &mut Check<'_>) -> Result<()> {

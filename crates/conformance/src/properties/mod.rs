@@ -27,7 +27,7 @@ pub struct Property {
     intersector_set: &'static str,
     /// Whether only the default intersector is tested, in the cases that include it.
     is_narrowed: bool,
-    /// Test of the property. The error describes how subject and reference disagree.
+    /// Test of the property. The error describes the failure: what was found and what was expected.
     pub(crate) check: fn(&mut Check<'_>) -> Result<()>,
 }
 
@@ -143,9 +143,9 @@ macro_rules! properties {
 /// All properties.
 pub const PROPERTIES: &[Property] = properties! {
     robust_in_turn frames_equal_the_reference_after_any_commands: frames::after_commands;
-    usual reports_time_only_recorded_stages: reports::stages;
+    usual only_recorded_stages_have_times: reports::stages;
     usual paged_key_frames_have_the_positions_of_held_ones: paged::positions;
-    robust_in_turn the_device_measures_streamed_vertices: streamed::measured;
+    robust_in_turn device_measured_range_does_not_change_hits: streamed::measured;
     robust streamed_key_frames_are_played_like_held_ones: streamed::pushed;
     robust hits_equal_the_reference: answers::listed;
     robust pictures_and_shadows_equal_the_reference: answers::shadows;
@@ -173,7 +173,8 @@ mod tests {
     use crate::{Cases, check_property};
     use cpu_ref::CpuBackend;
 
-    /// Otherwise, the command that is printed for a failed case would not repeat it.
+    /// The command printed for a failed case tests the whole property. It repeats the failure only if the whole
+    /// property tests the same intersector on that case.
     #[test]
     fn narrowed_properties_test_only_their_own_intersectors() {
         for property in PROPERTIES {

@@ -26,8 +26,8 @@ pub(super) fn stages(c: &mut Check<'_>) -> Result<()> {
 
 /// Checks the times of the stages that were `done`.
 ///
-/// A backend without a clock may omit all times, but must not report times of other stages. The time of `interpolate`
-/// may be included in that of `preprocess`.
+/// A backend without a clock may omit all times. No backend may report a time for a stage that is not `done`. The time
+/// of `interpolate` may be included in that of `preprocess`.
 fn same_stages(what: &str, report: &FrameReport, done: [bool; 5]) -> Result<()> {
     let t = &report.times;
     let stages = [

@@ -56,8 +56,8 @@ fn leaping(case: &Case, rng: &mut Rng) -> Result<(Case, Arc<Animation>)> {
     let (own, first) = (case.animation.all_keys()?, case.animation.first());
     let triangles = || case.animation.triangles().to_vec();
     let still = rng.usize(..first.len()) * rng.usize(..2);
-    let marks: Vec<bool> = (0..first.len()).map(|v| v < still).collect();
-    let streamed = Animation::streamed(first.to_vec(), &marks, triangles())?;
+    let is_fixed: Vec<bool> = (0..first.len()).map(|v| v < still).collect();
+    let streamed = Animation::streamed(first.to_vec(), &is_fixed, triangles())?;
     let mut keys = vec![first.to_vec()];
     for key in 1..=PUSHED {
         let mut frame = own[key % own.len()].to_vec();
@@ -152,9 +152,9 @@ pub(super) fn measured(c: &mut Check<'_>) -> Result<()> {
     }
     let frames = frames(&first, c.case.random_bits);
     let [unseen, seen] = [false, true].map(|is_known| {
-        let marks = vec![false; first.len()];
+        let is_fixed = vec![false; first.len()];
         let triangles = c.case.animation.triangles().to_vec();
-        let streamed = Animation::streamed(first.clone(), &marks, triangles).map(Arc::new)?;
+        let streamed = Animation::streamed(first.clone(), &is_fixed, triangles).map(Arc::new)?;
         if is_known {
             // The host computes the range of each key frame before the device does.
             play(c, &streamed, &frames, |pose| {
@@ -249,7 +249,7 @@ fn frames(first: &[Point], seed: u64) -> Vec<BoundFrame> {
         ("tiny", tiny(TINY.next_down())),
         ("not tiny", tiny(TINY)),
         (
-            "too few tiny",
+            "only one tiny vertex that is not zero",
             with(&[(0, [0.0; 3]), (1, [0.0; 3]), (3, [1e-20; 3])]),
         ),
         ("all zero", vec![[0.0; 3]; first.len()]),

@@ -79,10 +79,10 @@ pub(super) fn uploaded(c: &mut Check<'_>) -> Result<()> {
     c.open(now)?;
     c.interpolate_and_refit(now)?;
     let fresh = c.closest()?;
-    write(c, &abandoned, 2)?;
+    prepare_upload(c, &abandoned, 2)?;
     c.subject.upload_tree(&abandoned, Generation(2))?;
     for (tree, generation) in [(&next, 3), (&last, 4), (&abandoned, 5)] {
-        write(c, tree, generation)?;
+        prepare_upload(c, tree, generation)?;
         while !c.subject.upload_tree(tree, Generation(generation))? {
             std::thread::yield_now();
         }
@@ -114,7 +114,7 @@ pub(super) fn evaluated(c: &mut Check<'_>) -> Result<()> {
     };
     for (&time, generation) in case.times.iter().zip(2..) {
         let tree = tree_at(&case.animation, time);
-        write(c, &tree, generation)?;
+        prepare_upload(c, &tree, generation)?;
         while !c.subject.upload_tree(&tree, Generation(generation))? {
             std::thread::yield_now();
         }
@@ -145,7 +145,9 @@ pub(super) fn evaluated(c: &mut Check<'_>) -> Result<()> {
     Ok(())
 }
 
-fn write(c: &mut Check<'_>, tree: &Topology, generation: u64) -> Result<()> {
+/// Writes the tree in the device's format, as the builder thread would, if the backend needs that
+/// ([`Backend::tree_writer`]).
+fn prepare_upload(c: &mut Check<'_>, tree: &Topology, generation: u64) -> Result<()> {
     let writer = c.subject.tree_writer(Generation(generation))?;
     writer.into_iter().for_each(|write| write(tree));
     Ok(())

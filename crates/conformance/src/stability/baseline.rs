@@ -1,9 +1,10 @@
 //! Measured rates for each kind of arithmetic: one per intersector, family and measure.
 //!
-//! The rates of the textbook intersectors depend on the device's [`Arithmetic`]. `watertight` and `exact` have the
-//! same answers everywhere, so the host's rates apply. A file in `baselines` contains the rates of one kind of arithmetic
-//! and where they were measured (`ground`). `abvh stability --record FILE` writes one from a device's answers to many
-//! seeds. To use it, add it to that folder and to `FILES`. Files omit events that must never happen: see `is_never`.
+//! `watertight` and `exact` have the same answers everywhere, so the host's rates apply. The rates of all other
+//! intersectors depend on the device's [`Arithmetic`]. A file in `baselines` contains the rates of one kind of
+//! arithmetic and where they were measured (`ground`). `abvh stability --record FILE` writes one from a device's
+//! answers to many seeds. To use it, add it to that folder and to `FILES`. Files omit events that must never happen:
+//! see `is_never`.
 
 use crate::stability::{Family, Measure, MeasuredRate, Plan, StabilityCell, StabilityTest};
 use backend::{Arithmetic, Backend, Intersector, Result};
@@ -213,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn baselines_are_complete() {
+    fn baselines_have_a_rate_of_wrong_hits_for_every_family() {
         for baseline in BASELINES.iter() {
             let of = |by: Intersector| {
                 deciding_arithmetic(by, baseline.arithmetic) == baseline.arithmetic

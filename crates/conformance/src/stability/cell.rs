@@ -20,6 +20,7 @@ backend::named! {
         /// Rays from inside that miss.
         Leaks = "leaks",
         /// Rays from inside that cross a body an even number of times, or rays from outside an odd number of times.
+        /// Rays that leak through a gap also have a wrong number of crossings, so they are counted too.
         DoubleHits = "double_hits",
     }
 }

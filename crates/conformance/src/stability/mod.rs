@@ -72,7 +72,7 @@ backend::named! {
         ExtremeKeys = "extreme-keys",
         /// A cloth twisted to its maximum.
         FoldingCloth = "folding-cloth",
-        /// Coordinates and directions that are zeros of either sign.
+        /// Coordinates, and half of the directions, contain many zeros of either sign.
         SignedZeros = "signed-zeros",
         /// Vertices that are not finite, in some or all key frames.
         NonFinite = "non-finite",

@@ -131,7 +131,7 @@ mod tests {
         tests.iter().map(cell).collect()
     }
 
-    fn red(cells: &[StabilityCell]) -> Vec<&StabilityCell> {
+    fn out_of_bounds(cells: &[StabilityCell]) -> Vec<&StabilityCell> {
         cells.iter().filter(|c| !c.is_ok()).collect()
     }
 
@@ -148,7 +148,8 @@ mod tests {
         }
         let measured = all.iter().flat_map(|c| &c.measured);
         assert!(measured.clone().all(|m| m.of > 0 && m.bound.is_some()));
-        assert!(red(&all).is_empty(), "{:#?}", red(&all));
+        let out_of_bounds = out_of_bounds(&all);
+        assert!(out_of_bounds.is_empty(), "{out_of_bounds:#?}");
     }
 
     #[test]
@@ -164,8 +165,11 @@ mod tests {
             (Watertight, MollerTrumbore),
         ] {
             let cells = cells(&tests, asked, named);
-            let red = red(&cells);
-            assert!(red.len() >= 5, "{asked} for {named}: {red:#?}");
+            let out_of_bounds = out_of_bounds(&cells);
+            assert!(
+                out_of_bounds.len() >= 5,
+                "{asked} for {named}: {out_of_bounds:#?}"
+            );
         }
     }
 }

@@ -30,7 +30,8 @@ struct Seen {
     kind: Option<QueryKind>,
     traces_since_refit: u32,
     loads: u32,
-    taken: Option<Vec<Point>>,
+    /// Positions that were taken last. The fault `copies come twice` returns them again.
+    taken_last: Option<Vec<Point>>,
     /// Positions that are returned even after another scene is loaded.
     stale_positions: Option<Vec<Point>>,
     pose: Option<Pose>,
@@ -119,11 +120,11 @@ impl Faulty {
                 let first = seen.first_leaf;
                 found.filter(|h| Some(h.triangle) == first).for_each(miss);
             }
-            "hits of neighbours go to the first leaf" => {
+            "hits of similar indices go to the first leaf" => {
                 let first = seen.first_leaf.unwrap_or_default();
                 // Triangles whose indices are in the same group of four.
-                let neighbours = found.filter(|h| h.triangle / 4 == first / 4);
-                neighbours.for_each(|h| h.triangle = first);
+                let similar = found.filter(|h| h.triangle / 4 == first / 4);
+                similar.for_each(|h| h.triangle = first);
             }
             "every third scene is empty" if seen.loads.is_multiple_of(3) => found.for_each(miss),
             "second trace misses" if seen.traces_since_refit > 1 => found.for_each(miss),
@@ -151,8 +152,8 @@ impl Faulty {
             }
             ("shadows inverted", Some(QueryKind::ClosestAndShadow { .. })) => {
                 let pairs = hits.blocked.iter_mut().zip(&hits.closest);
-                let met = pairs.filter(|(_, h)| h.is_hit());
-                met.for_each(|(b, _)| *b = 1 - *b);
+                let of_hits = pairs.filter(|(_, h)| h.is_hit());
+                of_hits.for_each(|(b, _)| *b = 1 - *b);
             }
             _ => {}
         }
@@ -340,14 +341,14 @@ impl Backend for Faulty {
         let taken = self.inner.take_positions()?;
         let Some((ticket, snapshot)) = taken else {
             if self.is("copies come twice")
-                && let Some(again) = self.seen.taken.take()
+                && let Some(again) = self.seen.taken_last.take()
             {
                 return Ok(Some((Ticket(0), Box::new(again))));
             }
             let old = self.seen.stale_positions.take();
             return Ok(old.map(|old| (Ticket(0), Box::new(old) as Snapshot)));
         };
-        self.seen.taken = Some(snapshot.to_vec());
+        self.seen.taken_last = Some(snapshot.to_vec());
         self.seen.stale_positions = None;
         if self.is("copies are of the newest frame") {
             let newest = self.inner.positions()?;

@@ -10,11 +10,11 @@ use faulty::Faulty;
 /// Properties, each with faults that it must detect. It may detect others.
 const DETECTED: &str = "
 frames_equal_the_reference_after_any_commands: positions one ulp off, last box too large, boxes of the moment before, inactive miscounted, copies are of the newest frame, copies come twice
-reports_time_only_recorded_stages: a refit time without a refit
+only_recorded_stages_have_times: a refit time without a refit
 paged_key_frames_have_the_positions_of_held_ones: paged key frames come late
-the_device_measures_streamed_vertices: streamed vertices are not measured
+device_measured_range_does_not_change_hits: streamed vertices are not measured
 streamed_key_frames_are_played_like_held_ones: streamed key frames come late, first leaf is never hit
-hits_equal_the_reference: distances one ulp off, weights swapped, interval is closed, hits of neighbours go to the first leaf, hits miscounted, any hit forgets the last ray
+hits_equal_the_reference: distances one ulp off, weights swapped, interval is closed, hits of similar indices go to the first leaf, hits miscounted, any hit forgets the last ray
 pictures_and_shadows_equal_the_reference: distances one ulp off, weights swapped, shadows inverted, pixels sampled at corners
 any_hit_agrees_with_closest_hit: interval is closed, any hit forgets the last ray
 camera_matches_listed_rays: pixels sampled at corners, second trace misses
@@ -23,7 +23,7 @@ continued_rays_visit_every_crossing_once: distances one ulp off, weights swapped
 far_geometry_does_not_change_hits: far vertices change other hits, far triangles are lost
 closed_bodies_do_not_leak: edges leak, edges hit twice
 tree_age_does_not_change_hits: first leaf is never hit
-tree_shape_does_not_change_hits: first leaf is never hit, hits of neighbours go to the first leaf
+tree_shape_does_not_change_hits: first leaf is never hit, hits of similar indices go to the first leaf
 tree_swap_does_not_change_hits: first leaf is never hit, new tree answers for old frames
 uploaded_tree_is_the_one_adopted: an abandoned upload is adopted, first leaf is never hit
 evaluation_does_not_change_results: cost is that of the current tree, evaluation counts inactive triangles twice, first leaf is never hit
@@ -47,7 +47,7 @@ fn check(property: &str, fault: &'static str, cases: &Cases) -> Result<u32, Disa
 
 #[test]
 fn every_property_holds_without_a_fault() {
-    // The tests of backends try more cases. These show that the wrapper around the backend changes nothing.
+    // The tests of `cpu` and `vulkan` try more cases. These show that the wrapper around the backend changes nothing.
     let cases = Cases::new(1, 0..=11);
     for property in PROPERTIES {
         check(property.name, "none", &cases).unwrap();
@@ -87,7 +87,7 @@ fn shrunk(property: &str, fault: &'static str) -> Disagreement {
 /// Properties, each with faults that must shrink to small cases.
 const SHRUNK: &str = "
 frames_equal_the_reference_after_any_commands: last box too large, boxes of the moment before
-hits_equal_the_reference: weights swapped, hits of neighbours go to the first leaf
+hits_equal_the_reference: weights swapped, hits of similar indices go to the first leaf
 tree_age_does_not_change_hits: first leaf is never hit
 paged_key_frames_have_the_positions_of_held_ones: paged key frames come late
 streamed_key_frames_are_played_like_held_ones: streamed key frames come late
