@@ -32,7 +32,7 @@ pub enum BackendError {
         limit: u64,
     },
     /// Memory of the device or the host is exhausted.
-    #[error("out of device memory: {what}{}", need(*bytes))]
+    #[error("out of memory: {what}{}", need(*bytes))]
     OutOfMemory {
         /// The object that could not be created.
         what: String,

@@ -23,7 +23,7 @@ thread_local! {
     static IS_LIBRARY_WORKER: Cell<bool> = const { Cell::new(false) };
 }
 
-/// True if rayon's global pool belongs to the library: see [`use_global_pool`].
+/// True if the library works in rayon's global pool: see [`use_global_pool`].
 static GLOBAL_POOL_IS_LIBRARY: AtomicBool = AtomicBool::new(false);
 
 /// Makes the library work in rayon's global pool, so that the program controls the number of threads.

@@ -111,7 +111,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
         let params = Params {
             alpha: pose.alpha,
             // `with_range(None)` keeps this value: whether coordinates differ greatly in magnitude, as last measured by
-            // the device. It only selects faster or slower kernels.
+            // the device. It selects kernels and the padding of boxes. This affects speed, but changes no hit.
             spread: self.engine.frames.spread.into(),
             ..Params::of(self.engine.scene().scale_exponent, shape)
         };

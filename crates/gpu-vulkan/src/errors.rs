@@ -41,7 +41,7 @@ mod tests {
         let lost = failed("a submission")(vk::Result::ERROR_DEVICE_LOST);
         assert_eq!(lost.to_string(), "the device was lost: during a submission");
         let full = failed_for("hits", 64)(vk::Result::ERROR_OUT_OF_DEVICE_MEMORY);
-        let expected = "out of device memory: hits needs 64 bytes";
+        let expected = "out of memory: hits needs 64 bytes";
         assert_eq!(full.to_string(), expected);
         let bad = failed("a semaphore")(vk::Result::ERROR_UNKNOWN).to_string();
         assert!(bad.starts_with("a semaphore was rejected: "), "{bad}");

@@ -29,7 +29,7 @@ impl Timestamps {
         // SAFETY: the device is alive and `info` outlives the call.
         let pool = unsafe { gpu.vk.create_query_pool(&info, None) };
         Ok(Self {
-            pool: pool.map_err(failed("timestamps"))?,
+            pool: pool.map_err(failed("a read of timestamps"))?,
             capacity,
             stages: Vec::new(),
             gpu: Arc::clone(gpu),
@@ -83,7 +83,7 @@ impl Timestamps {
         let vk = &self.gpu.vk;
         // SAFETY: the submission has finished, so these queries were written.
         unsafe { vk.get_query_pool_results(self.pool, 0, &mut ticks, flags) }
-            .map_err(failed("timestamps"))?;
+            .map_err(failed("a read of timestamps"))?;
         Ok(Some(ticks))
     }
 }

@@ -85,7 +85,7 @@ mod tests {
     #[test]
     fn out_of_memory_names_the_purpose() {
         let error = Faults::default().translate("the tree's nodes", 64, &out_of_memory());
-        let said = "out of device memory: the tree's nodes needs 64 bytes";
+        let said = "out of memory: the tree's nodes needs 64 bytes";
         assert_eq!(error.to_string(), said);
     }
 

@@ -204,7 +204,9 @@ impl OpenGpu {
             Ok(Err(e)) => Err(BackendError::DeviceLost(format!(
                 "waiting for the device failed: {e}"
             ))),
-            Err(_) => Err(self.faults.lose("polling panicked".into())),
+            Err(_) => Err(self
+                .faults
+                .lose("wgpu panicked while it waited for the device".into())),
         }
     }
 }

@@ -264,9 +264,9 @@ fn pictures() -> Vec<Picture> {
 }
 
 /// A wall of two triangles above a floor. The rays of the middle column, and the shadow rays from their hits on the
-/// floor, are at the distance `x` from the common edge. One of its ends is so near to zero along z that the triangles
-/// need more than 60 bits. If `x` is zero, a device needs integers of that length, and leaves the hits on the wall to
-/// its last kernel.
+/// floor, are at the distance `x * scale` from the common edge. One of its ends is so near to zero along z that the
+/// triangles need more than 60 bits. If `x` is zero, a device needs integers of that length, and leaves the hits on
+/// the wall to its last kernel.
 fn seam(x: f32, scale: f32) -> Arc<Animation> {
     let points = [
         [x, 0.25, 0.0],

@@ -1,5 +1,5 @@
-// Ray-triangle intersection by four determinants: of 192 bits, in registers, or of longer numbers where 192 bits do not
-// suffice.
+// Ray-triangle intersection by four determinants of 192 bits in registers. Candidates that need longer numbers are rounded in
+// double-float arithmetic, or else in multi-word integers.
 
 import package::geometry::ray::{PreparedRay, main_axis, permute, permuted_axes};
 import package::geometry::triangle::points_of;
@@ -120,7 +120,7 @@ fn candidate_after(list: u32, count: u32) -> u32 {
     return candidate;
 }
 
-// Returns the hit of the current line with a leaf's triangle, if about 48 bits suffice.
+// Returns the hit of the current line with a leaf's triangle, if about 48 bits suffice. The line's limits are not tested.
 fn round_hit_of_line(leaf: u32) -> RoundedHit {
     let magnitudes = line.direction & vec3<u32>(0x7fffffffu);
     let exponent = decode_float(max(magnitudes.x, max(magnitudes.y, magnitudes.z))).exponent - 127;

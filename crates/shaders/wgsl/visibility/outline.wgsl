@@ -28,7 +28,8 @@ const UNBOUNDED: i32 = 0x20000000;
 // Projection of points to the picture, with error bounds.
 
 // Bound on the error of a picture coordinate, as a factor of
-// max_distance * (l1_norm(axis) + |at| * l1_norm(depth)) / depth: see docs/design/packets.md. 16 * 2^-24.
+// max_distance * (l1_norm(axis) + |at| * l1_norm(params.depth)) / (depth of the point): see docs/design/packets.md.
+// 16 * 2^-24.
 @if(WATERTIGHT || EXACT)
 const PROJECTION_ERROR: f32 = 9.5367431640625e-7;
 
@@ -39,8 +40,8 @@ const PROJECTION_ERROR: f32 = 2.1457672119140625e-6;
 // Distance from the picture, in pixels, beyond which coverage is not computed.
 const MAX_OFFSCREEN_PIXELS: f32 = 16384.0;
 
-// Bound on the error of a depth, and of the depth of a hit, as a factor of max_distance * l1_norm(depth): see
-// docs/design/packets.md. 38 * 2^-24.
+// Bound on the error of a depth, and of the depth of a hit, as a factor of
+// max_distance * l1_norm(params.depth): see docs/design/packets.md. 38 * 2^-24.
 @if(EXACT)
 const DEPTH_ERROR: f32 = 2.26497650146484375e-6;
 
