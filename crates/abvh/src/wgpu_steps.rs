@@ -167,7 +167,7 @@ impl Step<'_> {
     /// A step without queries updates the scene for the program's shaders ([`shader_module`](crate::shader_module)).
     ///
     /// The program must submit encoded steps in their order. A step that is not encoded waits on the host for all
-    /// encoded steps, and returns [`Error::Misuse`] while one of them is not submitted.
+    /// encoded steps, and returns [`Error::Misuse`] while an encoded step is not submitted.
     ///
     /// Until the program submits this step, [`Tracer::hits`] of this step fails, and only one more step can be encoded.
     /// That step counts even if its encoder is dropped. If the encoder or the commands of this step are dropped

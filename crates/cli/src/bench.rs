@@ -43,7 +43,7 @@ pub(crate) struct BenchSettings {
     #[arg(long, value_name = "N", value_parser = parsers::threads())]
     threads: Option<usize>,
     /// Threads that build trees. Default: the number of --threads, or else of cores. With async: one less than that if
-    /// a GPU traces, a quarter of it if the host traces
+    /// a GPU traces, a quarter if the host traces
     #[arg(long, value_name = "N", value_parser = parsers::threads())]
     builder_threads: Option<usize>,
     /// JSON file for the results of every frame

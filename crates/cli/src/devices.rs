@@ -30,7 +30,7 @@ pub(crate) struct DeviceSettings {
     #[arg(long, value_name = "N", value_parser = parsers::threads())]
     pub(crate) threads: Option<usize>,
     /// Threads that build trees. Default: the number of --threads, or else of cores. With async: one less than that if
-    /// a GPU traces, a quarter of it if the host traces
+    /// a GPU traces, a quarter if the host traces
     #[arg(long, value_name = "N", value_parser = parsers::threads())]
     pub(crate) builder_threads: Option<usize>,
     /// Neither read nor write compiled kernels in the user's cache folder

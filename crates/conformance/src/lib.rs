@@ -31,7 +31,7 @@ use std::cell::RefCell;
 use std::ops::RangeInclusive;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// A case in which a property fails, with a description of the failure: what was found and what was expected.
+/// A case in which a property fails, with a description of the failure: the result, and the expected one.
 #[derive(Clone, Debug, thiserror::Error)]
 #[error("property {property}, seed {seed}, case {case}: {what}; the case shrinks to {minimal}")]
 pub struct Disagreement {

@@ -243,8 +243,8 @@ fn pictures() -> Vec<Picture> {
             dark.len() >= 60 && lit.len() >= 60
         },
     });
-    // Twice the wall of `seam`: with rays exactly through its common edge, and with rays beside it in a scene that is
-    // scaled.
+    // Twice the wall of `seam`: with rays exactly through its common edge, and with rays close to the edge, in a scene
+    // that is scaled.
     all.extend(
         [(0.0, 1.0), (1e-8, 2_f32.powi(-20))].map(|(x, scale)| Picture {
             animation: seam(x, scale),

@@ -46,7 +46,7 @@ fn memory_estimate_is_accurate(sandbox: &Sandbox, backend: &str) {
         _ => "device_bytes",
     };
     for how in [
-        // Without `--lockstep`, the estimate includes a finished tree that is refitted beside the current one until
+        // Without `--lockstep`, the estimate includes a finished tree that is refitted next to the current one until
         // costs are compared. A short run may not have it.
         "--size 64x48 --update async --lockstep 1",
         "--size 640x480 --update rebuild",

@@ -153,7 +153,7 @@ fn at(buffer: &Buffer) -> vk::DeviceOrHostAddressConstKHR {
     }
 }
 
-/// Returns the scene's indexed triangles with vertices from `positions`. If `finite_triangles` is given, returns its
+/// Returns the scene's indexed triangles with vertices from `positions`. If `finite_triangles` is `Some`, returns its
 /// triangles instead, which have no indices.
 pub(crate) fn triangles_of<'a>(
     scene: &AnimationBuffers<VulkanDevice>,

@@ -27,7 +27,7 @@ pub struct Property {
     intersector_set: &'static str,
     /// Whether only the default intersector is tested, in the cases that include it.
     is_narrowed: bool,
-    /// Test of the property. The error describes the failure: what was found and what was expected.
+    /// Test of the property. The error describes the failure: the result, and the expected one.
     pub(crate) check: fn(&mut Check<'_>) -> Result<()>,
 }
 
