@@ -1,9 +1,9 @@
 // Rays prepared for traversal, and their box tests.
 
-import package::geometry::units::{flushed, scale_bits};
+import package::geometry::units::{exponent_of, flushed, scale_bits};
 import package::intersect::intersector::inverse_for;
 import package::lib::buffers::nodes;
-import package::lib::ieee::{Divisor, add, decode_float, divide_normal, divisor, mul, sub};
+import package::lib::ieee::{Divisor, add, divide_normal, divisor, mul, sub};
 import package::lib::params::params;
 
 // The corners of the root box relative to a ray's origin, and D of the root: the largest magnitude among their coordinates, at
@@ -120,8 +120,7 @@ fn prepare_ray_at_scale(
     origin: vec3<f32>, direction: vec3<u32>, t_min: u32, t_max: u32, root: RelativeRoot, scale_exponent: i32,
 ) -> PreparedRay {
     var ray: PreparedRay;
-    let magnitudes = direction & vec3<u32>(0x7fffffffu);
-    let exponent = decode_float(max(magnitudes.x, max(magnitudes.y, magnitudes.z))).exponent - 127;
+    let exponent = exponent_of(direction);
     let scaled = scaled_direction(direction, exponent);
     let axis = main_axis(scaled);
     let permuted = permute(scaled, axis);

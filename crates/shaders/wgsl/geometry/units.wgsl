@@ -28,6 +28,12 @@ fn scale_point(bits: vec3<u32>, m: i32) -> vec3<f32> {
     return vec3<f32>(scale_bits(bits.x, m), scale_bits(bits.y, m), scale_bits(bits.z, m));
 }
 
+// Returns the exponent e of the component with the largest magnitude, which is in [2^e, 2^(e+1)).
+fn exponent_of(v: vec3<u32>) -> i32 {
+    let magnitudes = v & vec3<u32>(0x7fffffffu);
+    return decode_float(max(magnitudes.x, max(magnitudes.y, magnitudes.z))).exponent - 127;
+}
+
 // Returns a coordinate in scaled units. A result below 2^-64 becomes zero.
 fn scaled_coordinate(bits: u32) -> f32 {
     var x = bitcast<f32>(bits);

@@ -1,19 +1,18 @@
 // Ray-triangle intersection by four determinants of 192 bits in registers. Candidates that need longer numbers are rounded in
 // double-float arithmetic, or else in multi-word integers.
 
-import package::geometry::ray::{PreparedRay, main_axis, permute, permuted_axes};
+import package::geometry::ray::{main_axis, permute, permuted_axes};
 import package::geometry::triangle::points_of;
-import package::geometry::units::{scale_point, snapped3};
+import package::geometry::units::{exponent_of, scale_point, snapped3};
 import package::intersect::candidates::{NO_CANDIDATE, candidate_at};
 import package::intersect::line::{ExactIntersection, is_within_limits, line, unit_range};
-import package::intersect::round_hit::{RoundedHit, round_hit};
+import package::intersect::round_hit::{PermutedLine, RoundedHit, round_hit};
 import package::intersect::round_intersection::round_long_quotient;
 import package::lib::buffers::{counts, occluded, records};
 import package::lib::fixed::{
     Int192, Int64x3, abs_192, add_192, negate_192, round_quotient_192, select_192, sign_192, sub_64, to_fixed_point,
     triple_product_192,
 };
-import package::lib::ieee::decode_float;
 import package::lib::integers::{INTERSECTIONS_OFFSET, words};
 import package::lib::params::params;
 
@@ -122,16 +121,13 @@ fn candidate_after(list: u32, count: u32) -> u32 {
 
 // Returns the hit of the current line with a leaf's triangle, if about 48 bits suffice. The line's limits are not tested.
 fn round_hit_of_line(leaf: u32) -> RoundedHit {
-    let magnitudes = line.direction & vec3<u32>(0x7fffffffu);
-    let exponent = decode_float(max(magnitudes.x, max(magnitudes.y, magnitudes.z))).exponent - 127;
+    let exponent = exponent_of(line.direction);
     let direction = scale_point(line.direction, -exponent);
-    // Only what `round_hit` needs.
-    var ray: PreparedRay;
-    ray.axis = main_axis(direction);
-    ray.axes = permuted_axes(ray.axis);
-    ray.permuted_origin = permute(snapped3(scale_point(line.origin, line.shift - params.scale_exponent)), ray.axis);
-    ray.exponent = exponent + line.shift - params.scale_exponent;
-    return round_hit(ray, leaf, direction);
+    let axis = main_axis(direction);
+    let to_scaled = line.shift - params.scale_exponent;
+    let origin = permute(snapped3(scale_point(line.origin, to_scaled)), axis);
+    let permuted = PermutedLine(permuted_axes(axis), origin, permute(direction, axis), exponent + to_scaled);
+    return round_hit(permuted, leaf);
 }
 
 // Decides the first four candidates of `list`, and stores the results in `candidate_results`. The ray's line must be set. May

@@ -7,7 +7,7 @@ import package::geometry::record::corners_of;
 import package::geometry::units::scale_point;
 import package::intersect::candidates::{NO_CANDIDATE, UNDECIDED_HIT, prepend_candidate};
 import package::intersect::filter::{classify, set_shear_view};
-import package::intersect::round_hit::round_hit;
+import package::intersect::round_hit::{permuted_line, round_hit};
 import package::lib::buffers::{counts, occluded, rays};
 import package::lib::counters::{HIT_COUNT, UNDECIDED_OFFSET, UNDECIDED_RAYS};
 import package::lib::params::params;
@@ -67,7 +67,7 @@ fn exact_intersect_leaf_closest(ray: PreparedRay, leaf: u32, best: ExactBest) ->
 fn exact_nearest_t(i: u32, ray: PreparedRay, leaf: u32) -> f32 {
     set_shear_view(ray);
     let classified = classify(ray, corners_of(leaf));
-    if !classified.possible || (!classified.certain && round_hit(ray, leaf, exact_direction_of(i, ray)).is_missed) {
+    if !classified.possible || (!classified.certain && round_hit(permuted_line(ray, exact_direction_of(i, ray)), leaf).is_missed) {
         return bitcast<f32>(0x7f800000u | params.zero);
     }
     // Rounding may make the lower end negative.
@@ -82,7 +82,7 @@ fn exact_hit_of(i: u32, ray: PreparedRay, best: ExactBest) -> vec4<u32> {
         return append_undecided(i, best.bound, first_candidate);
     }
     if best.leaf == NO_LEAF { return MISS; }
-    let rounded = round_hit(ray, best.leaf, exact_direction_of(i, ray));
+    let rounded = round_hit(permuted_line(ray, exact_direction_of(i, ray)), best.leaf);
     if !rounded.is_rounded { return append_undecided(i, best.bound, prepend_candidate(NO_CANDIDATE, best.leaf)); }
     atomicAdd(&counts[HIT_COUNT], 1u);
     return rounded.hit;

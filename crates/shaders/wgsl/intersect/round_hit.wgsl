@@ -82,14 +82,22 @@ fn has_zero(v: vec3<f32>) -> bool { return any(v == vec3<f32>(0.0)); }
 
 fn exact_difference(corners: vec3<f32>, start: f32) -> DoubleFloat3 { return two_sum(corners, vec3<f32>(-start)); }
 
-// Returns the hit of a leaf's triangle. `direction` is scaled as in `PreparedRay`, but keeps its small components. The ray's
-// limits are not tested.
-fn round_hit(ray: PreparedRay, leaf: u32, direction: vec3<f32>) -> RoundedHit {
-    let corners = permuted_corners(ray, leaf);
-    let x = exact_difference(corners.x, ray.permuted_origin.x);
-    let y = exact_difference(corners.y, ray.permuted_origin.y);
-    let z = exact_difference(corners.z, ray.permuted_origin.z);
-    let d = permute(direction, ray.axis);
+// A ray's line. Origin and direction are in the order of `axes`, and scaled as in `PreparedRay`. But the direction keeps its small
+// components. t in the ray's own units is t * 2^-exponent.
+struct PermutedLine { axes: vec3<u32>, origin: vec3<f32>, direction: vec3<f32>, exponent: i32 }
+
+// Returns the line of a ray with the given direction in scaled units.
+fn permuted_line(ray: PreparedRay, direction: vec3<f32>) -> PermutedLine {
+    return PermutedLine(ray.axes, ray.permuted_origin, permute(direction, ray.axis), ray.exponent);
+}
+
+// Returns the hit of a leaf's triangle. The ray's limits are not tested.
+fn round_hit(permuted: PermutedLine, leaf: u32) -> RoundedHit {
+    let corners = permuted_corners(permuted.axes, leaf);
+    let x = exact_difference(corners.x, permuted.origin.x);
+    let y = exact_difference(corners.y, permuted.origin.y);
+    let z = exact_difference(corners.z, permuted.origin.z);
+    let d = permuted.direction;
     let p = shear_in_double_float(x, z, d.x, d.z);
     let q = shear_in_double_float(y, z, d.y, d.z);
     let edges = double_float_edges(p, q);
@@ -99,7 +107,7 @@ fn round_hit(ray: PreparedRay, leaf: u32, direction: vec3<f32>) -> RoundedHit {
     // Error bounds.
     let deepest = 1.01 * max_component(abs(z.high));
     let max_coordinate = 2.0 * (max(max_component(abs(x.high)), max_component(abs(y.high))) + deepest);
-    let small = has_zero(corners.x) || has_zero(corners.y) || has_zero(corners.z) || has_zero(ray.permuted_origin);
+    let small = has_zero(corners.x) || has_zero(corners.y) || has_zero(corners.z) || has_zero(permuted.origin);
     let flushed = select(0.0, FLUSH_ERROR, small);
     let shear_error = SHEAR_ERROR * max_coordinate + flushed;
     let extent = max_component(abs(p.high)) + max_component(abs(q.high));
@@ -124,7 +132,7 @@ fn round_hit(ray: PreparedRay, leaf: u32, direction: vec3<f32>) -> RoundedHit {
     let v = round_quotient_once(
         vec2<f32>(weights.high.z, weights.low.z), determinant, (edge_errors.z + error * share.y) * inverse,
     );
-    let bits = in_ray_units(t.value, ray.exponent);
+    let bits = in_ray_units(t.value, permuted.exponent);
     let hit = vec4<u32>(bits, bitcast<u32>(u.value), bitcast<u32>(v.value), corners.triangle);
     // Where an edge function is above its error, its least significant part changes no sign.
     let is_positive = edges.value.high > 1.01 * edge_errors;

@@ -21,11 +21,11 @@ struct Sheared { x: f32, y: f32, z: f32, along: f32 }
 // A triangle's sheared corners and edge functions.
 struct Edges { a: Sheared, b: Sheared, c: Sheared, u: f32, v: f32, w: f32 }
 
-// Needs no selects, because the rows of the record are read in the ray's order.
-fn permuted_corners(ray: PreparedRay, leaf: u32) -> PermutedTriangle {
-    let x = records[3u * leaf + ray.axes.x];
-    let y = records[3u * leaf + ray.axes.y];
-    let z = records[3u * leaf + ray.axes.z];
+// Needs no selects, because the rows of the record are read in the order of `axes`.
+fn permuted_corners(axes: vec3<u32>, leaf: u32) -> PermutedTriangle {
+    let x = records[3u * leaf + axes.x];
+    let y = records[3u * leaf + axes.y];
+    let z = records[3u * leaf + axes.z];
     return PermutedTriangle(bitcast<vec3<f32>>(x.xyz), bitcast<vec3<f32>>(y.xyz), bitcast<vec3<f32>>(z.xyz), x.w);
 }
 

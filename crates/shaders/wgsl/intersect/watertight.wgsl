@@ -82,7 +82,7 @@ fn watertight_search_limit(best: WatertightBest) -> f32 { return best.high; }
 
 // Tests the leaf's triangle. Keeps it if it precedes the best hit by t, then by index.
 fn watertight_intersect_leaf_closest(ray: PreparedRay, leaf: u32, best: WatertightBest) -> WatertightBest {
-    let corners = permuted_corners(ray, leaf);
+    let corners = permuted_corners(ray.axes, leaf);
     let e = edges_of(ray, corners);
     if surely_misses_triangle(e) { return best; }
     let pad = own_padding(ray, e);
@@ -96,7 +96,7 @@ fn watertight_intersect_leaf_closest(ray: PreparedRay, leaf: u32, best: Watertig
     let t = distance_to(ray, corners, e);
     if !(t > ray.t_min && t < ray.t_max) || t > best.high { return best; }
     if best.leaf == NO_LEAF || t < best.low { return watertight_best_at(t, leaf); }
-    let previous = permuted_corners(ray, best.leaf);
+    let previous = permuted_corners(ray.axes, best.leaf);
     return watertight_earlier(t, leaf, distance_to(ray, previous, edges_of(ray, previous)), best.leaf);
 }
 
@@ -110,7 +110,7 @@ fn watertight_earlier(t: f32, leaf: u32, other_t: f32, other: u32) -> Watertight
 fn watertight_hit_of(i: u32, ray: PreparedRay, best: WatertightBest) -> vec4<u32> {
     if best.leaf == NO_LEAF { return MISS; }
     @if(!MODULE) atomicAdd(&counts[HIT_COUNT], 1u);
-    let corners = permuted_corners(ray, best.leaf);
+    let corners = permuted_corners(ray.axes, best.leaf);
     let c = undivided_hit(edges_of(ray, corners));
     let by = divisor(c.det);
     let t = clamp_to_own_box(ray, corners, divide_by(c.t, by));
@@ -121,7 +121,7 @@ fn watertight_hit_of(i: u32, ray: PreparedRay, best: WatertightBest) -> vec4<u32
 // Any-hit search: returns whether the ray hits a leaf's triangle.
 
 fn watertight_intersect_leaf_any(ray: PreparedRay, leaf: u32, ignore: u32) -> bool {
-    let corners = permuted_corners(ray, leaf);
+    let corners = permuted_corners(ray.axes, leaf);
     let e = edges_of(ray, corners);
     if surely_misses_triangle(e) || corners.triangle == ignore { return false; }
     let span = depth_span(own_padding(ray, e), e);

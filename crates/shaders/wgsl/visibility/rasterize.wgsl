@@ -51,7 +51,7 @@ fn nth_bit(bits: u32, n: u32) -> u32 {
 @if(WATERTIGHT)
 fn test_pixel(leaf: u32, pixel: vec2<u32>, root: RelativeRoot) {
     let ray = camera_ray(pixel_direction(pixel), eye(), root);
-    let corners = permuted_corners(ray, leaf);
+    let corners = permuted_corners(ray.axes, leaf);
     let edges = edges_of(ray, corners);
     if surely_misses_triangle(edges) { return; }
     let t = distance_to(ray, corners, edges);

@@ -15,7 +15,7 @@ import package::intersect::intersector::{direction_of, hit_of, initial_best};
 @if(MOLLER_TRUMBORE || WOOP)
 import package::intersect::intersector::{has_hit, hit_of, initial_best, intersect_single, search_limit};
 @if(EXACT)
-import package::intersect::round_hit::round_hit;
+import package::intersect::round_hit::{permuted_line, round_hit};
 import package::intersect::sheared::{PermutedTriangle, edges_of, permuted_corners, undivided_hit};
 import package::intersect::watertight::distance_to;
 import package::lib::buffers::{counts, hits, triangles};
@@ -51,7 +51,7 @@ fn hit_at(ray: PreparedRay, corners: PermutedTriangle, t: u32) -> vec4<u32> {
 fn traverse_to_key(i: u32, ray: PreparedRay) -> vec2<u32> {
     let best = find_closest(ray);
     if best.leaf == NO_LEAF { return NO_KEY; }
-    let corners = permuted_corners(ray, best.leaf);
+    let corners = permuted_corners(ray.axes, best.leaf);
     return vec2<u32>(corners.triangle, bitcast<u32>(distance_to(ray, corners, edges_of(ray, corners))));
 }
 
@@ -83,7 +83,7 @@ fn resolve_pixel(i: u32, ray: PreparedRay, is_complete: bool, origin: vec3<f32>)
     var is_first = false;
     if is_complete {
         best.leaf = visibility[2u * i].x;
-        let rounded = round_hit(ray, best.leaf, direction_of(i, ray));
+        let rounded = round_hit(permuted_line(ray, direction_of(i, ray)), best.leaf);
         hit = rounded.hit;
         is_first = rounded.is_rounded && rounds_within(ray, vec2<f32>(rounded.t))
             && bitcast<u32>(rounded.t) < visibility[2u * i + 1u].y;

@@ -3,10 +3,10 @@
 
 import package::geometry::queries::pixel_direction;
 import package::geometry::triangle::points_of;
-import package::geometry::units::{flushed, scale_point, snapped3};
+import package::geometry::units::{exponent_of, flushed, scale_point, snapped3};
 import package::lib::buffers::{hits, occluded};
 import package::lib::double_float::{add_each, mul_each, sub_each};
-import package::lib::ieee::{add, decode_float, mul, sub};
+import package::lib::ieee::{add, mul, sub};
 import package::lib::params::params;
 
 // sRGB colour of each triangle, one byte per channel.
@@ -76,12 +76,6 @@ fn sky(direction: vec3<f32>) -> vec3<f32> {
 fn ambient(normal: vec3<f32>) -> vec3<f32> {
     if normal.y < 0.0 { return mix3(FROM_THE_SIDE, FROM_BELOW, -normal.y); }
     return mix3(FROM_THE_SIDE, FROM_ABOVE, normal.y);
-}
-
-// Returns the exponent of the largest of three coordinates.
-fn exponent_of(v: vec3<u32>) -> i32 {
-    let sizes = v & vec3<u32>(0x7fffffffu);
-    return decode_float(max(sizes.x, max(sizes.y, sizes.z))).exponent - 127;
 }
 
 // Returns a point in units of 2^exponent. Coordinates below 2^-64 become zero.
