@@ -29,24 +29,13 @@ fn main() -> Result<()> {
     let files = read(Path::new("wgsl"))?;
     let entries = variants::entries(&files)?;
     let sources = Sources::new(&files, variants::conditions(&entries))?;
-    let (ray_kernels, kernels): (Vec<_>, Vec<_>) = entries
-        .iter()
-        .partition(|e| e.file == rays::SUPPORT_KERNELS_FILE);
-    let table = |about, constant, some: &[&EntryPoint]| {
-        let all = compile_all(&out, &sources, some)?;
-        anyhow::Ok(format!(
-            "/// {about}\npub static {constant}: &[Kernel] = &[\n{all}];\n"
-        ))
-    };
-    let kernels = table("Every kernel.", "KERNELS", &kernels)?;
-    let about = "Compute kernels that support the ray-tracing pipeline [`RAYS`], which traces trees built by the \
-                 Vulkan driver.";
-    let ray_kernels = table(about, "RAY_KERNELS", &ray_kernels)?;
+    let kernels = compile_all(&out, &sources, &entries)?;
+    let kernels = format!("/// Every kernel.\npub static KERNELS: &[Kernel] = &[\n{kernels}];\n");
     let pipeline = rays::compile(&out, &sources).context(rays::PIPELINE_FILE)?;
     let module = variants::module(&sources).context("cannot compose the module")?;
     parse(&module, CAPABILITIES)?;
     std::fs::write(out.join("module.wgsl"), module)?;
-    let all = [kernels, ray_kernels, pipeline].concat();
+    let all = [kernels, pipeline].concat();
     std::fs::write(out.join("kernels.rs"), all).context("kernels.rs")
 }
 
@@ -66,9 +55,9 @@ fn read(root: &Path) -> Result<Files> {
 }
 
 /// Compiles kernels, each on its own thread. Returns them in their order, as Rust expressions.
-fn compile_all(out: &Path, sources: &Sources, entries: &[&EntryPoint]) -> Result<String> {
+fn compile_all(out: &Path, sources: &Sources, entries: &[EntryPoint]) -> Result<String> {
     std::thread::scope(|scope| {
-        let start = |&entry| scope.spawn(move || compile(out, sources, entry));
+        let start = |entry| scope.spawn(move || compile(out, sources, entry));
         let threads: Vec<_> = entries.iter().map(start).collect();
         let joined = threads.into_iter().map(|thread| thread.join());
         joined.map(|done| done.expect("no thread panics")).collect()

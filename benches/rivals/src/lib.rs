@@ -93,7 +93,10 @@ impl RivalName {
     /// The rival is not available on this machine.
     pub fn adapters(self) -> Result<Vec<AdapterInfo>> {
         match self {
-            Self::VulkanRt | Self::VulkanRtFastTrace => list_vulkan(),
+            #[cfg(feature = "vulkan")]
+            Self::VulkanRt | Self::VulkanRtFastTrace => vulkan_rt::ray_adapters(),
+            #[cfg(not(feature = "vulkan"))]
+            Self::VulkanRt | Self::VulkanRtFastTrace => Err(built_without_vulkan()),
             Self::Embree => embree::adapters(),
         }
     }
@@ -112,22 +115,12 @@ impl RivalName {
 }
 
 #[cfg(feature = "vulkan")]
-fn list_vulkan() -> Result<Vec<AdapterInfo>> {
-    vulkan_rt::ray_adapters()
-}
-
-#[cfg(feature = "vulkan")]
 fn open_vulkan(name: RivalName, adapter: Option<usize>) -> Result<Box<dyn Rival>> {
     let options = gpu_common::Options {
         adapter,
         ..Default::default()
     };
     Ok(Box::new(vulkan_rt::VulkanRt::new(&options, name)?))
-}
-
-#[cfg(not(feature = "vulkan"))]
-fn list_vulkan() -> Result<Vec<AdapterInfo>> {
-    Err(built_without_vulkan())
 }
 
 #[cfg(not(feature = "vulkan"))]

@@ -23,7 +23,7 @@ use gpu_vulkan::gpu::Gpu;
 use gpu_vulkan::instance::VulkanInstance;
 use pipeline::RayPipeline;
 use scene::VulkanScene;
-use shaders::{RAY_KERNELS, common};
+use shaders::common;
 use support::RayTracing;
 
 /// A device whose driver builds and traces the tree.
@@ -53,8 +53,13 @@ impl VulkanRt {
         let gpu = Gpu::open(instance, &adapters, options, true)?;
         let ray_tracing = RayTracing::of(&gpu)?;
         let device = VulkanDevice::over(&gpu)?;
-        let shared = ["arithmetic", "interpolate"].map(common);
-        let mut engine = Engine::new(device, shared.into_iter().chain(RAY_KERNELS))?;
+        let kernels = [
+            "arithmetic",
+            "interpolate",
+            "collapse_non_finite",
+            "count_answers",
+        ];
+        let mut engine = Engine::new(device, kernels.map(common))?;
         engine.info.device.backend = name.name();
         let pipeline = RayPipeline::new(&mut engine.gpu, &ray_tracing)?;
         Ok(Self {

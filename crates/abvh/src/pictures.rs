@@ -93,12 +93,8 @@ impl ResidentScene {
         }
         let colours = self.joined.triangle_colours();
         let palette = palette(&colours);
-        // Without live triangles (triangles that are active in some key frame), the device traces nothing. The picture
-        // is only sky, so the host shades.
-        let is_on_device = self.joined.animation.live_count() > 0
-            && (self.driver.backend())
-                .load_palette(&palette)
-                .map_err(Error::of_backend)?;
+        let loaded = self.driver.backend().load_palette(&palette);
+        let is_on_device = loaded.map_err(Error::of_backend)?;
         let known = (!is_on_device).then_some(colours);
         Ok(self.host_colours.insert(known).clone())
     }

@@ -209,9 +209,8 @@ impl Tracer {
     /// query's results are dropped.
     ///
     /// # Errors
-    /// [`Error::NoResult`] as for [`Tracer::hits`], and for a query without closest hits. Also [`Error::NoResult`] if
-    /// no triangle of the scene can be hit. Exception: a query of at least one ray with [`RayBuffers::results`].
-    /// [`Error::Unsupported`] on other devices.
+    /// [`Error::NoResult`] as for [`Tracer::hits`], and for a query without closest hits. [`Error::Unsupported`] on
+    /// other devices.
     pub fn hits_buffer(&self, step: StepId, query: QueryId) -> Result<wgpu::Buffer> {
         let mut state = self.shared_state();
         let (loaded, index) = state.find(step, query)?;

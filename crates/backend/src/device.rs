@@ -1,6 +1,7 @@
 //! Description of devices and adapters, and the choice of an adapter.
 
 use crate::{BackendError, Intersector, Query, Result, TreeFormat};
+use serde::{Deserialize, Serialize};
 use std::fmt;
 
 crate::named! {
@@ -18,7 +19,7 @@ crate::named! {
 /// How the device rounds divisions and sums of products for which the shader does not enforce IEEE 754 rounding. Among
 /// hits, it affects only those of intersectors whose hits differ between backends (see
 /// [`Intersector::is_equal_across_backends`]). It also affects costs of trees.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Arithmetic {
     /// Whether division is correctly rounded.
     pub rounds_division: bool,

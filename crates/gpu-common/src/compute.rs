@@ -71,9 +71,15 @@ impl<D: GpuDevice> ComputeBackend<D> {
     /// Returns the tickets of submissions that are known to never run, and gives each an empty report. The next submission
     /// must then begin with `interpolate`.
     pub fn remove_dropped(&mut self) -> Vec<Ticket> {
-        let dropped = self.engine.remove_dropped();
-        if let Some(trees) = self.trees.as_mut().filter(|_| !dropped.is_empty()) {
-            trees.recording_dropped();
+        let engine = &mut self.engine;
+        let dropped = engine.frames.remove_dropped(&mut engine.gpu);
+        if !dropped.is_empty() {
+            // Later submissions depend on earlier ones, so all data on the device is stale.
+            engine.abandon();
+            engine.snapshots.remove(&dropped);
+            if let Some(trees) = &mut self.trees {
+                trees.recording_dropped();
+            }
         }
         dropped
     }
@@ -210,15 +216,13 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         let engine = &mut self.engine;
         let usual = KERNELS.iter().filter(|k| k.loads_with_scene);
         let usual = usual.filter(|k| k.serves(intersector));
-        engine.pipelines.begin(&engine.gpu, usual);
-        if animation.is_streamed() {
-            let later = work::range_kernels(intersector);
-            let copies = engine.info.copies_points.then(|| common("copy_points"));
-            engine.pipelines.begin(&engine.gpu, later.chain(copies));
-        }
+        let copies = engine.info.copies_points.then(|| common("copy_points"));
+        let streamed = work::range_kernels(intersector).chain(copies);
+        let streamed = streamed.filter(|_| animation.is_streamed());
+        engine.pipelines.begin(&engine.gpu, usual.chain(streamed));
         engine.unload()?;
         self.trees = None;
-        let trees = TreeBuffers::new(&engine.gpu, &animation, intersector)?;
+        let trees = TreeBuffers::new(&mut engine.gpu, &animation, intersector)?;
         engine.load(animation)?;
         (self.trees, self.intersector) = (Some(trees), intersector);
         Ok(())
@@ -371,15 +375,23 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     }
 
     fn pixels(&mut self, ticket: Ticket, out: &mut Vec<u8>) -> Result<bool> {
-        self.engine.pixels(ticket, out)
+        self.engine.wait(ticket)?;
+        let trace = self.engine.frames.trace(ticket, 0);
+        trace.fetch_pixels(&mut self.engine.gpu, out)
     }
 
     fn request_positions(&mut self) -> Result<()> {
-        self.engine.request_positions()
+        self.require(NextStage::Preprocess, "call `interpolate` first");
+        let engine = &mut self.engine;
+        let scene = engine.scene.as_mut().expect("a scene was loaded");
+        scene.make_positions(&mut engine.gpu)?;
+        engine.snapshots.request(engine.position);
+        engine.frames.recorder.split();
+        Ok(())
     }
 
     fn submit(&mut self) -> Result<Ticket> {
-        let submitted = self.engine.submit(self.engine.scene().never_active);
+        let submitted = self.engine.submit();
         if submitted.is_ok() {
             self.trees_mut().recording_submitted();
         } else {
@@ -407,6 +419,8 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     }
 
     fn take_positions(&mut self) -> Result<Option<(Ticket, Snapshot)>> {
-        self.engine.take_positions()
+        let vertices = self.engine.scene().animation.vertex_count();
+        let Engine { snapshots, gpu, .. } = &mut self.engine;
+        snapshots.take(gpu, vertices)
     }
 }

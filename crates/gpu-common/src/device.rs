@@ -240,8 +240,8 @@ pub trait GpuDevice: Send + Sized + 'static {
     /// buffers.
     fn upload(&mut self, all: &[(&[u8], &Self::Buffer)]) -> Result<()>;
 
-    /// Writes elements to the beginning of a buffer, for the next submission. The buffer contains rays or is a lent
-    /// buffer for results. No unfinished submission may use it.
+    /// Writes elements to the beginning of a buffer of [`BufferName::Rays`], for the next submission. No unfinished
+    /// submission may use it.
     fn write<T: Pod + Send + Sync>(&mut self, to: &mut Self::Buffer, rows: &[T]) -> Result<()>;
 
     /// Passes the first `count` elements of a buffer to `each` in parts, each with the index of its first element. A

@@ -4,7 +4,7 @@ use crate::device::read_all;
 use crate::snapshots::Snapshots;
 use crate::{AnimationBuffers, BufferTable, DeviceInfo, Frames, GpuDevice, Pipelines, Stage};
 use backend::{
-    Arithmetic, BackendError, DeviceBytes, FrameReport, Hits, Query, Rays, Result, Snapshot, Ticket,
+    Arithmetic, BackendError, DeviceBytes, FrameReport, Hits, Query, Rays, Result, Ticket,
 };
 use geom::{Animation, Pose};
 use shaders::arithmetic;
@@ -35,7 +35,7 @@ pub struct Engine<D: GpuDevice> {
     pub info: DeviceInfo,
     /// Submissions and their results.
     pub frames: Frames<D>,
-    snapshots: Snapshots,
+    pub(crate) snapshots: Snapshots,
     /// The loaded scene.
     pub scene: Option<AnimationBuffers<D>>,
     /// Index of the current position buffer.
@@ -86,7 +86,7 @@ impl<D: GpuDevice> Engine<D> {
     /// Returns a function that creates another engine on the same device. It reuses the test results and compiled
     /// kernels.
     pub fn share_device(&self) -> impl FnOnce() -> Result<Self> + Send + use<D> {
-        let (info, pipelines) = (self.info.clone(), self.pipelines.ready());
+        let (info, pipelines) = (self.info.clone(), self.pipelines.shared());
         let open = self.gpu.share_device();
         move || {
             let gpu = open()?;
@@ -186,16 +186,15 @@ impl<D: GpuDevice> Engine<D> {
     }
 
     /// Records the shading of the pending trace of `query`. Does nothing unless `query` has a camera and a light, and
-    /// there is a palette and a tree.
+    /// there is a palette.
     ///
     /// # Panics
     /// If no trace is pending.
     pub fn shade(&mut self, query: &Query<'_>, params: Params) -> Result<()> {
         let pending = self.frames.pending.pop();
         let mut trace = pending.expect("a trace is recorded");
-        let is_shaded = trace.has_tree && self.scene().has_palette();
         let shaded = match (query.rays, query.kind.light()) {
-            (Rays::Camera(camera), Some(lamp)) if is_shaded => {
+            (Rays::Camera(camera), Some(lamp)) if self.scene().has_palette() => {
                 let work = [work::shade(params, camera, lamp)];
                 let made = trace.make_pixels(&self.gpu);
                 made.and_then(|()| self.run(None, &work, |name| trace.get(name)))
@@ -206,34 +205,13 @@ impl<D: GpuDevice> Engine<D> {
         shaded
     }
 
-    /// Blocks until a submission has finished and copies its pixels. Returns whether it has any.
-    pub fn pixels(&mut self, ticket: Ticket, out: &mut Vec<u8>) -> Result<bool> {
-        self.wait(ticket)?;
-        let trace = self.frames.trace(ticket, 0);
-        trace.fetch_pixels(&mut self.gpu, out)
-    }
-
-    /// Records a copy of the positions to the host. If the device [splits](crate::DeviceInfo::splits) submissions, the copy
-    /// runs concurrently with work recorded later.
-    pub fn request_positions(&mut self) -> Result<()> {
-        assert!(
-            self.next_stage >= NextStage::Preprocess,
-            "call `interpolate` first"
-        );
-        let scene = self.scene.as_mut().expect("a scene was loaded");
-        scene.make_positions(&mut self.gpu)?;
-        self.snapshots.request(self.position);
-        self.frames.recorder.split();
-        Ok(())
-    }
-
-    /// Submits the recording. `never_active` is the number of triangles that are in no tree. The report counts them as
-    /// inactive.
-    pub fn submit(&mut self, never_active: u64) -> Result<Ticket> {
+    /// Submits the recording.
+    pub fn submit(&mut self) -> Result<Ticket> {
         let scene = self.scene.as_ref().expect("a scene was loaded");
+        self.frames.recorder.tree_stages.never_active = scene.never_active;
         let place = |p: usize| (&scene.positions[p], scene.position_bytes());
         let positions = self.snapshots.requested.map(place);
-        let ticket = self.frames.submit(&mut self.gpu, positions, never_active)?;
+        let ticket = self.frames.submit(&mut self.gpu, positions)?;
         self.snapshots.submitted(ticket);
         let scene = self.scene.as_mut().expect("a scene was loaded");
         let (keys, gpu) = (&mut scene.keys, &mut self.gpu);
@@ -242,17 +220,6 @@ impl<D: GpuDevice> Engine<D> {
         // it persists.
         let _ = keys.submitted(gpu, &scene.animation, ticket);
         Ok(ticket)
-    }
-
-    /// Returns the tickets of submissions that are known to never run, and gives each an empty report. Later submissions
-    /// depend on earlier ones, so all data on the device is then stale.
-    pub fn remove_dropped(&mut self) -> Vec<Ticket> {
-        let dropped = self.frames.remove_dropped(&mut self.gpu);
-        if !dropped.is_empty() {
-            self.abandon();
-            self.snapshots.remove(&dropped);
-        }
-        dropped
     }
 
     /// Drops the recording. It will never run, so all data on the device is stale.
@@ -274,12 +241,6 @@ impl<D: GpuDevice> Engine<D> {
         trace.read_hits(&mut self.gpu, hits)
     }
 
-    /// Returns the oldest requested positions if they have arrived.
-    pub fn take_positions(&mut self) -> Result<Option<(Ticket, Snapshot)>> {
-        let vertices = self.scene().animation.vertex_count();
-        self.snapshots.take(&mut self.gpu, vertices)
-    }
-
     /// Returns the bytes of device memory by purpose. The argument contains the bytes that the backend itself
     /// allocated.
     pub fn bytes(&self, [tree, scratch, frames]: [u64; 3]) -> DeviceBytes {
@@ -297,16 +258,6 @@ impl<D: GpuDevice> Engine<D> {
             scene,
             frames,
         }
-    }
-
-    /// Waits for all submissions and reads the current positions.
-    #[cfg(feature = "inspect")]
-    pub fn positions(&mut self) -> Result<Vec<geom::Point>> {
-        self.gpu.wait(None)?;
-        let scene = self.scene.as_ref().expect("a scene was loaded");
-        let count = scene.animation.vertex_count();
-        let from = &scene.positions[self.position];
-        read_all(&mut self.gpu, from, count)
     }
 }
 
@@ -335,7 +286,7 @@ fn test_arithmetic<D: GpuDevice>(
     let find = |name| buffers.get(name).expect("the kernel binds no other buffer");
     let work = [work::arithmetic(all.len())];
     frames.recorder.record(pipelines, None, &work, find)?;
-    let ticket = frames.submit(gpu, None, 0)?;
+    let ticket = frames.submit(gpu, None)?;
     frames.retire(gpu, ticket)?;
     let results = read_all(gpu, find(BufferName::Results), all.len())?;
     let refused = |e| BackendError::NoDevice(format!("{}: {e}", gpu.info().device.adapter));

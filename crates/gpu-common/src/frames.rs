@@ -1,9 +1,9 @@
 //! The recording, unfinished submissions, and the reports and traces of finished ones.
 
-use crate::recorder::Recorder;
+use crate::recorder::{Recorder, TreeStages};
 use crate::{Clock, GpuDevice, Outcome, PendingWork, Stage, SubmissionOutput, TraceBuffers};
 use backend::{BackendError, FRAMES_IN_FLIGHT, FrameReport, Result, StageTimes, Ticket};
-use shaders::{RasterBackoff, TreeCounts, TreeStages};
+use shaders::RasterBackoff;
 use std::collections::VecDeque;
 use std::time::Instant;
 
@@ -25,8 +25,8 @@ pub struct Frames<D: GpuDevice> {
     spare_traces: usize,
     /// Remembered submissions, oldest first.
     ledger: VecDeque<SubmissionRecord<D>>,
-    /// Latest results of `preprocess` and `refit`.
-    tree_counts: TreeCounts,
+    /// Report of the last finished submission.
+    latest: FrameReport,
     /// Whether the next traces may use rasterization.
     pub(crate) raster_backoff: RasterBackoff,
     /// Whether coordinates have very different magnitudes, by the latest measurement.
@@ -43,11 +43,9 @@ struct SubmissionRecord<D: GpuDevice> {
     is_retained: bool,
     /// See [`backend::Backend::retain_traces`]. A released trace only keeps its buffers for later traces.
     is_released: bool,
-    never_active: u64,
     at: Instant,
     /// Stages without work.
     idle: Vec<Stage>,
-    /// Recorded stages that update `tree_counts`.
     tree_stages: TreeStages,
     readback_bytes: u64,
     /// `None` until the submission has finished.
@@ -67,7 +65,7 @@ impl<D: GpuDevice> Frames<D> {
             replaced: Vec::new(),
             spare_traces: FRAMES_IN_FLIGHT,
             ledger: VecDeque::new(),
-            tree_counts: TreeCounts::default(),
+            latest: FrameReport::default(),
             raster_backoff: RasterBackoff::default(),
             spread: false,
         }
@@ -148,7 +146,6 @@ impl<D: GpuDevice> Frames<D> {
         &mut self,
         gpu: &mut D,
         positions: Option<(&D::Buffer, u64)>,
-        never_active: u64,
     ) -> Result<Ticket> {
         self.recorder.close();
         let ticket = Ticket(self.submitted.0 + 1);
@@ -170,7 +167,6 @@ impl<D: GpuDevice> Frames<D> {
             is_retained: false,
             is_released: !is_traced && !traces.is_empty(),
             traces,
-            never_active,
             at,
             idle: std::mem::take(&mut self.recorder.idle),
             tree_stages: self.recorder.tree_stages,
@@ -273,16 +269,24 @@ impl<D: GpuDevice> Frames<D> {
             blocked: u64::from(counts.blocked),
             exact_rays: counts.exact_rays(),
             readback_bytes: submission.readback_bytes,
-            ..FrameReport::default()
+            candidate_cost: None,
+            // The other values stay valid until their stages run again.
+            ..self.latest.clone()
         };
-        let (tree_stages, never_active) = (submission.tree_stages, submission.never_active);
-        self.tree_counts.update(&counts, tree_stages, never_active);
-        self.tree_counts.complete(&mut report);
-        if tree_stages.evaluated_candidate {
+        let stages = submission.tree_stages;
+        if let Some(skipped_degenerate) = stages.skipped_degenerate {
+            report.inactive = u64::from(counts.inactive) + stages.never_active;
+            report.degenerate = u64::from(counts.degenerate) + u64::from(skipped_degenerate);
+        }
+        if stages.summed_areas {
+            report.sah_cost = counts.cost(counts.areas);
+        }
+        if stages.evaluated_candidate {
             report.candidate_cost = counts.cost(counts.candidate_areas);
         }
         self.raster_backoff.update(&counts);
         self.spread = counts.is_spread().unwrap_or(self.spread);
+        self.latest = report.clone();
         submission.report = Some(report);
         Ok(None)
     }
@@ -319,7 +323,7 @@ impl<D: GpuDevice> Frames<D> {
         }
         self.ledger.clear();
         self.spare_traces = FRAMES_IN_FLIGHT;
-        self.tree_counts = TreeCounts::default();
+        self.latest = FrameReport::default();
         self.raster_backoff = RasterBackoff::default();
         self.spread = false;
         gpu.unload()?;

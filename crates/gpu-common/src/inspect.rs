@@ -10,7 +10,11 @@ use shaders::{BufferName, View};
 
 impl<D: GpuDevice> Inspect for ComputeBackend<D> {
     fn positions(&mut self) -> Result<Vec<Point>> {
-        self.engine.positions()
+        let engine = &mut self.engine;
+        engine.gpu.wait(None)?;
+        let scene = engine.scene.as_ref().expect("a scene was loaded");
+        let from = &scene.positions[engine.position];
+        read_all(&mut engine.gpu, from, scene.animation.vertex_count())
     }
 
     fn boxes(&mut self) -> Result<Vec<Aabb>> {

@@ -1,14 +1,13 @@
 //! Records stages as commands.
 
-use crate::recording::is_owned_by_device;
 use crate::{
-    DeviceInfo, Dispatch, GpuDevice, Pipelines, PositionsCopy, RecordedCommand, RecordingOf, Stage,
+    BoundBuffer, DeviceInfo, Dispatch, GpuDevice, Pipelines, PositionsCopy, RecordedCommand,
+    RecordingOf, Stage,
 };
 use backend::{BackendError, Result, Ticket};
 use shaders::work::Work;
-use shaders::{BufferName, Counts, TreeStages};
+use shaders::{BufferName, Counts};
 use std::mem::offset_of;
-use std::sync::Arc;
 
 /// Size of the first members of [`Counts`], which `preprocess` increments. If `preprocess` runs again in a submission,
 /// these bytes are cleared first, so that the last run determines them.
@@ -23,10 +22,22 @@ pub struct Recorder<D: GpuDevice> {
     pub(crate) idle: Vec<Stage>,
     /// Whether `interpolate` was recorded last and its stage is still open, so that `preprocess` may run concurrently.
     open: bool,
-    /// Recorded stages that update [`shaders::TreeCounts`].
-    pub tree_stages: TreeStages,
+    pub(crate) tree_stages: TreeStages,
     max_groups: u32,
     splits: bool,
+}
+
+/// Recorded stages that update the counts of triangles and the costs of trees in reports.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct TreeStages {
+    /// Number of zero-area triangles that the last preprocess skipped and did not count; `None` if no preprocess ran.
+    pub(crate) skipped_degenerate: Option<u32>,
+    /// Number of triangles that are inactive in every key frame and therefore in no tree.
+    pub(crate) never_active: u64,
+    /// Whether a refit or a build summed the areas of boxes.
+    pub(crate) summed_areas: bool,
+    /// Whether a candidate tree was evaluated next to the current one.
+    pub(crate) evaluated_candidate: bool,
 }
 
 impl<D: GpuDevice> Recorder<D> {
@@ -49,7 +60,8 @@ impl<D: GpuDevice> Recorder<D> {
 
     /// Returns whether a recorded dispatch uses the buffer.
     pub(crate) fn uses(&self, buffer: &D::Buffer) -> bool {
-        self.recording.buffers.contains(&D::bind(buffer))
+        let bound = BoundBuffer::Recorded(D::bind(buffer));
+        self.recording.buffers.contains(&bound)
     }
 
     /// Drops all commands.
@@ -88,12 +100,14 @@ impl<D: GpuDevice> Recorder<D> {
         for work in work {
             let buffers = &mut self.recording.buffers;
             let first = buffers.len();
-            let names = work.kernel.bindings.iter().map(|b| b.name);
-            let names = names.filter(|name| !is_owned_by_device(*name));
-            buffers.extend(names.map(|name| D::bind(find(name))));
+            buffers.extend(work.kernel.bindings.iter().map(|b| match b.name {
+                BufferName::Params => BoundBuffer::Params,
+                BufferName::Counts => BoundBuffer::Counts,
+                name => BoundBuffer::Recorded(D::bind(find(name))),
+            }));
             commands.push(RecordedCommand::Dispatch(Dispatch {
                 work: *work,
-                pipeline: Arc::clone(pipelines.get(work.kernel)),
+                pipeline: pipelines.get(work.kernel),
                 buffers: first..buffers.len(),
                 groups: groups(work)?,
             }));

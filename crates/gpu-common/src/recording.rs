@@ -3,7 +3,6 @@
 use crate::Stage;
 use backend::Ticket;
 use shaders::work::Work;
-use shaders::{Binding, BufferName};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -15,7 +14,7 @@ pub struct Recording<P, B, N> {
     /// Commands in order.
     pub commands: Vec<RecordedCommand<P, N>>,
     /// Buffers of all dispatches. See [`Dispatch::buffers`].
-    pub buffers: Vec<B>,
+    pub buffers: Vec<BoundBuffer<B>>,
     /// Positions to copy to the host. The copy waits only for the commands before [`RecordedCommand::Split`].
     pub positions: Option<PositionsCopy<B>>,
     /// Number of the upload that must have finished before the commands run; 0 for no upload.
@@ -57,7 +56,7 @@ pub struct Dispatch<P> {
     pub work: Work,
     /// The compiled kernel.
     pub pipeline: Arc<P>,
-    /// Range of [`Recording::buffers`]: one for each binding of the kernel, in order, except parameters and counts.
+    /// Range of [`Recording::buffers`]: one for each binding of the kernel, in order.
     pub buffers: Range<usize>,
     /// Number of workgroups along both axes.
     pub groups: [u32; 2],
@@ -83,34 +82,13 @@ impl<P, B, N> Recording<P, B, N> {
         (self.positions, self.after_upload, self.overwrites) = (None, 0, None);
     }
 
-    /// Returns the buffers of a dispatch, except parameters and counts, which the device owns.
-    pub fn buffers_of(&self, dispatch: &Dispatch<P>) -> &[B] {
+    /// Returns the buffers of a dispatch: one for each binding of the kernel, in order.
+    pub fn buffers_of(&self, dispatch: &Dispatch<P>) -> &[BoundBuffer<B>] {
         &self.buffers[dispatch.buffers.clone()]
     }
-
-    /// Returns each binding of a dispatch with its buffer.
-    pub fn bindings_of<'a>(
-        &'a self,
-        dispatch: &'a Dispatch<P>,
-    ) -> impl Iterator<Item = (&'static Binding, BoundBuffer<&'a B>)> + Clone {
-        let mut buffers = self.buffers_of(dispatch).iter();
-        dispatch.work.kernel.bindings.iter().map(move |binding| {
-            let bound = match binding.name {
-                BufferName::Params => BoundBuffer::Params,
-                BufferName::Counts => BoundBuffer::Counts,
-                _ => BoundBuffer::Recorded(buffers.next().expect("one buffer for each binding")),
-            };
-            (binding, bound)
-        })
-    }
 }
 
-/// Returns whether the device owns the buffer of this name, so that recordings do not contain it.
-pub(crate) fn is_owned_by_device(name: BufferName) -> bool {
-    matches!(name, BufferName::Params | BufferName::Counts)
-}
-
-/// The buffer of a binding.
+/// The buffer of a binding. The device owns the parameters and the counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BoundBuffer<B> {
     /// The parameters of the dispatch.

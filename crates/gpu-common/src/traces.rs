@@ -12,8 +12,6 @@ pub struct TraceBuffers<D: GpuDevice> {
     pub count: usize,
     /// Result that is computed for each ray.
     pub kind: QueryKind,
-    /// Whether there is a tree. Without one every ray misses.
-    pub has_tree: bool,
     /// Whether pixels were shaded.
     shaded: bool,
     /// Buffers of this trace, and buffers of earlier traces, which it may reuse.
@@ -25,12 +23,12 @@ pub struct TraceBuffers<D: GpuDevice> {
 }
 
 impl<D: GpuDevice> TraceBuffers<D> {
-    /// Creates the buffers of the next query of a submission. `traced_by` is the intersector, or `None` if there is no
-    /// tree. Reuses those buffers of the `old` trace that are large enough.
+    /// Creates the buffers of the next query of a submission. Reuses those buffers of the `old` trace that are large
+    /// enough.
     pub fn new(
         gpu: &mut D,
         query: &Query<'_>,
-        traced_by: Option<Intersector>,
+        intersector: Intersector,
         old: Option<Self>,
     ) -> Result<Self> {
         let mut buffers = match old {
@@ -38,46 +36,36 @@ impl<D: GpuDevice> TraceBuffers<D> {
             None => BufferTable::new(gpu, [])?,
         };
         let (count, kind) = (query.rays.count(), query.kind);
-        let has_tree = traced_by.is_some();
         check_limit(
             || "rays of a query".to_owned(),
             count as u64,
             u32::MAX.into(),
         )?;
-        let mut lent = lent_rays(gpu, query)?;
-        let lent_results = lent.as_mut().and_then(|lent| lent.results.as_mut());
-        let lends_results = lent_results.is_some();
-        if let Some(results) = lent_results.filter(|_| !has_tree) {
-            // No kernel writes the results.
-            match kind {
-                QueryKind::Any => gpu.write(results, &vec![0_u32; count])?,
-                _ => gpu.write(results, &vec![Hit::MISS; count])?,
-            }
-        }
+        let lent = lent_rays(gpu, query)?;
+        let lends_results = lent.as_ref().is_some_and(|lent| lent.results.is_some());
         let bytes = |each: usize| (count * each) as u64;
-        if has_tree && lent.is_none() && reads_ray_buffer(query) {
+        if lent.is_none() && reads_ray_buffer(query) {
             let rays = buffers.fit(gpu, BufferName::Rays, bytes(size_of::<Ray>()))?;
             write_rays(gpu, query.rays, rays)?;
         }
-        if has_tree && kind != QueryKind::Any && !lends_results {
+        if kind != QueryKind::Any && !lends_results {
             buffers.fit(gpu, BufferName::Hits, bytes(size_of::<Hit>()))?;
         }
         // `exact` also stores undecided rays in the buffer `Occluded`. A lent buffer has no space for them.
-        let is_exact = traced_by == Some(Intersector::Exact);
+        let is_exact = intersector == Intersector::Exact;
         let copies_results = lends_results && is_exact && kind == QueryKind::Any;
         let occluded = match kind {
             QueryKind::Any => !lends_results || copies_results,
             QueryKind::Closest => is_exact,
             QueryKind::ClosestAndShadow { .. } => true,
         };
-        if let Some(intersector) = traced_by.filter(|_| occluded) {
+        if occluded {
             let words = shaders::occluded_words(intersector, count as u64);
             buffers.fit(gpu, BufferName::Occluded, words * 4)?;
         }
         Ok(Self {
             count,
             kind,
-            has_tree,
             shaded: false,
             buffers,
             lent,
@@ -118,11 +106,10 @@ impl<D: GpuDevice> TraceBuffers<D> {
         lent.or_else(|| self.buffers.get(name))
     }
 
-    /// Returns the buffer of the closest hits, if there are any. Without a tree, only a lent buffer is written.
+    /// Returns the buffer of the closest hits, or `None` for an any-hit query.
     pub(crate) fn closest_hits(&self) -> Option<&D::Buffer> {
-        let lends_results = self.lent.as_ref().is_some_and(|l| l.results.is_some());
-        let is_written = self.kind != QueryKind::Any && (self.has_tree || lends_results);
-        self.get(BufferName::Hits).filter(|_| is_written)
+        let has_closest = self.kind != QueryKind::Any;
+        self.get(BufferName::Hits).filter(|_| has_closest)
     }
 
     /// Allocates one pixel per ray, before the shading is recorded.
@@ -152,11 +139,6 @@ impl<D: GpuDevice> TraceBuffers<D> {
         let wants = |is_wanted: bool| if is_wanted { self.count } else { 0 };
         closest.resize(wants(self.kind != QueryKind::Any), Hit::MISS);
         blocked.resize(wants(self.kind != QueryKind::Closest), 0);
-        if !self.has_tree {
-            closest.fill(Hit::MISS);
-            blocked.fill(0);
-            return Ok(());
-        }
         self.read_each(gpu, BufferName::Hits, closest, |hit: Hit| hit)?;
         self.read_each(gpu, BufferName::Occluded, blocked, |word: u32| word as u8)
     }

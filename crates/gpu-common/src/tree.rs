@@ -4,7 +4,7 @@ use crate::device::has_ended;
 use crate::{BufferTable, Frames, GpuDevice, LastUse, Pool, Staging, Upload, with_slack};
 use backend::{BackendError, Generation, Intersector, Result, Ticket, TreeWriter, check_tree};
 use bvh_layout::{Topology, Treelets};
-use geom::{Animation, lock};
+use geom::{Aabb, Animation, Point, lock};
 use shaders::work::{Trace, TreeProgress};
 use shaders::{BufferName, Shape, rebuild, tree_buffers};
 use std::borrow::Cow;
@@ -50,10 +50,17 @@ pub(crate) struct DeviceTree<D: GpuDevice> {
 
 impl<D: GpuDevice> DeviceTree<D> {
     /// Creates the buffers of a tree over `leaves` triangles. The node and cost buffers [grow](Self::grow) later.
-    fn new(gpu: &D, intersector: Intersector, leaves: u64) -> Result<Self> {
+    fn new(gpu: &mut D, intersector: Intersector, leaves: u64) -> Result<Self> {
+        let buffers = BufferTable::new(gpu, tree_buffers(intersector, leaves))?;
+        if leaves == 0 {
+            // No kernel writes the root of an empty tree. Its box is empty and it refers to no node, so all rays miss.
+            let row = |[x, y, z]: Point, last| [x.to_bits(), y.to_bits(), z.to_bits(), last];
+            let root = [row(Aabb::EMPTY.min, u32::MAX), row(Aabb::EMPTY.max, 0)];
+            buffers.fill(gpu, &[(BufferName::Nodes, bytemuck::cast_slice(&root))])?;
+        }
         Ok(Self {
             topology: None,
-            buffers: BufferTable::new(gpu, tree_buffers(intersector, leaves))?,
+            buffers,
             generation: Generation(0),
             shape: Shape::default(),
             progress: TreeProgress::default(),
@@ -98,7 +105,7 @@ impl<D: GpuDevice> DeviceTree<D> {
 impl<D: GpuDevice> TreeBuffers<D> {
     /// Creates the buffers of the current tree, which has no leaf yet.
     pub(crate) fn new(
-        gpu: &D,
+        gpu: &mut D,
         animation: &Arc<Animation>,
         intersector: Intersector,
     ) -> Result<Self> {

@@ -2,11 +2,11 @@
 
 use crate::errors::failed;
 use crate::gpu::Gpu;
-use crate::memory::{Buffer, BufferRange, BufferUse};
+use crate::memory::{Buffer, BufferUse};
 use crate::pipelines::descriptor_type;
 use ash::vk;
 use backend::Result;
-use shaders::{Binding, KERNELS, Params, RAYS, storage_buffers};
+use shaders::{Binding, KERNELS, Kind, Params, RAYS, storage_buffers};
 use std::sync::Arc;
 
 /// Minimum number of dispatches for which memory is allocated.
@@ -14,7 +14,8 @@ const LEAST: usize = 64;
 
 /// Memory for the parameters and descriptor sets of one submission at a time.
 pub(crate) struct Descriptors {
-    params: Buffer,
+    /// Parameters of all dispatches. Each dispatch has its own dynamic offset.
+    pub(crate) params: Buffer,
     sets: vk::DescriptorPool,
     /// Maximum number of dispatches.
     capacity: usize,
@@ -67,19 +68,11 @@ impl Descriptors {
         u32::try_from(at).expect("parameters are small")
     }
 
-    /// Returns the range of one dispatch's parameters, to be bound with a dynamic offset.
-    pub(crate) fn params(&self) -> BufferRange {
-        BufferRange {
-            vk: self.params.vk,
-            bytes: size_of::<Params>() as u64,
-        }
-    }
-
     /// Creates a set with these bindings. A set for ray tracing also binds the acceleration structure `tree`.
     pub(crate) fn set<'b>(
         &self,
         layout: vk::DescriptorSetLayout,
-        bindings: impl Iterator<Item = (&'b Binding, BufferRange)> + Clone,
+        bindings: impl Iterator<Item = (&'b Binding, vk::Buffer)> + Clone,
         tree: Option<vk::AccelerationStructureKHR>,
     ) -> Result<vk::DescriptorSet> {
         let layouts = [layout];
@@ -89,9 +82,14 @@ impl Descriptors {
         // SAFETY: the pool has capacity for one set per dispatch.
         let sets = unsafe { self.gpu.vk.allocate_descriptor_sets(&info) };
         let set = sets.map_err(failed("descriptors"))?[0];
-        let info = |(_, buffer): (_, BufferRange)| {
-            let info = vk::DescriptorBufferInfo::default().buffer(buffer.vk);
-            [info.range(buffer.bytes)]
+        let info = |(binding, buffer): (&Binding, vk::Buffer)| {
+            let bytes = match binding.kind {
+                // The parameters of a single dispatch.
+                Kind::Uniform => size_of::<Params>() as u64,
+                Kind::Read | Kind::ReadWrite => vk::WHOLE_SIZE,
+            };
+            let info = vk::DescriptorBufferInfo::default().buffer(buffer);
+            [info.range(bytes)]
         };
         let infos: Vec<_> = bindings.clone().map(info).collect();
         let write = |number, kind| {

@@ -3,7 +3,7 @@
 use crate::commands::{BUILDS, COPIES, Commands, HOST, KERNELS, RAYS};
 use crate::descriptors::Descriptors;
 use crate::gpu::Gpu;
-use crate::memory::{Buffer, BufferRange, BufferUse};
+use crate::memory::{Buffer, BufferUse};
 use crate::pipelines::{Layouts, Pipeline};
 use crate::timestamps::Timestamps;
 use ash::vk;
@@ -14,7 +14,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 /// The recordings of a Vulkan device.
-pub(crate) type VulkanRecording = Recording<Pipeline, BufferRange, NativeCommand>;
+pub(crate) type VulkanRecording = Recording<Pipeline, vk::Buffer, NativeCommand>;
 
 /// A function that records Vulkan commands directly. The caller must keep the resources of these commands alive until
 /// the submission has finished, because the function is dropped after the call.
@@ -52,7 +52,7 @@ pub struct RayBindings<'a> {
     /// The acceleration structure.
     pub tree: vk::AccelerationStructureKHR,
     /// One buffer for each binding of [`shaders::RAYS`], in order. The buffer for parameters is ignored.
-    pub buffers: &'a [BufferRange],
+    pub buffers: &'a [vk::Buffer],
 }
 
 const COUNTS: u64 = size_of::<Counts>() as u64;
@@ -146,14 +146,13 @@ impl RecordingEncoder {
         let bound = match last.filter(is_same) {
             Some(last) => last,
             None => {
-                let params = self.descriptors.params();
-                let resolve = |bound: BoundBuffer<&BufferRange>| match bound {
-                    BoundBuffer::Params => params,
-                    BoundBuffer::Counts => self.counts.range(),
-                    BoundBuffer::Recorded(buffer) => *buffer,
+                let resolve = |bound: &BoundBuffer<vk::Buffer>| match *bound {
+                    BoundBuffer::Params => self.descriptors.params.vk,
+                    BoundBuffer::Counts => self.counts.vk,
+                    BoundBuffer::Recorded(buffer) => buffer,
                 };
-                let bindings = recording.bindings_of(dispatch);
-                let bindings = bindings.map(|(binding, bound)| (binding, resolve(bound)));
+                let buffers = recording.buffers_of(dispatch).iter().map(resolve);
+                let bindings = dispatch.work.kernel.bindings.iter().zip(buffers);
                 let layout = dispatch.pipeline.layouts.set;
                 BoundSet {
                     set: self.descriptors.set(layout, bindings, None)?,
@@ -191,7 +190,7 @@ impl RecordingEncoder {
     /// Binds a ray tracing pipeline. A native command calls this at most once.
     pub fn bind_rays(&mut self, rays: &RayBindings<'_>) -> Result<()> {
         let offset = self.descriptors.write(rays.params);
-        let params = self.descriptors.params();
+        let params = self.descriptors.params.vk;
         let bindings = RAY_SHADERS.bindings.iter().zip(rays.buffers);
         let bindings = bindings.map(|(binding, &buffer)| match binding.name {
             BufferName::Params => (binding, params),

@@ -5,7 +5,7 @@ use crate::errors::{failed, failed_for};
 use crate::instance::VulkanInstance;
 use crate::limits::{DeviceFeatures, DeviceLimits};
 use crate::pipeline_cache::PipelineCache;
-use crate::queues::{QueueIndex, QueueSet, Queues};
+use crate::queues::{QueueIndex, Queues};
 use crate::sharing::Import;
 use ash::ext::pipeline_robustness;
 use ash::{khr, vk};
@@ -21,8 +21,8 @@ pub struct Gpu {
     /// Device functions.
     pub vk: ash::Device,
     pub(crate) memory: Memory,
-    /// Queues, shared by all scenes.
-    pub(crate) queues: QueueSet<Arc<Queue>>,
+    /// Queues for compute, uploads and readbacks, shared by all scenes.
+    pub(crate) queues: [Arc<Queue>; 3],
     /// Queue families that share all buffers, starting with the compute family.
     pub families: Vec<u32>,
     /// Description of the adapter.
@@ -127,9 +127,9 @@ impl Gpu {
 }
 
 /// Opens each queue once, even if it has several purposes.
-fn opened(vk: &ash::Device, indices: QueueSet<QueueIndex>) -> QueueSet<Arc<Queue>> {
+fn opened(vk: &ash::Device, indices: [QueueIndex; 3]) -> [Arc<Queue>; 3] {
     let mut known = HashMap::new();
-    let mut queue = |index: QueueIndex| {
+    indices.map(|index| {
         let queue = known.entry(index).or_insert_with(|| {
             // SAFETY: the device was created with this family and at least this many queues.
             let queue = unsafe { vk.get_device_queue(index.family, index.index) };
@@ -139,12 +139,7 @@ fn opened(vk: &ash::Device, indices: QueueSet<QueueIndex>) -> QueueSet<Arc<Queue
             })
         });
         Arc::clone(queue)
-    };
-    QueueSet {
-        compute: queue(indices.compute),
-        upload: queue(indices.upload),
-        readback: queue(indices.readback),
-    }
+    })
 }
 
 impl Drop for Gpu {

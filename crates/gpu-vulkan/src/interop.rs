@@ -115,7 +115,7 @@ impl VulkanDevice {
         }
         let upload_value = self.upload.start_in_order(&copies, &self.external.waits)?;
         for source in std::mem::take(&mut self.external.points.pending) {
-            self.retain(source.buffer, 0, upload_value);
+            self.retain(source.buffer, upload_value);
         }
         Ok(Some(upload_value))
     }

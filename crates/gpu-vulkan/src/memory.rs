@@ -24,22 +24,13 @@ pub struct Buffer {
     gpu: Arc<Gpu>,
 }
 
-/// A reference to a buffer, which does not keep it alive.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct BufferRange {
-    /// Handle.
-    pub vk: vk::Buffer,
-    /// Size in bytes.
-    pub bytes: u64,
-}
-
 enum BufferMemory {
     /// Part of an allocation.
     Allocated(Allocation),
     /// Imported host pages.
     Host(HostMemory),
     /// Memory that another interface shares.
-    External(Arc<ExternalMemory>),
+    External { _memory: Arc<ExternalMemory> },
     /// No memory: not yet allocated, or already freed.
     Nothing,
 }
@@ -119,10 +110,13 @@ impl Buffer {
             );
             return Err(BackendError::Misuse(why));
         }
+        let shared = BufferMemory::External {
+            _memory: Arc::clone(memory),
+        };
         Ok(Self {
             vk: memory.vk,
             bytes: memory.bytes,
-            memory: BufferMemory::External(Arc::clone(memory)),
+            memory: shared,
             gpu: Arc::clone(gpu),
         })
     }
@@ -130,14 +124,6 @@ impl Buffer {
     /// Returns whether the buffer is in imported host pages.
     pub fn is_imported(&self) -> bool {
         matches!(self.memory, BufferMemory::Host(_))
-    }
-
-    /// Returns the memory if another interface shares it.
-    pub(crate) fn external_memory(&self) -> Option<&Arc<ExternalMemory>> {
-        match &self.memory {
-            BufferMemory::External(memory) => Some(memory),
-            _ => None,
-        }
     }
 
     /// Returns the bytes of device-local memory that the buffer occupies.
@@ -152,14 +138,6 @@ impl Buffer {
         BufferSize {
             bytes: self.bytes,
             allocated: self.held(),
-        }
-    }
-
-    /// Returns a reference to the buffer.
-    pub fn range(&self) -> BufferRange {
-        BufferRange {
-            vk: self.vk,
-            bytes: self.bytes,
         }
     }
 
@@ -208,7 +186,7 @@ impl Buffer {
 impl Drop for Buffer {
     fn drop(&mut self) {
         let memory = std::mem::replace(&mut self.memory, BufferMemory::Nothing);
-        if let BufferMemory::External(_) = memory {
+        if let BufferMemory::External { .. } = memory {
             return;
         }
         // SAFETY: the owner waits for the submissions that use a buffer before it drops the buffer.

@@ -11,28 +11,14 @@ pub(crate) struct QueueIndex {
     pub(crate) index: u32,
 }
 
-/// Queues by purpose. Uploads and readbacks use transfer-only queues if the device has them, otherwise spare queues of
-/// the compute family. If it has neither, they share the compute queue.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct QueueSet<Q> {
-    pub(crate) compute: Q,
-    pub(crate) upload: Q,
-    pub(crate) readback: Q,
-}
-
 /// The queues of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Queues {
-    /// If the device has too few queues, several purposes share a queue.
-    pub(crate) indices: QueueSet<QueueIndex>,
+    /// Queues for compute, uploads and readbacks. Uploads and readbacks use transfer-only queues if the device has them,
+    /// otherwise spare queues of the compute family. If the device has too few queues, several purposes share one.
+    pub(crate) indices: [QueueIndex; 3],
     /// Valid bits of a timestamp; 0 if the compute family has no clock.
     pub(crate) timestamp_bits: u32,
-}
-
-impl<Q> QueueSet<Q> {
-    pub(crate) fn all(self) -> [Q; 3] {
-        [self.compute, self.upload, self.readback]
-    }
 }
 
 impl Queues {
@@ -64,11 +50,7 @@ impl Queues {
             None => [index(computing, 1), index(computing, 2)],
         };
         Some(Self {
-            indices: QueueSet {
-                compute: index(computing, 0),
-                upload: up,
-                readback: back,
-            },
+            indices: [index(computing, 0), up, back],
             timestamp_bits: families[computing].timestamp_valid_bits,
         })
     }
@@ -76,7 +58,7 @@ impl Queues {
     /// Returns each family in use with its number of queues in use.
     pub(crate) fn families(&self) -> Vec<(u32, u32)> {
         let mut all: Vec<(u32, u32)> = Vec::new();
-        for index in self.indices.all() {
+        for index in self.indices {
             match all.iter_mut().find(|(family, _)| *family == index.family) {
                 Some((_, count)) => *count = (*count).max(index.index + 1),
                 None => all.push((index.family, index.index + 1)),
@@ -87,7 +69,7 @@ impl Queues {
 
     /// Returns names and values, for display.
     pub(crate) fn displayed_limits(&self) -> Vec<(&'static str, String)> {
-        let [compute, upload, readback] = self.indices.all();
+        let [compute, upload, readback] = self.indices;
         let transfer = if upload == compute {
             "the compute queue".to_owned()
         } else {
@@ -119,7 +101,7 @@ mod tests {
 
     fn indices(families: &[vk::QueueFamilyProperties]) -> [(u32, u32); 3] {
         let indices = Queues::among(families).unwrap().indices;
-        indices.all().map(|p| (p.family, p.index))
+        indices.map(|p| (p.family, p.index))
     }
 
     #[test]

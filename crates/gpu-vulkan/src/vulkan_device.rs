@@ -2,16 +2,16 @@
 
 use crate::adapters::adapters_of;
 use crate::encoder::{NativeCommand, RecordingEncoder, VulkanRecording};
-use crate::external::ExternalMemory;
 use crate::external_inputs::ExternalInputs;
 use crate::gpu::{Gpu, Queue};
 use crate::instance::VulkanInstance;
-use crate::memory::{Buffer, BufferRange, BufferUse};
+use crate::memory::{Buffer, BufferUse};
 use crate::pipelines::Pipeline;
 use crate::staging::{HostPoints, StagingBuffer, StagingPool};
 use crate::timeline::{QueueBatch, SemaphoreValue, Timeline, submit};
 use crate::transfer::{BufferCopy, Transfer, upload};
 use crate::validation::messages;
+use ash::vk;
 use backend::{
     Arithmetic, BackendName, Capabilities, Device, FRAMES_IN_FLIGHT, Result, Snapshot, Spares,
     Ticket, TreeFormat,
@@ -66,9 +66,6 @@ pub struct VulkanDevice {
     spares: Spares<HostPoints>,
     /// Copies of positions that `take_positions` has not returned yet, by the submission that requested them.
     copies: BTreeMap<Ticket, Result<ReadbackCopy>>,
-    /// Without a tree no kernel writes results, so an upload fills an external result buffer with misses. This is its
-    /// timeline value, for which the next submission waits; 0 if there is none.
-    results_at: u64,
     pub(crate) external: ExternalInputs,
     /// The logical device and its memory.
     pub gpu: Arc<Gpu>,
@@ -77,14 +74,14 @@ pub struct VulkanDevice {
 impl VulkanDevice {
     /// Creates the device of one scene. Other scenes may share `gpu`.
     pub fn over(gpu: &Arc<Gpu>) -> Result<Self> {
-        let queues = gpu.queues.clone();
+        let [compute, upload, readback] = gpu.queues.clone();
         Ok(Self {
             done: Timeline::new(gpu)?,
             first_part: Timeline::new(gpu)?,
             submitted: 0,
-            compute: queues.compute,
-            upload: Transfer::new(gpu, queues.upload)?,
-            readback: Transfer::new(gpu, queues.readback)?,
+            compute,
+            upload: Transfer::new(gpu, upload)?,
+            readback: Transfer::new(gpu, readback)?,
             encoders: (0..FRAMES_IN_FLIGHT)
                 .map(|_| RecordingEncoder::new(gpu))
                 .collect::<Result<_>>()?,
@@ -94,7 +91,6 @@ impl VulkanDevice {
             in_use: Pool::default(),
             spares: Spares::default(),
             copies: BTreeMap::new(),
-            results_at: 0,
             external: ExternalInputs::default(),
             gpu: Arc::clone(gpu),
         })
@@ -143,7 +139,7 @@ impl VulkanDevice {
                 copy = copy.range(offset(run.start)..offset(run.end), offset(run.start));
             }
             let value = self.upload.start(&copy, &[])?;
-            self.retain(KeyFrame::clone(key), 0, value);
+            self.retain(KeyFrame::clone(key), value);
             value
         } else {
             let bytes = size_of_val(&key[..]) as u64;
@@ -156,44 +152,19 @@ impl VulkanDevice {
         Ok(self.copy_external_points(Some(to))?.unwrap_or(sent))
     }
 
-    /// Writes elements to the beginning of external memory. The next submission waits for the copy.
-    fn write_external<T: Pod + Send + Sync>(
-        &mut self,
-        to: &Arc<ExternalMemory>,
-        rows: &[T],
-    ) -> Result<()> {
-        let bytes = size_of_val(rows) as u64;
-        if bytes == 0 {
-            return Ok(());
-        }
-        let mut staging = Buffer::new(&self.gpu, "results", bytes, BufferUse::Upload)?;
-        staging.set_rows(rows);
-        let copy = BufferCopy::between(staging.vk, to.vk).range(0..bytes, 0);
-        let waits = &self.external.waits;
-        self.results_at = self.upload.start_in_order(&[copy], waits)?;
-        let allocated = staging.held();
-        // If the submission fails, the trace is dropped while the copy may still run.
-        self.retain((staging, Arc::clone(to)), allocated, self.results_at);
-        Ok(())
-    }
-
-    /// Keeps a resource until an upload has finished. `allocated` is its bytes of device memory.
-    pub(crate) fn retain(
-        &mut self,
-        resource: impl Send + 'static,
-        allocated: u64,
-        upload_value: u64,
-    ) {
-        let bytes = allocated;
-        let size = BufferSize { bytes, allocated };
+    /// Keeps a resource until an upload has finished. Reports do not count its memory.
+    pub(crate) fn retain(&mut self, resource: impl Send + 'static, upload_value: u64) {
+        let size = BufferSize {
+            bytes: 0,
+            allocated: 0,
+        };
         let last = LastUse::by_upload(upload_value);
         self.in_use.put(Box::new(resource), size, last);
     }
 
     /// Submits the parts of an encoded recording. Copies of positions wait only for the first of two parts.
     fn submit_parts(&mut self, recording: &VulkanRecording, ticket: Ticket) -> Result<()> {
-        let upload_value = Some(recording.after_upload.max(self.results_at));
-        let upload_value = upload_value.filter(|&value| value > 0);
+        let upload_value = Some(recording.after_upload).filter(|&value| value > 0);
         let upload_value = upload_value.map(|value| self.upload.done.at(value));
         let overwritten = recording.overwrites;
         let overwritten = overwritten.and_then(|ticket| self.copies.get(&ticket)?.as_ref().ok());
@@ -213,7 +184,6 @@ impl VulkanDevice {
         };
         let batches: Vec<_> = parts.iter().enumerate().map(batch).collect();
         submit(&self.gpu, &self.compute, &batches)?;
-        self.results_at = 0;
         // Later submissions to the queue wait as well.
         self.external.waits.clear();
         self.submitted = ticket.0;
@@ -247,7 +217,7 @@ struct ReadbackCopy {
 
 impl GpuDevice for VulkanDevice {
     type Buffer = Buffer;
-    type Binding = BufferRange;
+    type Binding = vk::Buffer;
     type Pipeline = Pipeline;
     type Native = NativeCommand;
     type Staging = StagingBuffer;
@@ -299,7 +269,7 @@ impl GpuDevice for VulkanDevice {
         let staging = [&self.tree_staging, &self.key_staging].map(|s| s.free.held());
         MemoryReport {
             allocated: Some(memory.held()),
-            waiting: staging.iter().sum::<u64>() + self.in_use.held(),
+            waiting: staging.iter().sum(),
             submissions: 0,
             buffers_made: memory.made(),
         }
@@ -317,8 +287,8 @@ impl GpuDevice for VulkanDevice {
         buffer.size()
     }
 
-    fn bind(buffer: &Buffer) -> BufferRange {
-        buffer.range()
+    fn bind(buffer: &Buffer) -> vk::Buffer {
+        buffer.vk
     }
 
     fn lent(&mut self) -> &mut LentBuffers<Buffer> {
@@ -330,9 +300,6 @@ impl GpuDevice for VulkanDevice {
     }
 
     fn write<T: Pod + Send + Sync>(&mut self, to: &mut Buffer, rows: &[T]) -> Result<()> {
-        if let Some(memory) = to.external_memory() {
-            return self.write_external(memory, rows);
-        }
         to.set_rows(rows);
         Ok(())
     }
@@ -385,7 +352,7 @@ impl GpuDevice for VulkanDevice {
         self.encoder(ticket).encode(recording)?;
         self.submit_parts(recording, ticket)?;
         if let Some((positions, buffer)) = positions.zip(to) {
-            let copy = BufferCopy::between(positions.from.vk, buffer.vk);
+            let copy = BufferCopy::between(positions.from, buffer.vk);
             let copy = copy.range(0..positions.bytes, 0);
             let ready = self.first_part.at(ticket.0);
             // The submission runs already, so an error is returned with the positions.
@@ -446,7 +413,6 @@ impl GpuDevice for VulkanDevice {
         self.external = ExternalInputs::default();
         self.spare_readbacks.clear();
         self.copies.clear();
-        self.results_at = 0;
         Ok(())
     }
 }

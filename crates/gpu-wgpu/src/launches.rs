@@ -92,8 +92,8 @@ impl Launches {
         self.bind_groups.refresh(gpu);
         let launches = dispatches.enumerate().map(|(i, dispatch)| {
             let counts = &counts[dispatch.work.trace_index % counts.len()];
-            let bindings = recording.bindings_of(dispatch);
-            let buffers = bindings.map(|(_, bound)| match bound {
+            let bound = recording.buffers_of(dispatch).iter();
+            let buffers = bound.map(|bound| match bound {
                 BoundBuffer::Params => self.params.clone(),
                 BoundBuffer::Counts => counts.clone(),
                 BoundBuffer::Recorded(buffer) => buffer.clone(),

@@ -93,21 +93,21 @@ fn compute_pipeline(
 /// Loads a kernel in the form that the device accepts.
 fn load(gpu: &OpenGpu, kernel: &Kernel, code: Code) -> Result<ShaderModule> {
     gpu.guard(kernel.name, 0, || {
-        if gpu.uses_checked_wgsl {
-            gpu.device.create_shader_module(wgsl(kernel, code))
-        } else if gpu.takes_spirv() {
-            pass_through(&gpu.device, kernel, code)
-        } else {
-            trusted(&gpu.device, kernel, code)
+        if gpu.takes_spirv() {
+            return pass_through(&gpu.device, kernel, code);
         }
+        let desc = ShaderModuleDescriptor {
+            label: Some(kernel.name),
+            source: ShaderSource::Wgsl(code.wgsl.into()),
+        };
+        if gpu.uses_checked_wgsl {
+            return gpu.device.create_shader_module(desc);
+        }
+        let checks = ShaderRuntimeChecks::unchecked();
+        // SAFETY: kernels stay within their buffers, whose sizes follow from a checked tree and a checked animation.
+        // Their loops pop a finite stack, and no integer divisor can be zero.
+        unsafe { gpu.device.create_shader_module_trusted(desc, checks) }
     })
-}
-
-fn wgsl(kernel: &Kernel, code: Code) -> ShaderModuleDescriptor<'_> {
-    ShaderModuleDescriptor {
-        label: Some(kernel.name),
-        source: ShaderSource::Wgsl(code.wgsl.into()),
-    }
 }
 
 /// Loads the same SPIR-V as `gpu-vulkan`.
@@ -125,19 +125,4 @@ fn pass_through(device: &wgpu::Device, kernel: &Kernel, code: Code) -> ShaderMod
     };
     // SAFETY: the build validated the words that it created; their bindings match the layout.
     unsafe { device.create_shader_module_passthrough(desc) }
-}
-
-fn trusted(device: &wgpu::Device, kernel: &Kernel, code: Code) -> ShaderModule {
-    // Each check is listed, because defaults may change.
-    let checks = ShaderRuntimeChecks {
-        bounds_checks: false,
-        force_loop_bounding: false,
-        ray_query_initialization_tracking: false,
-        task_shader_dispatch_tracking: false,
-        mesh_shader_primitive_indices_clamp: false,
-        int_div_checks: false,
-    };
-    // SAFETY: kernels stay within their buffers, whose sizes follow from a checked tree and a checked animation. Their
-    // loops pop a finite stack, and no integer divisor can be zero.
-    unsafe { device.create_shader_module_trusted(wgsl(kernel, code), checks) }
 }

@@ -10,7 +10,7 @@ use bytemuck::Pod;
 use geom::for_each_in_parallel;
 use gpu_common::{Staging, with_slack};
 use std::sync::Arc;
-use wgpu::{Buffer, CommandEncoder, MapMode, WriteOnly};
+use wgpu::{Buffer, MapMode, WriteOnly};
 
 /// Bytes that a thread writes at a time.
 const RUN: usize = 96 << 10;
@@ -122,28 +122,6 @@ impl MappedPool {
         }
         Ok(())
     }
-}
-
-/// Writes the first rows of a buffer by a command in an encoder.
-pub(crate) fn write_encoded<T: Pod>(
-    gpu: &OpenGpu,
-    encoder: &mut CommandEncoder,
-    to: &Buffer,
-    rows: &[T],
-) -> Result<()> {
-    let bytes: &[u8] = bytemuck::cast_slice(rows);
-    let size = bytes.len() as u64;
-    if size == 0 {
-        return Ok(());
-    }
-    let from = make(gpu, "staging memory", size, STAGING)?;
-    fill_piece(&from, bytes)?;
-    if !unmap(&gpu.device, &from) {
-        return Err(gpu.faults.lose("staging memory was lost".into()));
-    }
-    gpu.guard("an upload", size, || {
-        encoder.copy_buffer_to_buffer(&from, 0, to, 0, size);
-    })
 }
 
 /// Copies bytes to a mapped buffer on several threads.

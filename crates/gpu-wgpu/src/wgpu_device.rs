@@ -9,7 +9,7 @@ use crate::gpu::{OpenGpu, STORAGE, make, unmap};
 use crate::launches::WgpuRecording;
 use crate::limits::{ATOMIC_MIN_64_BITS, kernel_limits};
 use crate::pipelines::Pipeline;
-use crate::staging::{MappedPool, MappedStaging, write_encoded};
+use crate::staging::{MappedPool, MappedStaging};
 use crate::submission::SubmissionEncoder;
 use backend::{
     Arithmetic, BackendError, BackendName, Capabilities, Device, FRAMES_IN_FLIGHT, Result,
@@ -132,39 +132,15 @@ impl WgpuDevice {
         Ok((submission.report(encoder), copy))
     }
 
-    fn begin_read(&mut self, from: BufferSlice<'_>) -> Result<StartedRead> {
+    /// Starts the copy of a part of a buffer to the host. Also returns its submission.
+    fn begin_read(&mut self, from: BufferSlice<'_>) -> Result<(MappedCopy, SubmissionIndex)> {
         let (gpu, views) = (&self.gpu, &mut self.scene.views);
         let fits = views.iter().position(|view| view.size() >= from.size());
         let spare = fits.map(|i| views.swap_remove(i));
         let mut encoder = gpu.encoder("a readback")?;
-        Ok(StartedRead {
-            copy: MappedCopy::record(gpu, &mut encoder, from, spare)?,
-            submission: gpu.submit([encoder])?,
-        })
+        let copy = MappedCopy::record(gpu, &mut encoder, from, spare)?;
+        Ok((copy, gpu.submit([encoder])?))
     }
-
-    fn end_read(
-        &mut self,
-        read: StartedRead,
-        bytes: usize,
-        each: impl FnOnce(&[u8]),
-    ) -> Result<()> {
-        let MappedCopy { buffer, mapping } = read.copy;
-        self.gpu.wait_for(read.submission)?;
-        mapping.wait(&self.gpu)?;
-        let view = buffer.get_mapped_range(..bytes as u64);
-        each(&view.map_err(unreadable)?);
-        if unmap(&self.gpu.device, &buffer) {
-            self.scene.views.push(buffer);
-        }
-        Ok(())
-    }
-}
-
-/// A copy of a part of a buffer to the host, and its submission.
-struct StartedRead {
-    copy: MappedCopy,
-    submission: SubmissionIndex,
 }
 
 impl GpuDevice for WgpuDevice {
@@ -243,13 +219,7 @@ impl GpuDevice for WgpuDevice {
     }
 
     fn write<T: Pod + Send + Sync>(&mut self, to: &mut Buffer, rows: &[T]) -> Result<()> {
-        let mut lent = self.scene.rays.iter();
-        let is_lent = lent.any(|lent| lent.results.as_ref() == Some(&*to));
-        match self.scene.encoder.encoder.as_mut().filter(|_| is_lent) {
-            // A write of the queue would run before the commands that the encoder already contains.
-            Some(encoder) => write_encoded(&self.gpu, encoder, to, rows),
-            None => self.scene.staging.write(&self.gpu, to, rows),
-        }
+        self.scene.staging.write(&self.gpu, to, rows)
     }
 
     fn read<T: Pod>(
@@ -264,11 +234,17 @@ impl GpuDevice for WgpuDevice {
         }
         let begun = read_parts::<T>(count)
             .map(|part| Ok((self.begin_read(from.slice(part.bytes.clone()))?, part)));
-        for (read, part) in begun.collect::<Result<Vec<_>>>()? {
-            let bytes = part.count * size_of::<T>();
-            self.end_read(read, bytes, |bytes| {
-                each(part.first, bytemuck::cast_slice(bytes));
-            })?;
+        for ((copy, submission), part) in begun.collect::<Result<Vec<_>>>()? {
+            let MappedCopy { buffer, mapping } = copy;
+            self.gpu.wait_for(submission)?;
+            mapping.wait(&self.gpu)?;
+            let bytes = (part.count * size_of::<T>()) as u64;
+            let view = buffer.get_mapped_range(..bytes).map_err(unreadable)?;
+            each(part.first, bytemuck::cast_slice(&view));
+            drop(view);
+            if unmap(&self.gpu.device, &buffer) {
+                self.scene.views.push(buffer);
+            }
         }
         Ok(())
     }

@@ -3,7 +3,6 @@
 use crate::compose::Sources;
 use crate::{harden, include_words, options, parse, reflect};
 use anyhow::{Result, anyhow, bail, ensure};
-use naga::ShaderStage;
 use naga::back::spv;
 use naga::valid::Capabilities;
 use rspirv::binary::Assemble;
@@ -11,20 +10,20 @@ use rspirv::dr::{Instruction, Module, Operand, load_words};
 use rspirv::spirv::{Capability, Op, StorageClass};
 use std::path::Path;
 
-/// File of the pipeline's stages, and file of the compute kernels that support the pipeline.
+/// File of the pipeline's stages.
 pub(crate) const PIPELINE_FILE: &str = "traversal/ray_pipeline";
-pub(crate) const SUPPORT_KERNELS_FILE: &str = "traversal/ray_pipeline_kernels";
+
+/// Entry points that generate rays.
+const GENERATE: [&str; 4] = [
+    "camera_closest",
+    "camera_shadow",
+    "explicit_closest",
+    "explicit_shadow",
+];
 
 /// Compiles the pipeline. Returns its stages as a Rust constant.
 pub(crate) fn compile(out: &Path, sources: &Sources) -> Result<String> {
-    let stages = [
-        "closest_hit",
-        "miss",
-        "camera_closest",
-        "camera_shadow",
-        "explicit_closest",
-        "explicit_shadow",
-    ];
+    let stages = [&GENERATE[..], &["closest_hit", "miss"]].concat();
     let source = sources.compose(PIPELINE_FILE, &stages, "", &[])?;
     let source = format!("enable wgpu_ray_tracing_pipeline, primitive_index;\n{source}");
     let (module, info) = parse(
@@ -39,20 +38,10 @@ pub(crate) fn compile(out: &Path, sources: &Sources) -> Result<String> {
     let spirv = include_words(out, "rays", &lowered.assemble())?;
     let bindings: String = reflect::bindings(&module)?.into_values().collect();
     let scene = reflect::scene(&module)?;
-    let entries = |stage| {
-        let all = module.entry_points.iter().filter(move |e| e.stage == stage);
-        all.map(|e| e.name.as_str()).collect::<Vec<_>>()
-    };
-    let generate = entries(ShaderStage::RayGeneration);
-    let lone = |stage| match entries(stage)[..] {
-        [name] => Ok(name),
-        _ => bail!("expected one entry point for {stage:?}"),
-    };
-    let (hit, miss) = (lone(ShaderStage::ClosestHit)?, lone(ShaderStage::Miss)?);
     Ok(format!(
         "/// The stages of the pipeline that traces a driver's own tree.\n\
          pub const RAYS: RayStages = RayStages {{ spirv: {spirv}, scene: {scene}, bindings: &[{bindings}], \
-         generate: &{generate:?}, closest_hit: {hit:?}, miss: {miss:?} }};\n"
+         generate: &{GENERATE:?} }};\n"
     ))
 }
 

@@ -20,20 +20,6 @@ const OPAQUE: &str = "OPAQUE";
 const FUSED: &str = "FUSED";
 /// Condition: the kernel uses subgroups.
 const SUBGROUPS: &str = "SUBGROUPS";
-/// Parameters that kernels declare. The conditions are the names in capitals.
-const PARAMETERS: [&str; 11] = [
-    "search",
-    "raster",
-    "extremes",
-    "measure",
-    "treelets",
-    "sum",
-    "interpolation",
-    "points",
-    "sort",
-    "phase",
-    "answer",
-];
 /// Condition: the text is the module that a program's own shaders call. In it, the code that increments the hit counter
 /// is left out.
 const MODULE: &str = "MODULE";
@@ -42,15 +28,15 @@ const MODULE: &str = "MODULE";
 #[derive(Default)]
 pub(crate) struct EntryPoint {
     /// File, without extension.
-    pub(crate) file: String,
+    file: String,
     pub(crate) name: String,
     /// The intersectors that the kernel serves, or none if it does not depend on the intersector.
     intersectors: Vec<&'static str>,
     /// Whether the kernel computes remainders of quotients, so that its text with fused multiply-adds may differ.
     divides: bool,
     uses_subgroups: bool,
-    /// The kernel's own parameters, if any: a member of `Params`.
-    pub(crate) parameters: Option<&'static str>,
+    /// The kernel's own parameters, if any: a member of `Params`. The condition is the name in capitals.
+    pub(crate) parameters: Option<String>,
     /// Whether a frame may run the kernel before it traces rays.
     pub(crate) loads_with_scene: bool,
 }
@@ -125,8 +111,7 @@ impl EntryPoint {
         if comment == "// Loaded with every scene." {
             self.loads_with_scene = true;
         } else if let Some(name) = declared(comment, "// Parameters: ")? {
-            let known = PARAMETERS.into_iter().find(|known| *known == name);
-            self.parameters = Some(known.with_context(|| format!("unknown parameters {name}"))?);
+            self.parameters = Some(name.to_owned());
         } else if let Some(axes) = declared(comment, "// Variants: ")? {
             for word in axes.split(", ") {
                 match word {
@@ -176,7 +161,7 @@ impl EntryPoint {
     ) -> Result<Text> {
         let subgroups = self.uses_subgroups.then_some(SUBGROUPS);
         let intersector = intersector.map(str::to_uppercase);
-        let parameters = self.parameters.map(str::to_uppercase);
+        let parameters = self.parameters.as_deref().map(str::to_uppercase);
         let compose = |opaque: Option<&str>| {
             let named = intersector.iter().chain(&parameters).chain([&self.name]);
             let named = named.map(String::as_str);
@@ -193,12 +178,12 @@ impl EntryPoint {
 /// Returns all conditions that a file may use.
 pub(crate) fn conditions(all: &[EntryPoint]) -> BTreeSet<String> {
     let intersectors = INTERSECTORS.map(str::to_uppercase);
-    let parameters = PARAMETERS.map(str::to_uppercase);
+    let parameters = all.iter().filter_map(|e| e.parameters.as_deref());
     let others = [OPAQUE, FUSED, MODULE, SUBGROUPS].map(str::to_owned);
     let entries = all.iter().map(|e| e.name.clone());
     intersectors
         .into_iter()
-        .chain(parameters)
+        .chain(parameters.map(str::to_uppercase))
         .chain(others)
         .chain(entries)
         .collect()

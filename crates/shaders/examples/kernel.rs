@@ -4,7 +4,7 @@
 //! With `fused` as the last argument, prints the text for devices whose fused multiply-add rounds once.
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "it prints")]
 
-use shaders::{KERNELS, Kernel, RAY_KERNELS};
+use shaders::{KERNELS, Kernel};
 use std::process::ExitCode;
 
 /// Returns whether a kernel has this entry point and lists all `values` as intersectors, except the argument `fused`.
@@ -14,13 +14,15 @@ fn matches(kernel: &Kernel, entry: &str, values: &[String]) -> bool {
 }
 
 fn main() -> ExitCode {
-    let all = || KERNELS.iter().chain(RAY_KERNELS);
     let arguments: Vec<_> = std::env::args().skip(1).collect();
     let Some((entry, values)) = arguments.split_first() else {
-        all().for_each(|k| println!("{}", k.name.replace('.', " ")));
+        for kernel in KERNELS {
+            println!("{}", kernel.name.replace('.', " "));
+        }
         return ExitCode::SUCCESS;
     };
-    let found: Vec<_> = all().filter(|k| matches(k, entry, values)).collect();
+    let all = KERNELS.iter();
+    let found: Vec<_> = all.filter(|k| matches(k, entry, values)).collect();
     let [kernel] = found[..] else {
         let advice = match found.len() {
             0 => "no kernel has this name: correct it".to_owned(),

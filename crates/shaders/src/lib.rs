@@ -23,7 +23,6 @@ mod pictures;
 pub mod rebuild;
 mod shape;
 mod sizes;
-mod tree_counts;
 #[cfg(any(test, feature = "inspect"))]
 mod view;
 pub mod work;
@@ -40,7 +39,6 @@ pub use pictures::{Packets, RasterBackoff};
 pub use shape::{MovingShape, Shape, moving_rows};
 pub use sizes::{RANGE_BYTES, occluded_words, tree_buffers};
 pub(crate) use sizes::{candidate_capacity, fallback_workers, undecided_shadows_at};
-pub use tree_counts::{TreeCounts, TreeStages};
 #[cfg(any(test, feature = "inspect"))]
 pub use view::View;
 
@@ -124,7 +122,7 @@ backend::named! {
         LeafCorners = "the leaves' vertex indices",
         /// Triangle records, in the format of the intersector.
         Records = "the triangles' records",
-        /// Empty until a tree determines its size: see [`Shape::node_rows`].
+        /// Fits only the root until a tree determines the size: see [`Shape::node_rows`].
         Nodes = "the tree's nodes",
         /// Partial sums of areas: see build/costs.wgsl. Empty until a tree determines its size: see [`Shape::cost_bytes`].
         Costs = "the tree's partial areas",
@@ -186,12 +184,8 @@ pub struct RayStages {
     pub scene: u32,
     /// The other buffers of the stages by number, all in group 0.
     pub bindings: &'static [Binding],
-    /// Entry points that generate rays, by name.
+    /// Entry points that generate rays, by name. The other entry points are `closest_hit` and `miss`.
     pub generate: &'static [&'static str],
-    /// The entry point for rays that hit.
-    pub closest_hit: &'static str,
-    /// The entry point for rays that miss.
-    pub miss: &'static str,
 }
 
 include!(concat!(env!("OUT_DIR"), "/kernels.rs"));
@@ -237,11 +231,10 @@ pub fn kernel(entry: &str, intersector: Intersector) -> &'static Kernel {
     found.unwrap_or_else(|| panic!("no kernel {entry} for {intersector}"))
 }
 
-/// Returns the kernel with this entry point, which all intersectors share. Searches [`RAY_KERNELS`] too.
+/// Returns the kernel with this entry point, which all intersectors share.
 ///
 /// # Panics
 /// Panics if there is no such kernel.
 pub fn common(entry: &str) -> &'static Kernel {
-    let ray_kernel = RAY_KERNELS.iter().find(|k| k.entry == entry);
-    ray_kernel.unwrap_or_else(|| kernel(entry, Intersector::Watertight))
+    kernel(entry, Intersector::Watertight)
 }

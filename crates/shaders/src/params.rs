@@ -288,7 +288,7 @@ pub(crate) fn scaled_point(point: Point, exponent: i32) -> Point {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{KERNELS, Kernel, RAY_KERNELS};
+    use crate::{KERNELS, Kernel};
     use std::mem::offset_of;
 
     /// Returns the structs of a kernel's WGSL.
@@ -309,7 +309,7 @@ mod tests {
     #[test]
     fn params_match_kernel_sources() {
         let mut found = Vec::new();
-        for kernel in KERNELS.iter().chain(RAY_KERNELS) {
+        for kernel in KERNELS {
             let module = structs(kernel);
             let (all, size) = layout(&module, "Params");
             let offset = |name: &str| {

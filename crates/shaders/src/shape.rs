@@ -64,7 +64,7 @@ impl Shape {
     #[must_use]
     pub fn expected(leaves: u32) -> Self {
         let mut params = params_of(leaves);
-        if leaves as usize <= WideTree::MOST_TRIANGLES {
+        if (1..=WideTree::MOST_TRIANGLES).contains(&(leaves as usize)) {
             (params.wide_lanes, params.wide_root) = (leaves, 1);
         }
         Self {

@@ -16,13 +16,13 @@ fn record_bytes(intersector: Intersector, leaves: u64) -> u64 {
 /// Size of the buffer `range`, in bytes.
 pub const RANGE_BYTES: u64 = 4 * (8 + geom::CoordinateRange::SAMPLES as u64);
 
-/// Returns the size of each buffer of a tree in bytes, enough for every tree of `leaves` leaves. Returns 0 for `nodes`
-/// and `costs`, whose sizes depend on the tree: see [`crate::Shape`].
+/// Returns the size of each buffer of a tree in bytes, enough for every tree of `leaves` leaves. Exceptions: `nodes`
+/// only fits the tree without leaves, and `costs` is empty. Their sizes depend on the tree: see [`crate::Shape`].
 pub fn tree_buffers(intersector: Intersector, leaves: u64) -> [(BufferName, u64); 4] {
     [
         (BufferName::LeafCorners, leaves * 12),
         (BufferName::Records, record_bytes(intersector, leaves)),
-        (BufferName::Nodes, 0),
+        (BufferName::Nodes, 64),
         (BufferName::Costs, 0),
     ]
 }

@@ -126,20 +126,6 @@ fn main(s: S,) {
 }
 
 #[test]
-fn conditional_imports_may_be_alternatives() {
-    let main =
-        "@if(A)\nimport package::k::a::f;\n@else\nimport package::k::b::f;\nfn main() { f(); }";
-    let files = [
-        ("k/main", main),
-        ("k/a", "fn f() { a(); }"),
-        ("k/b", "fn f() { b(); }"),
-    ];
-    for (on, call) in [(&["A"][..], "a();"), (&[], "b();")] {
-        assert!(compose_with(&files, "", on).unwrap().contains(call));
-    }
-}
-
-#[test]
 fn prefix_is_added_to_names_of_declarations_only() {
     let main = "import package::k::a::{S, count as n};
 fn helper(s: S) -> u32 { return s.count + n; }
@@ -185,71 +171,47 @@ fn invalid_imports_are_errors() {
     );
     let a = ("k/a", "fn f() {}\nfn g() {}");
     assert_error(&[unused, a], "wgsl/k/main.wgsl:3: unused import `g`");
-    let relative = ("k/main", "import a::f;\nfn main() { f(); }");
-    assert_error(
-        &[relative, a],
-        "wgsl/k/main.wgsl:1: `import` begins no declaration",
-    );
 }
 
 #[test]
-fn invalid_conditions_are_errors() {
-    let error = |statement: &str, expected: &str| {
-        let main = format!("fn main() {{\n    {statement}\n}}\n");
-        assert_error(
-            &[("k/main", &main)],
-            &format!("wgsl/k/main.wgsl:2: {expected}"),
-        );
-    };
-    error("@if(D) f();", "unknown condition `D`");
-    error("@if(A || D) f();", "unknown condition `D`");
-    error("@if(A) { @if(D) f(); }", "unknown condition `D`");
-    error("@if(A || B && C) f();", "invalid condition");
-    error("@if(A B) f();", "invalid condition");
-    error(
-        "@if(A) f(); g(); @else h();",
-        "`@else` does not follow `@if`",
-    );
-    error(
-        "@if(A) f(); @else g(); @elif(B) h();",
-        "`@elif` does not follow `@if`",
-    );
-}
-
-#[test]
-fn unbalanced_brackets_are_errors() {
-    let error = |main, expected| assert_error(&[("k/main", main)], expected);
-    error(
-        "fn main() {\n    f(];\n}",
-        "wgsl/k/main.wgsl:2: unbalanced `]`",
-    );
-    error("fn main() {}\n}", "wgsl/k/main.wgsl:2: unbalanced `}`");
-    error(
-        "\nfn main() {",
-        "wgsl/k/main.wgsl:2: no `}` closes the bracket",
-    );
-    error(
-        "fn main() { return a<b; }",
-        "wgsl/k/main.wgsl:1: unbalanced `}`",
-    );
-}
-
-#[test]
-fn names_of_a_file_are_unique() {
-    let twice = ("k/main", "fn main() {}\n@if(!A) fn main() {}");
-    assert_error(&[twice], "wgsl/k/main.wgsl:2: `main` is declared twice");
-    let local = "wgsl/k/main.wgsl:3: local name `x` hides a declaration";
-    for function in ["fn main(\n    x: u32) {}", "fn main() {\n    let x = 1; }"] {
-        assert_error(&[("k/main", &format!("const x = 1;\n{function}"))], local);
+fn invalid_files_are_errors() {
+    let unknown = "2: unknown condition `D`";
+    let invalid = "2: invalid condition";
+    let hidden = "3: local name `x` hides a declaration";
+    for (main, expected) in [
+        ("fn main() {\n@if(D) f();\n}", unknown),
+        ("fn main() {\n@if(A || D) f();\n}", unknown),
+        ("fn main() {\n@if(A) { @if(D) f(); }\n}", unknown),
+        ("fn main() {\n@if(A || B && C) f();\n}", invalid),
+        ("fn main() {\n@if(A B) f();\n}", invalid),
+        (
+            "fn main() {\n@if(A) f(); g(); @else h();\n}",
+            "2: `@else` does not follow `@if`",
+        ),
+        (
+            "fn main() {\n@if(A) f(); @else g(); @elif(B) h();\n}",
+            "2: `@elif` does not follow `@if`",
+        ),
+        ("fn main() {\n    f(];\n}", "2: unbalanced `]`"),
+        ("fn main() {}\n}", "2: unbalanced `}`"),
+        ("\nfn main() {", "2: no `}` closes the bracket"),
+        ("fn main() { return a<b; }", "1: unbalanced `}`"),
+        (
+            "fn main() {}\n@if(!A) fn main() {}",
+            "2: `main` is declared twice",
+        ),
+        ("const x = 1;\nfn main(\n    x: u32) {}", hidden),
+        ("const x = 1;\nfn main() {\n    let x = 1; }", hidden),
+        (
+            "fn main() {}\nfunction f() {}",
+            "2: `function` begins no declaration",
+        ),
+        (
+            "import a::f;\nfn main() { f(); }",
+            "1: `import` begins no declaration",
+        ),
+    ] {
+        assert_error(&[("k/main", main)], &format!("wgsl/k/main.wgsl:{expected}"));
     }
-}
-
-#[test]
-fn other_text_is_an_error() {
-    let unknown = ("k/main", "fn main() {}\nfunction f() {}");
-    assert_error(
-        &[unknown],
-        "wgsl/k/main.wgsl:2: `function` begins no declaration",
-    );
     assert_error(&[("k/main", "fn f() {}")], "wgsl/k/main.wgsl has no `main`");
 }

@@ -35,7 +35,7 @@ impl Rival for VulkanRt {
         let kind = shadows.unwrap_or(QueryKind::Closest);
         let query = Query { rays, kind };
         let recorded = self.record(pose, &query);
-        let submitted = recorded.and_then(|()| self.engine.submit(0));
+        let submitted = recorded.and_then(|()| self.engine.submit());
         if submitted.is_err() {
             // The recorded commands never run.
             self.engine.abandon();
@@ -135,12 +135,10 @@ impl VulkanRt {
     /// Records the rays of a query.
     fn trace(&mut self, query: &Query<'_>) -> Result<()> {
         let size = self.launch_size(query)?;
-        let has_tree = self.engine.scene().animation.live_count() > 0;
-        // The intersector selects buffer sizes only: the driver intersects.
-        let traced_by = has_tree.then_some(Intersector::Watertight);
         let engine = &mut self.engine;
         let old = engine.frames.expired();
-        let trace = TraceBuffers::new(&mut engine.gpu, query, traced_by, old)?;
+        // The intersector selects buffer sizes only: the driver intersects.
+        let trace = TraceBuffers::new(&mut engine.gpu, query, Intersector::Watertight, old)?;
         self.launch(query, &trace, size);
         self.engine.frames.pending.push(trace);
         Ok(())
@@ -171,14 +169,14 @@ impl VulkanRt {
         Ok(size.map(|n| n as u32))
     }
 
-    /// Records a launch of rays, unless there are no rays or no live triangles.
+    /// Records a launch of rays, unless there are no rays.
     fn launch(&mut self, query: &Query<'_>, trace: &TraceBuffers<VulkanDevice>, size: [u32; 2]) {
         // The range limits the offset of shadow rays.
         let range = self.engine.scene().animation.range(self.engine.pose);
         let params = self.params().with_range(Some(range));
         let params = work::ray_params(params, query, reads_ray_buffer(query));
         let engine = &mut self.engine;
-        if size[0] == 0 || !trace.has_tree {
+        if size[0] == 0 {
             // Ends the stage, so that its time is in the report.
             engine
                 .frames
@@ -196,7 +194,7 @@ impl VulkanRt {
             };
             // `scene.root` is the buffer `nodes` of the shaders, which read only the box of the root. It also fills
             // bindings that the query does not use.
-            found.unwrap_or(&scene.root).range()
+            found.unwrap_or(&scene.root).vk
         });
         let bound: Vec<_> = bound.collect();
         let (pipeline, layouts) = (self.pipeline.vk, Arc::clone(&self.pipeline.layouts));
@@ -225,7 +223,7 @@ impl VulkanRt {
     fn count(&mut self) -> Result<()> {
         let params = self.params();
         let pending = std::mem::take(&mut self.engine.frames.pending);
-        let counted = pending.iter().filter(|t| t.has_tree).try_for_each(|trace| {
+        let counted = pending.iter().try_for_each(|trace| {
             let mut all = work::count_answers(params, trace.kind, trace.count as u32).into_iter();
             all.try_for_each(|(work, buffer)| {
                 let overrides = |name| (name == BufferName::Answers).then(|| trace.get(buffer))?;

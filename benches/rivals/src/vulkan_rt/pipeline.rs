@@ -105,11 +105,8 @@ fn compile(
     let generator = |name: &'static str| (vk::ShaderStageFlags::RAYGEN_KHR, name);
     let generators = RAY_SHADERS.generate.iter().copied().map(generator);
     let others = [
-        (vk::ShaderStageFlags::MISS_KHR, RAY_SHADERS.miss),
-        (
-            vk::ShaderStageFlags::CLOSEST_HIT_KHR,
-            RAY_SHADERS.closest_hit,
-        ),
+        (vk::ShaderStageFlags::MISS_KHR, "miss"),
+        (vk::ShaderStageFlags::CLOSEST_HIT_KHR, "closest_hit"),
     ];
     let named = |(stage, name): (vk::ShaderStageFlags, &str)| {
         let name = CString::new(name).expect("names of shaders hold no zero byte");

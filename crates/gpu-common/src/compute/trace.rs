@@ -9,8 +9,7 @@ use shaders::work::{self, TraceInput};
 use shaders::{BufferName, Params};
 
 impl<D: GpuDevice> ComputeBackend<D> {
-    /// Records the stages of query `index` of a batch of `count` queries. An empty tree has no node, so its stages are
-    /// empty too.
+    /// Records the stages of query `index` of a batch of `count` queries.
     pub(super) fn trace_one_of(
         &mut self,
         query: &Query<'_>,
@@ -23,7 +22,6 @@ impl<D: GpuDevice> ComputeBackend<D> {
         );
         let pending = self.engine.frames.pending.len();
         assert!(pending == index, "only one call of trace per submission");
-        let has_tree = self.trees().current.shape.leaf_count > 0;
         if query.kind.light().is_some() {
             // The offset of shadow rays depends on `CoordinateRange::clearance`, which only the host computes.
             let range = self.engine.scene().animation.range(self.engine.pose);
@@ -31,10 +29,9 @@ impl<D: GpuDevice> ComputeBackend<D> {
         }
         let params = self.params();
         let intersector = self.intersector;
-        let traced_by = has_tree.then_some(intersector);
         let engine = &mut self.engine;
         let old = engine.frames.expired();
-        let trace = TraceBuffers::new(&mut engine.gpu, query, traced_by, old)?;
+        let trace = TraceBuffers::new(&mut engine.gpu, query, intersector, old)?;
         let mut traits = engine.pipelines.traits;
         traits.rasterizes = engine.frames.raster_backoff.allow(traits.rasterizes);
         let input = TraceInput {
@@ -69,9 +66,8 @@ impl<D: GpuDevice> ComputeBackend<D> {
         ];
         let recorded = stages.into_iter().try_for_each(|(stage, work)| {
             let Some(work) = work else { return Ok(()) };
-            let work = if has_tree { &work[..] } else { &[] };
             let own = |name| trace.get(name).or_else(|| trees.get(name));
-            engine.run(stage, work, own)
+            engine.run(stage, &work, own)
         });
         // If the second stage fails, the recorded first one still uses the trace's buffers.
         engine.frames.pending.push(trace);
@@ -93,7 +89,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
     }
 
     /// Returns the buffer that contains or will contain the closest hits of query `index` of a submission. Returns
-    /// `None` for an any-hit query. Without a tree, returns a lent buffer or `None`.
+    /// `None` for an any-hit query.
     ///
     /// # Panics
     /// If the trace does not exist or has expired.

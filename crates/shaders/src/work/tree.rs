@@ -45,7 +45,7 @@ impl TreeProgress {
 
     /// Returns the dispatches that compute records, and the boxes of all nodes in treelets of triangles, from positions. The
     /// first work on a tree also gathers the leaves' vertices. Also returns the number of zero-area triangles that the
-    /// dispatches skip, for [`crate::TreeStages::skipped_degenerate`].
+    /// dispatches skip and so do not count.
     ///
     /// Small trees are computed from key frames; the later one has the weight [`Params::alpha`]. Such work does not read
     /// positions, so it can run concurrently with `interpolate`.
@@ -282,27 +282,5 @@ mod tests {
             ("refit_treelets", 508, 1, 94, 1),
         ];
         assert_eq!(summaries(&work), listed);
-    }
-
-    #[test]
-    fn refits_sum_the_cost_if_nothing_moves() {
-        let tree = Shape {
-            leaf_count: 20_000,
-            treelets: vec![0..90, 90..93, 93..94],
-            moving: Some(MovingShape {
-                levels: vec![500..500, 500..500, 500..500],
-                degenerate_elsewhere: 0,
-            }),
-            ..Shape::default()
-        };
-        let (mut progress, params) = (TreeProgress::default(), Params::default());
-        progress.preprocessed(&tree);
-        assert!(progress.refit(params, &tree).is_empty());
-        progress.refitted();
-        progress.submitted();
-        progress.preprocessed(&tree);
-        let work = progress.refit(params, &tree);
-        let entries: Vec<_> = work.iter().map(|w| w.kernel.entry).collect();
-        assert_eq!(entries, ["sum_costs"]);
     }
 }
