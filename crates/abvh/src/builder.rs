@@ -111,9 +111,9 @@ impl TracerBuilder {
         }
     }
 
-    pub(crate) fn open(&self, update: Update) -> Result<Box<dyn Backend>> {
-        self.device
-            .open(self.thread_counts(DeviceKind::Cpu, update)?.render)
+    /// Returns the number of threads that trace if the host does.
+    pub(crate) fn host_threads(&self, update: Update) -> Result<usize> {
+        Ok(self.thread_counts(DeviceKind::Cpu, update)?.render)
     }
 
     /// Starts the threads that build trees for a device of this kind.

@@ -25,12 +25,11 @@ pub(crate) struct JoinedScene {
     pub(crate) numbering: Arc<Numbering>,
     /// Vertices of the next step, if vertices arrive while the scene is traced. Otherwise empty.
     next: PointBuffer,
-    /// For each mesh, true if its newest vertices are in `next`, or only on the device.
-    is_fresh: Vec<bool>,
+    /// For each mesh, true if it has moved since the last push. Its newest vertices are then in `next`, or only on the
+    /// device.
+    has_moved: Vec<bool>,
     #[cfg(any(feature = "vulkan", feature = "wgpu"))]
     pub(crate) on_device: DeviceVertices,
-    /// Whether all changes in `next` were passed to the animation.
-    is_pushed: bool,
     /// Time of the last step.
     pub(crate) time: f64,
     /// Time that all key-framed meshes were last blended for; `None` after an error.
@@ -79,11 +78,10 @@ impl JoinedScene {
             vertices,
             numbering: Arc::new(numbering),
             next: PointBuffer::default(),
-            is_fresh: vec![true; meshes.len()],
+            has_moved: vec![false; meshes.len()],
             #[cfg(any(feature = "vulkan", feature = "wgpu"))]
             on_device: DeviceVertices::default(),
             meshes,
-            is_pushed: true,
             time: 0.0,
             blended: Some(0.0),
         })
@@ -162,7 +160,7 @@ impl JoinedScene {
     /// Returns a mesh's vertices for writing.
     pub(crate) fn vertices_of(&mut self, mesh: usize) -> &mut [Point] {
         let range = self.range_of(mesh);
-        (self.is_pushed, self.is_fresh[mesh]) = (false, true);
+        self.has_moved[mesh] = true;
         #[cfg(any(feature = "vulkan", feature = "wgpu"))]
         self.on_device.remove(mesh, &range);
         &mut self.next[range]
@@ -172,7 +170,7 @@ impl JoinedScene {
     #[cfg(any(feature = "vulkan", feature = "wgpu"))]
     pub(crate) fn set_on_device(&mut self, mesh: usize) {
         let range = self.range_of(mesh);
-        (self.is_pushed, self.is_fresh[mesh]) = (false, true);
+        self.has_moved[mesh] = true;
         self.on_device.insert(mesh, &range);
     }
 
@@ -212,21 +210,21 @@ impl JoinedScene {
             self.blend(time)?;
         }
         self.blended = Some(time);
-        if self.is_pushed {
+        if !self.has_moved.contains(&true) {
             return Ok(self.animation.end());
         }
         let last = self.newest()?;
-        for mesh in (0..self.meshes.len()).filter(|&mesh| !self.is_fresh[mesh]) {
+        // `next` already has the vertices of fixed meshes.
+        let is_old = |&m: &usize| !self.has_moved[m] && !self.meshes[m].motion.is_fixed();
+        for mesh in (0..self.meshes.len()).filter(is_old) {
             let range = self.range_of(mesh);
             copy_in_parallel(&mut self.next[range.clone()], &last[range]);
         }
-        // A reused frame already has the vertices of fixed meshes.
         let spare = match self.animation.spare_frame() {
             Some(spare) => spare,
             None => copy_of(&self.next, backend)?,
         };
-        self.is_fresh = self.meshes.iter().map(|m| m.motion.is_fixed()).collect();
-        self.is_pushed = true;
+        self.has_moved.fill(false);
         let pushed = self
             .animation
             .push(std::mem::replace(&mut self.next, spare));

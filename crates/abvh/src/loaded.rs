@@ -1,5 +1,6 @@
 //! A scene loaded on a device, with its trees, submissions and results.
 
+use crate::backends::BACKENDS;
 use crate::hits::SharedHitsPool;
 use crate::joined::{JoinedScene, key_count};
 use crate::mesh::Colour;
@@ -35,8 +36,9 @@ impl QueryForm {
     }
 }
 
-/// Function that creates a backend, on any thread.
-type OpenBackend = Box<dyn FnOnce() -> backend::Result<Box<dyn Backend>> + Send>;
+/// Function that creates a backend, on any thread. A backend that computes on the host uses the given number of
+/// threads.
+type OpenBackend = Box<dyn FnOnce(usize) -> Result<Box<dyn Backend>> + Send>;
 
 /// A scene on a device, with the results of its queries.
 pub(crate) struct ResidentScene {
@@ -135,20 +137,25 @@ impl ResidentScene {
         self.driver.generation().0 > 0
     }
 
-    /// Returns a function that creates a backend for another scene on the same device, on any thread. Returns `None` if
-    /// the device has to be opened again.
-    pub(crate) fn share_device(&mut self) -> Option<OpenBackend> {
+    /// Returns a function that creates a backend for another scene on the same device, on any thread.
+    pub(crate) fn share_device(&mut self) -> OpenBackend {
         #[cfg(feature = "vulkan")]
         if let Some(vulkan) = self.backend_as::<VulkanBackend>() {
             let open = vulkan.share_device();
-            return Some(Box::new(move || Ok(Box::new(open()?))));
+            return Box::new(move |_| Ok(Box::new(open().map_err(Error::of_backend)?)));
         }
         #[cfg(feature = "wgpu")]
         if let Some(wgpu) = self.backend_as::<WgpuBackend>() {
             let open = wgpu.share_device();
-            return Some(Box::new(move || Ok(Box::new(open()?))));
+            return Box::new(move |_| Ok(Box::new(open().map_err(Error::of_backend)?)));
         }
-        None
+        let name = self.driver.backend().device().backend;
+        Box::new(move |threads| {
+            let entry = BACKENDS.iter().find(|entry| entry.name.name() == name);
+            let absent = || Error::NoDevice(format!("backend {name} cannot be opened again"));
+            let opened = entry.ok_or_else(absent)?.open(None, threads);
+            opened.map_err(Error::NoDevice)
+        })
     }
 
     /// Builds the first tree for `time`. Prepares everything that queries of these forms need, by tracing one ray of
@@ -264,8 +271,12 @@ impl ResidentScene {
         let time = self.joined.push_changes(backend, time)?;
         let begun = self.driver.begin(Frame { index: 0, time }, queries);
         let begun = begun.map_err(Error::of_driver);
+        // After these errors, the vertices on the device are undefined.
         #[cfg(any(feature = "vulkan", feature = "wgpu"))]
-        if is_failure(&begun) {
+        if let Err(
+            Error::Device(_) | Error::DeviceLost(_) | Error::Misuse(_) | Error::OutOfMemory(_),
+        ) = begun
+        {
             self.joined.on_device.mark_lost();
         }
         begun
@@ -433,16 +444,6 @@ fn check_memory(meshes: &[Mesh]) -> Result<()> {
     let bytes = bytes.saturating_add((triangles * size_of::<[u32; 3]>()) as u64);
     let bytes = bytes.saturating_add(pipeline::trees_and_rays_bytes(triangles, 0));
     host::check_memory(bytes).map_err(|e| Error::OutOfMemory(e.to_string()))
-}
-
-/// Returns whether a step failed in a way that leaves the vertices on the device undefined.
-#[cfg(any(feature = "vulkan", feature = "wgpu"))]
-fn is_failure<T>(begun: &Result<T>) -> bool {
-    use Error::{Device, DeviceLost, Misuse, OutOfMemory};
-    matches!(
-        begun,
-        Err(Device(_) | DeviceLost(_) | Misuse(_) | OutOfMemory(_))
-    )
 }
 
 #[cfg(test)]

@@ -1,6 +1,5 @@
 //! Replaces meshes while the scene is traced.
 
-use crate::builder::device_name;
 use crate::disposal::Disposal;
 use crate::loaded::ResidentScene;
 use crate::state::TracerState;
@@ -166,9 +165,7 @@ impl TracerState {
         with: Mesh,
     ) -> Result<impl FnOnce(&AtomicBool) -> Result<ResidentScene> + Send + use<>> {
         let current = &mut self.current;
-        let (tracer_builder, expected) = (self.tracer_builder.clone(), self.device.clone());
-        // If this is `None`, the device is opened again.
-        let share_device = current.share_device();
+        let (tracer_builder, open) = (self.tracer_builder.clone(), current.share_device());
         let split = current.joined.splitter();
         let (newest, time) = (current.joined.newest()?, current.joined.time);
         // One query for each set of kernels that steps have used, so that `warm_up` compiles the same kernels.
@@ -187,15 +184,7 @@ impl TracerState {
             let number = meshes[mesh].number;
             meshes[mesh] = Mesh { number, ..with };
             let update = tracer_builder.policy(&meshes);
-            let backend = match share_device {
-                Some(open) => open().map_err(Error::of_backend)?,
-                None => tracer_builder.open(update)?,
-            };
-            let found = device_name(backend.as_ref());
-            if found != expected {
-                let why = format!("{expected} cannot be opened again, only {found}");
-                return Err(Error::NoDevice(why));
-            }
+            let backend = open(tracer_builder.host_threads(update)?)?;
             let (options, shared) = (tracer_builder.options(update), threads.clone());
             threads.install(move || {
                 let mut loaded = ResidentScene::new(meshes, backend, options, shared)?;
@@ -219,7 +208,7 @@ mod tests {
         let mesh = || Mesh::fixed(&[[0.0; 3]; 3], &[[0, 1, 2]]).unwrap();
         let mut scene = Scene::new();
         let id = scene.add(mesh());
-        let builder = Tracer::builder().device(Device::Cpu).threads(1);
+        let builder = Tracer::builder().device(Device::CpuRef).threads(1);
         let mut tracer = builder.build(scene).unwrap();
         let mut step = tracer.step(0.0);
         let ray = Ray::new([0.0; 3], [1.0; 3]);
@@ -230,5 +219,8 @@ mod tests {
             tracer.commit(replacement).unwrap();
         }
         assert_eq!(tracer.state().former.len(), 1);
+        // Replacements are loaded on the same kind of backend.
+        let backend = tracer.state().current.driver.backend();
+        assert_eq!(backend.device().backend, "cpu-ref");
     }
 }

@@ -159,7 +159,8 @@ impl TracerBuilder {
     /// for the scene's trees (about 345 bytes per triangle). [`Error::DeviceLost`](crate::Error::DeviceLost).
     /// [`Error::Device`](crate::Error::Device).
     pub fn build(self, scene: Scene) -> Result<Tracer> {
-        let backend = self.open(self.policy(&scene.meshes))?;
+        let threads = self.host_threads(self.policy(&scene.meshes))?;
+        let backend = self.device.open(threads)?;
         self.load(backend, scene)
     }
 
@@ -169,16 +170,13 @@ impl TracerBuilder {
     /// # Errors
     /// [`Error::Misuse`](crate::Error::Misuse) if a step of `former` was encoded and its commands are not submitted.
     /// The errors of [`TracerBuilder::build`].
-    pub fn build_in_place_of(mut self, former: Tracer, scene: Scene) -> Result<Tracer> {
+    pub fn build_in_place_of(self, former: Tracer, scene: Scene) -> Result<Tracer> {
         let former = former.state.into_inner();
         let former = former.unwrap_or_else(PoisonError::into_inner);
-        // A replacement opens this device again.
-        self.device = former.tracer_builder.device.clone();
         self.load(former.current.driver.into_backend(), scene)
     }
 
-    /// Loads the scene on an open backend. Meshes can be [replaced](Tracer::replace) if the builder's device is that of
-    /// the backend.
+    /// Loads the scene on an open backend.
     ///
     /// # Errors
     /// [`Error::Unsupported`](crate::Error::Unsupported), [`Error::Device`](crate::Error::Device).
@@ -200,7 +198,6 @@ impl TracerBuilder {
             tracer_builder: self,
             commits: 0,
             replaced: BTreeMap::new(),
-            device: device.clone(),
             kind,
             steps,
             submitted: steps,

@@ -25,14 +25,6 @@ pub struct SahBuilder {
     pub block_size: BlockSize,
 }
 
-/// Options whose values differ between [`SahBuilder::build`] and `SubtreeRebuilder`.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct RootOptions {
-    /// Depth of the root: see [`SahBuilder::build_below`].
-    pub(crate) depth: u32,
-    pub(crate) block_size: BlockSize,
-}
-
 impl SahBuilder {
     /// Builds a tree over all boxes that are not empty. Reuses the memory of `tree`.
     ///
@@ -47,17 +39,14 @@ impl SahBuilder {
         cancel: &Cancel,
         tree: &mut BinaryTree,
     ) -> Result<(), BuildError> {
-        let root = RootOptions {
-            depth: 0,
-            block_size: self.block_size,
-        };
-        self.build_below(root, boxes, cancel, tree)
+        self.build_below(0, self.block_size, boxes, cancel, tree)
     }
 
-    /// Builds a tree whose root has depth `root.depth`. The depth of its leaves is still at most [`crate::MAX_DEPTH`].
+    /// Builds a tree whose root has depth `depth`. The depth of its leaves is still at most [`crate::MAX_DEPTH`].
     pub(crate) fn build_below<B: Boxes + ?Sized>(
         &mut self,
-        root: RootOptions,
+        depth: u32,
+        block_size: BlockSize,
         boxes: &B,
         cancel: &Cancel,
         tree: &mut BinaryTree,
@@ -83,13 +72,13 @@ impl SahBuilder {
                 scratch: &mut self.scratch[..leaves],
                 slot,
                 extents,
-                depth: root.depth,
+                depth,
             };
             let toward = self.toward.map(|point| point.map(|x| x * factor));
             let task = BuildTask {
                 cancel,
                 toward,
-                block_size: root.block_size,
+                block_size,
             };
             node::build(node, task)
         })

@@ -30,7 +30,7 @@ pub use builder::SahBuilder;
 pub use cancel::{BuildError, Cancel};
 pub use cost::sah_cost;
 pub use gather::{AnimationBoxes, Boxes};
-pub use subtrees::{MovedTree, SubtreeRebuilder, TreeCosts};
+pub use subtrees::{SubtreeRebuilder, TreeCosts};
 pub use tree::{BinaryTree, Subtree};
 
 /// Runs both closures, in parallel if the work is large, and returns both results.

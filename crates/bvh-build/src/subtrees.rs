@@ -11,7 +11,6 @@
 
 mod groups;
 
-use crate::builder::RootOptions;
 use crate::tree::SubtreeSlot;
 use crate::{
     BinaryTree, BlockSize, Boxes, BuildError, Cancel, SahBuilder, Subtree, join_if, sah_cost,
@@ -42,21 +41,12 @@ pub struct TreeCosts {
     pub new: f64,
 }
 
-/// An earlier tree, and the current boxes of its triangles.
-#[derive(Debug)]
-pub struct MovedTree<'a, B: ?Sized> {
-    /// The tree.
-    pub tree: &'a BinaryTree,
-    /// The boxes.
-    pub boxes: &'a B,
-}
-
 impl SubtreeRebuilder {
-    /// Builds `tree` over the triangles of the previous tree. Reuses its compact subtrees. Returns the costs of both
-    /// trees.
+    /// Builds `tree` over the triangles of the previous tree, whose current boxes are `boxes`. Reuses its compact
+    /// subtrees. Returns the costs of both trees.
     ///
-    /// `builder` builds the levels above these subtrees. The result depends on `previous` and on [`SahBuilder::toward`]
-    /// only.
+    /// `builder` builds the levels above these subtrees. The result depends on `previous`, `boxes` and
+    /// [`SahBuilder::toward`] only.
     ///
     /// # Errors
     /// [`BuildError::Cancelled`]; `tree` is then empty.
@@ -66,22 +56,16 @@ impl SubtreeRebuilder {
     pub fn build<B: Boxes + ?Sized>(
         &mut self,
         builder: &mut SahBuilder,
-        previous: MovedTree<'_, B>,
+        previous: &BinaryTree,
+        boxes: &B,
         cancel: &Cancel,
         tree: &mut BinaryTree,
     ) -> Result<TreeCosts, BuildError> {
-        let MovedTree {
-            tree: previous,
-            boxes,
-        } = previous;
         tree.fill(cancel, |tree| {
             let areas = self.groups.find(previous, boxes);
-            let root = RootOptions {
-                // Reserves levels for the groups below the leaves of `above`.
-                depth: MAX_GROUP_HEIGHT,
-                block_size: BlockSize::One,
-            };
-            builder.build_below(root, &self.groups.boxes[..], cancel, &mut self.above)?;
+            let (groups, above) = (&self.groups.boxes[..], &mut self.above);
+            // Reserves levels for the groups below the leaves of `above`.
+            builder.build_below(MAX_GROUP_HEIGHT, BlockSize::One, groups, cancel, above)?;
             self.count();
             let slot = tree.slot(previous.leaf_count());
             if let Some(root) = self.above.root() {
@@ -162,20 +146,8 @@ mod tests {
     fn subtrees(previous: &BinaryTree, boxes: &[Aabb]) -> (BinaryTree, TreeCosts, Vec<Subtree>) {
         let (mut rebuilder, mut tree) = (SubtreeRebuilder::default(), BinaryTree::default());
         let mut builder = SahBuilder::default();
-        let previous = MovedTree {
-            tree: previous,
-            boxes,
-        };
-        let costs = rebuilder.build(&mut builder, previous, &Cancel::new(), &mut tree);
+        let costs = rebuilder.build(&mut builder, previous, boxes, &Cancel::new(), &mut tree);
         (tree, costs.unwrap(), rebuilder.groups.nodes)
-    }
-
-    fn depth(tree: &BinaryTree, node: Subtree) -> u32 {
-        if node.leaves == 1 {
-            return 0;
-        }
-        let below = tree.children(node).map(|child| depth(tree, child));
-        1 + below[0].max(below[1])
     }
 
     fn is_about(a: f64, b: f64) -> bool {
@@ -250,7 +222,7 @@ mod tests {
         let previous = BinaryTree::over(&boxes[..]);
         let (tree, _, groups) = subtrees(&previous, &boxes);
         assert!(groups.len() < 78 + 80, "{}", groups.len());
-        assert!(depth(&tree, tree.root().unwrap()) <= MAX_DEPTH);
+        assert!(tree.depth(0) <= MAX_DEPTH);
     }
 
     #[test]
@@ -285,7 +257,7 @@ mod tests {
             order.sort_unstable();
             prop_assert!(order.iter().copied().eq(0..from.len() as u32));
             prop_assert!(groups.iter().all(|g| g.leaves <= MOST));
-            prop_assert!(tree.root().is_none_or(|root| depth(&tree, root) <= MAX_DEPTH));
+            prop_assert!(tree.depth(0) <= MAX_DEPTH);
             prop_assert!(is_about(costs.new, sah_cost(&tree, &after[..])), "{:?}", costs);
             prop_assert!(is_about(costs.previous, sah_cost(&previous, &after[..])), "{:?}", costs);
         }

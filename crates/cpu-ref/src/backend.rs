@@ -206,8 +206,7 @@ impl Backend for CpuBackend {
         self.retain_traces(&[]);
         self.next = Submission::default();
         self.copies = Copies::default();
-        let tree = (self.new_tree)();
-        let new = || SceneState::new(animation, intersector, tree);
+        let new = || SceneState::new(animation, intersector, &self.new_tree);
         self.scene = Some(run_in(&self.pool, new)?);
         Ok(())
     }
@@ -232,8 +231,7 @@ impl Backend for CpuBackend {
         );
         self.require_later(generation);
         let scene = loaded(&mut self.scene);
-        let (new_tree, pool) = (&self.new_tree, &self.pool);
-        let is_loaded = run_in(pool, || scene.load_candidate(tree, generation, new_tree))?;
+        let is_loaded = run_in(&self.pool, || scene.load_candidate(tree, generation))?;
         if is_loaded {
             self.commands.push(Command::Evaluate);
         }

@@ -104,12 +104,18 @@ impl RaySearch<'_> {
     }
 
     /// Returns the exact distance to a triangle, or `None` if the ray does not hit it.
+    ///
+    /// With `watertight`, the ray is perturbed: see [`geom::exact::ExactRay::intersect_perturbed`].
     pub(crate) fn crossing(&self, triangle: u32) -> Option<ExactDistance> {
-        let corners = self.geometry.corners(triangle);
-        let can_be_hit = is_active(&corners) && !is_degenerate(&corners);
-        can_be_hit
-            .then(|| self.exact_ray().intersect(&corners))
-            .flatten()
+        let (line, corners) = (self.exact_ray(), self.geometry.corners(triangle));
+        if !is_active(&corners) || is_degenerate(&corners) {
+            return None;
+        }
+        if self.intersector.is_exact() {
+            line.intersect(&corners)
+        } else {
+            line.intersect_perturbed(&corners)
+        }
     }
 }
 

@@ -5,8 +5,8 @@
 use crate::geometry::Geometry;
 use crate::search::RaySearch;
 use crate::traversal::Child;
-use geom::exact::{ExactDistance, ExactRay};
-use geom::{Aabb, Hit, Point, Ray, Triangle, is_active, is_degenerate, normal_signs, side_of};
+use geom::exact::ExactDistance;
+use geom::{Aabb, Hit, Point, Ray, Triangle, normal_signs, side_of};
 use std::cmp::Ordering;
 
 /// Returns whether a ray from `origin`, in the scene's units, is extreme. `watertight` and `exact` trace such rays in
@@ -16,30 +16,11 @@ pub fn is_extreme(geometry: &Geometry<'_>, origin: Point) -> bool {
     geometry.range.is_extreme(geometry.scale.apply(origin))
 }
 
-/// The search for hits of an extreme ray.
-pub(crate) struct ExtremeSearch<'a> {
-    search: RaySearch<'a>,
-    line: ExactRay,
-}
-
-impl<'a> ExtremeSearch<'a> {
-    /// Returns the search of an extreme ray. Returns `None` for other rays, and for intersectors that never use exact
-    /// arithmetic.
-    pub(crate) fn of(search: &RaySearch<'a>) -> Option<Self> {
-        let is_extreme =
-            search.intersector.is_watertight() && is_extreme(&search.geometry, search.ray.origin);
-        is_extreme.then(|| Self::new(*search))
-    }
-
-    fn new(search: RaySearch<'a>) -> Self {
-        search.count_exact();
-        let line = search.exact_ray();
-        Self { search, line }
-    }
-
+impl RaySearch<'_> {
     /// Returns the hit with the least `t`, then the least index. `t` and weights are rounded once.
     #[cold]
-    pub(crate) fn closest(&self) -> Option<Hit> {
+    pub(crate) fn closest_extreme(&self) -> Option<Hit> {
+        self.count_exact();
         let mut best: Option<(ExactDistance, u32)> = None;
         self.visit(|triangle, bound| {
             let crossing = self.crossing(triangle)?;
@@ -54,14 +35,15 @@ impl<'a> ExtremeSearch<'a> {
             None::<()>
         });
         let (crossing, triangle) = best?;
-        let [u, v] = self.line.weights(&self.search.geometry.corners(triangle));
+        let [u, v] = self.exact_ray().weights(&self.geometry.corners(triangle));
         let t = crossing.t();
         Some(Hit { t, u, v, triangle })
     }
 
     /// Returns whether the ray meets any triangle except `skipped`.
     #[cold]
-    pub(crate) fn any(&self, skipped: Option<u32>) -> bool {
+    pub(crate) fn any_extreme(&self, skipped: Option<u32>) -> bool {
+        self.count_exact();
         let found = self.visit(|triangle, _| {
             let is_other = Some(triangle) != skipped;
             is_other.then(|| self.crossing(triangle)).flatten()
@@ -69,34 +51,8 @@ impl<'a> ExtremeSearch<'a> {
         found.is_some()
     }
 
-    /// Returns whether a hit of the ray is in shadow of a light, given in the scene's units.
-    #[cold]
-    pub(crate) fn is_occluded(&self, hit: &Hit, light: Point) -> bool {
-        let corners = self.search.geometry.corners(hit.triangle);
-        let ray = shadow_ray(&self.search.ray, hit, &corners, light);
-        let shadow = Self::new(RaySearch { ray, ..self.search });
-        shadow.any(Some(hit.triangle))
-    }
-
-    /// Returns the distance to a triangle, or `None` if the ray does not hit it.
-    ///
-    /// With `watertight`, the ray is perturbed: see [`ExactRay::intersect_perturbed`]. The limits apply to the rounded
-    /// `t`.
-    fn crossing(&self, triangle: u32) -> Option<ExactDistance> {
-        if self.search.intersector.is_exact() {
-            return self.search.crossing(triangle);
-        }
-        let corners = self.search.geometry.corners(triangle);
-        if !is_active(&corners) || is_degenerate(&corners) {
-            return None;
-        }
-        let crossing = self.line.intersect_perturbed(&corners)?;
-        let Ray { t_min, t_max, .. } = self.line.ray;
-        (t_min < crossing.t() && crossing.t() < t_max).then_some(crossing)
-    }
-
     fn order(&self, a: &ExactDistance, b: &ExactDistance) -> Ordering {
-        if self.search.intersector.is_exact() {
+        if self.intersector.is_exact() {
             a.order(b)
         } else {
             a.t().total_cmp(&b.t())
@@ -107,12 +63,12 @@ impl<'a> ExtremeSearch<'a> {
     /// order of entry. The bound is `t_max` at first, and `see` may reduce it. Returns the first result of `see` that is
     /// `Some`.
     fn visit<T>(&self, mut see: impl FnMut(u32, &mut f64) -> Option<T>) -> Option<T> {
-        let RaySearch { tree, ray, .. } = &self.search;
+        let Self { tree, ray, .. } = self;
         if !ray.is_valid() {
             return None;
         }
         let mut bound = f64::from(ray.t_max);
-        let unit = f64::from(self.search.geometry.scale.k()).exp2();
+        let unit = f64::from(self.geometry.scale.k()).exp2();
         let mut stack = vec![(f64::NEG_INFINITY, Child::Node(0))];
         while let Some((entered, child)) = stack.pop() {
             if entered > bound {
@@ -122,7 +78,7 @@ impl<'a> ExtremeSearch<'a> {
                 Child::Node(node) => {
                     let first = stack.len();
                     tree.children(node, &mut |bounds, child| {
-                        let entry = WideBox::new(bounds, unit).entry(ray, bound);
+                        let entry = entry(bounds, unit, ray, bound);
                         stack.extend(entry.map(|entry| (entry, child)));
                     });
                     stack[first..].sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
@@ -139,58 +95,44 @@ impl<'a> ExtremeSearch<'a> {
     }
 }
 
-/// A scaled box, converted to the scene's units. It also contains the original positions of points with coordinates
-/// that scaling flushed to zero or turned into infinity.
-struct WideBox {
-    min: [f64; 3],
-    max: [f64; 3],
-}
-
-impl WideBox {
-    /// Converts a box to scene units. A scaled unit is `unit` scene units. An empty box stays empty.
-    fn new(scaled: &Aabb, unit: f64) -> Self {
-        // A plane at zero may represent a coordinate that was flushed to zero: see `Scale`.
-        let plane = |x: f32, if_zero: f64| unit * if x == 0.0 { if_zero } else { f64::from(x) };
-        let least = (-64.0_f64).exp2();
-        Self {
-            // An infinite coordinate represents one that is beyond `f32::MAX` scaled units.
-            min: scaled.min.map(|x| plane(x.min(f32::MAX), -least)),
-            max: scaled.max.map(|x| plane(x.max(-f32::MAX), least)),
+/// Returns a lower bound on the `t` at which a ray enters a scaled box. Returns `None` if the ray misses the box or
+/// enters it after `bound`. A scaled unit is `unit` scene units.
+///
+/// The box is converted to the scene's units. It then also contains the original positions of points with coordinates
+/// that scaling flushed to zero or turned into infinity. Each quotient has two roundings, so its relative error is
+/// below `4 * 2^-53`.
+fn entry(scaled: &Aabb, unit: f64, ray: &Ray, bound: f64) -> Option<f64> {
+    // A plane at zero may represent a coordinate that was flushed to zero: see `Scale`.
+    let plane = |x: f32, if_zero: f64| unit * if x == 0.0 { if_zero } else { f64::from(x) };
+    let least = (-64.0_f64).exp2();
+    let (mut low, mut high) = (f64::from(ray.t_min), bound);
+    for axis in 0..3 {
+        let [o, d] = [ray.origin, ray.direction].map(|v| f64::from(v[axis]));
+        // An infinite coordinate represents one that is beyond `f32::MAX` scaled units.
+        let min = plane(scaled.min[axis].min(f32::MAX), -least);
+        let max = plane(scaled.max[axis].max(-f32::MAX), least);
+        if min > max {
+            return None;
         }
-    }
-
-    /// Returns a lower bound on the `t` at which the ray enters the box. Returns `None` if the ray misses the box or
-    /// enters it after `bound`.
-    ///
-    /// Each quotient has two roundings, so its relative error is below `4 * 2^-53`.
-    fn entry(&self, ray: &Ray, bound: f64) -> Option<f64> {
-        let (mut low, mut high) = (f64::from(ray.t_min), bound);
-        for axis in 0..3 {
-            let [o, d] = [ray.origin, ray.direction].map(|v| f64::from(v[axis]));
-            let planes = [self.min[axis], self.max[axis]];
-            if planes[0] > planes[1] {
+        if d == 0.0 {
+            if o < min || o > max {
                 return None;
             }
-            if d == 0.0 {
-                if o < planes[0] || o > planes[1] {
-                    return None;
-                }
-                continue;
-            }
-            let [p, q] = planes.map(|x: f64| (x - o) / d);
-            let (near, far) = if d > 0.0 { (p, q) } else { (q, p) };
-            low = low.max(near - 2.0 * f64::EPSILON * near.abs());
-            high = high.min(far + 2.0 * f64::EPSILON * far.abs());
+            continue;
         }
-        (low <= high).then_some(low)
+        let [p, q] = [min, max].map(|x| (x - o) / d);
+        let (near, far) = if d > 0.0 { (p, q) } else { (q, p) };
+        low = low.max(near - 2.0 * f64::EPSILON * near.abs());
+        high = high.min(far + 2.0 * f64::EPSILON * far.abs());
     }
+    (low <= high).then_some(low)
 }
 
 /// Returns the shadow ray from a hit of `ray` to a light, with `t` in `(0, 2)`, in the scene's units.
 ///
 /// The [hit point](hit_point) is moved to the light's side of the triangle, by at least about its error. The direction
 /// is half the vector to the light, which cannot overflow.
-fn shadow_ray(ray: &Ray, hit: &Hit, corners: &Triangle, light: Point) -> Ray {
+pub(crate) fn shadow_ray(ray: &Ray, hit: &Hit, corners: &Triangle, light: Point) -> Ray {
     let (point, error) = hit_point(ray, hit, corners);
     let side = match side_of(corners, light) {
         0 => side_of(corners, ray.origin),

@@ -28,8 +28,10 @@ pub(crate) struct SceneState {
     /// Runs of vertices to interpolate. They contain all moving vertices, or simply all vertices if few are static.
     runs: Vec<Range<usize>>,
     pub(crate) accelerator: Box<dyn Accelerator>,
-    /// The tree that was evaluated last. If it was adopted, the tree that it replaced.
-    candidate: Option<CandidateTree>,
+    /// The tree that was evaluated last, with the boxes of that moment. If it was adopted, the tree that it replaced.
+    candidate: Box<dyn Accelerator>,
+    /// Generation of `candidate`; 0 if it must be loaded before use.
+    candidate_generation: Generation,
     /// Counts from the last preprocess, including triangles without a leaf.
     pub(crate) unhittable: Unhittable,
     /// SAH cost from the last refit.
@@ -38,21 +40,16 @@ pub(crate) struct SceneState {
     pub(crate) exact_rays: AtomicU64,
 }
 
-/// A tree that is not current, with the boxes of the moment at which it was evaluated.
-struct CandidateTree {
-    generation: Generation,
-    accelerator: Box<dyn Accelerator>,
-}
-
 impl SceneState {
-    /// Creates the state of a scene. `accelerator` is empty. All vertices have the positions of the first key frame.
+    /// Creates the state of a scene. All vertices have the positions of the first key frame. `new_tree` creates empty
+    /// trees.
     ///
     /// # Errors
     /// If memory does not suffice.
     pub(crate) fn new(
         animation: Arc<Animation>,
         intersector: Intersector,
-        accelerator: Box<dyn Accelerator>,
+        new_tree: impl Fn() -> Box<dyn Accelerator>,
     ) -> Result<Self> {
         let (mut positions, all) = (Vec::new(), animation.vertex_count());
         reserve(&mut positions, all, "positions")?;
@@ -72,8 +69,9 @@ impl SceneState {
             animation,
             intersector,
             positions,
-            accelerator,
-            candidate: None,
+            accelerator: new_tree(),
+            candidate: new_tree(),
+            candidate_generation: Generation(0),
             unhittable: Unhittable::default(),
             sah_cost: None,
             exact_rays: AtomicU64::new(0),
@@ -83,22 +81,16 @@ impl SceneState {
     /// # Errors
     /// If the tree does not belong to this scene, or memory does not suffice.
     pub(crate) fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()> {
-        if let Some(candidate) = self
-            .candidate
-            .as_mut()
-            .filter(|c| c.generation == generation)
-        {
-            std::mem::swap(&mut self.accelerator, &mut candidate.accelerator);
-            // `candidate` now holds the replaced tree. It must be loaded again before use.
-            candidate.generation = Generation(0);
+        if self.candidate_generation == generation {
+            std::mem::swap(&mut self.accelerator, &mut self.candidate);
+            self.candidate_generation = Generation(0);
             return Ok(());
         }
         check_tree(tree, &self.animation)?;
         self.accelerator.adopt(tree, &self.animation)
     }
 
-    /// Loads a tree for evaluation. Reuses the memory of the last candidate, or creates one with `new_tree`. Returns
-    /// `false` if memory does not suffice.
+    /// Loads a tree for evaluation, in the memory of the last candidate. Returns `false` if memory does not suffice.
     ///
     /// # Errors
     /// If the tree does not belong to this scene.
@@ -106,19 +98,14 @@ impl SceneState {
         &mut self,
         tree: &Topology,
         generation: Generation,
-        new_tree: impl FnOnce() -> Box<dyn Accelerator>,
     ) -> Result<bool> {
         check_tree(tree, &self.animation)?;
-        let candidate = self.candidate.get_or_insert_with(|| CandidateTree {
-            generation: Generation(0),
-            accelerator: new_tree(),
-        });
-        if candidate.generation == generation {
+        if self.candidate_generation == generation {
             return Ok(true);
         }
-        candidate.generation = Generation(0);
-        match candidate.accelerator.adopt(tree, &self.animation) {
-            Ok(()) => candidate.generation = generation,
+        self.candidate_generation = Generation(0);
+        match self.candidate.adopt(tree, &self.animation) {
+            Ok(()) => self.candidate_generation = generation,
             Err(BackendError::OutOfMemory { .. }) => return Ok(false),
             Err(e) => return Err(e),
         }
@@ -128,9 +115,8 @@ impl SceneState {
     /// Refits the candidate and returns its SAH cost.
     pub(crate) fn evaluate(&mut self) -> Option<f64> {
         let geometry = geometry(&self.animation, &self.positions, self.range);
-        let candidate = &mut self.candidate.as_mut()?.accelerator;
-        candidate.preprocess(&geometry, self.intersector);
-        Self::cost(&mut **candidate)
+        self.candidate.preprocess(&geometry, self.intersector);
+        Self::cost(&mut *self.candidate)
     }
 
     pub(crate) fn interpolate(&mut self, pose: Pose) -> Result<()> {

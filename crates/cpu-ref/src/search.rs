@@ -23,6 +23,9 @@ pub struct RaySearch<'a> {
     pub ray: Ray,
     /// Conversion from the ray's units to scaled units.
     pub scale: Scale,
+    /// Set for [extreme](crate::is_extreme) rays and their shadow rays, if the intersector traces them in exact
+    /// arithmetic.
+    pub is_extreme: bool,
     /// Counts rays that were resolved in exact arithmetic.
     pub exact_rays: &'a AtomicU64,
 }

@@ -1,6 +1,6 @@
 //! Traces the rays of a query in parallel, each individually.
 
-use crate::extreme::ExtremeSearch;
+use crate::extreme::{is_extreme, shadow_ray};
 use crate::geometry::Geometry;
 use crate::output::{HitCounts, RayResult, TraceOutput};
 use crate::scale::Scale;
@@ -59,37 +59,33 @@ impl<'a> QueryTracer<'a> {
 
     /// Traces one ray, and its shadow ray if the query has a light.
     pub fn result(&self, index: usize) -> RayResult {
-        let search = self.search(self.ray(index), self.geometry.scale);
-        let extreme = ExtremeSearch::of(&search);
+        let mut search = self.search(self.ray(index), self.geometry.scale);
+        search.is_extreme =
+            self.intersector.is_watertight() && is_extreme(&self.geometry, search.ray.origin);
         if self.query.kind == QueryKind::Any {
-            let blocked = match &extreme {
-                Some(extreme) => extreme.any(None),
-                None => search.any(None),
-            };
             return RayResult {
                 hit: Hit::MISS,
-                blocked,
+                blocked: search.any(None),
             };
         }
-        let closest = match &extreme {
-            Some(extreme) => extreme.closest(),
-            None => search.closest(),
-        };
-        let hit = closest.unwrap_or(Hit::MISS);
+        let hit = search.closest().unwrap_or(Hit::MISS);
         let light = self.light.filter(|_| hit.is_hit());
-        let blocked = light.is_some_and(|light| match &extreme {
-            Some(extreme) => extreme.is_occluded(&hit, light.position),
-            None => self.is_occluded(&search.ray, &hit, &light),
-        });
+        let shadow = light.map(|light| self.shadow(&search, &hit, &light));
+        let blocked = shadow.is_some_and(|shadow| shadow.any(Some(hit.triangle)));
         RayResult { hit, blocked }
     }
 
-    /// Returns whether the hit of `ray` is in shadow.
-    fn is_occluded(&self, ray: &Ray, hit: &Hit, light: &Light) -> bool {
-        let Geometry { scale, .. } = self.geometry;
-        let corners = self.geometry.scaled_corners(hit.triangle);
-        let shadow = light.ray(hit, &corners, scale.apply(ray.origin));
-        self.search(shadow, Scale::ONE).any(Some(hit.triangle))
+    /// Returns the search of the shadow ray from a hit.
+    fn shadow(&self, search: &RaySearch<'a>, hit: &Hit, light: &Light) -> RaySearch<'a> {
+        let (ray, geometry) = (&search.ray, &self.geometry);
+        if search.is_extreme {
+            let corners = geometry.corners(hit.triangle);
+            let ray = shadow_ray(ray, hit, &corners, light.position);
+            return RaySearch { ray, ..*search };
+        }
+        let corners = geometry.scaled_corners(hit.triangle);
+        let eye = geometry.scale.apply(ray.origin);
+        self.search(light.ray(hit, &corners, eye), Scale::ONE)
     }
 
     /// Returns the ray with an index.
@@ -104,7 +100,7 @@ impl<'a> QueryTracer<'a> {
         }
     }
 
-    /// Creates the search of a ray. `scale` converts the ray's units to scaled units.
+    /// Creates the search of a ray that is not extreme. `scale` converts the ray's units to scaled units.
     #[inline]
     pub fn search(&self, ray: Ray, scale: Scale) -> RaySearch<'a> {
         RaySearch {
@@ -113,16 +109,18 @@ impl<'a> QueryTracer<'a> {
             intersector: self.intersector,
             ray,
             scale,
+            is_extreme: false,
             exact_rays: self.exact_rays,
         }
     }
 }
 
-/// Searches for hits of a ray. With `watertight` and `exact`, the ray must not be [extreme](crate::is_extreme).
 impl RaySearch<'_> {
     /// Returns the closest hit, with `t` in the ray's own units.
     pub fn closest(&self) -> Option<Hit> {
-        if self.intersector.is_exact() {
+        if self.is_extreme {
+            self.closest_extreme()
+        } else if self.intersector.is_exact() {
             self.closest_exact()
         } else {
             self.closest_single_precision()
@@ -131,7 +129,9 @@ impl RaySearch<'_> {
 
     /// Returns whether the ray hits any triangle except `skipped`.
     pub fn any(&self, skipped: Option<u32>) -> bool {
-        if self.intersector.is_exact() {
+        if self.is_extreme {
+            self.any_extreme(skipped)
+        } else if self.intersector.is_exact() {
             self.any_exact(skipped)
         } else {
             self.any_single_precision(skipped)

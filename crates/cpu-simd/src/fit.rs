@@ -6,7 +6,7 @@ use crate::subtrees::{LevelPart, Subtrees};
 use crate::tree::{Bvh8, EMPTY, LANES, Link, Node8, TriangleBlock, set_bounds, triangle};
 use crate::units::scaled;
 use crate::window::Window;
-use bvh_layout::{Block, BlockTree};
+use bvh_layout::BlockTree;
 use cpu_ref::{Geometry, Unhittable};
 use geom::is_degenerate;
 use std::ops::Add;
@@ -64,16 +64,14 @@ impl FitTask<'_> {
         let (shape, instruction_set) = (self.shape, self.tree.instruction_set);
         let (nodes, blocks) = (&mut self.tree.nodes, &mut self.tree.blocks);
         let (geometry, stale) = (self.geometry, std::mem::take(&mut self.stale));
-        Subtrees::of(shape, selected, nodes, blocks).fold(shape, &|part, below| {
+        Subtrees::of(shape, selected, nodes, blocks).fold(shape, &|level, below| {
             instruction_set.run(FitLevel {
-                level: part,
-                inputs: FitInputs {
-                    shape,
-                    geometry,
-                    stale,
-                    lanes,
-                    below: below.map(|below| &below.nodes),
-                },
+                level,
+                below: below.map(|below| &below.nodes),
+                shape,
+                geometry,
+                stale,
+                lanes,
             })
         })
     }
@@ -81,18 +79,12 @@ impl FitTask<'_> {
 
 struct FitLevel<'a, 'b> {
     level: &'a mut LevelPart<'b>,
-    inputs: FitInputs<'a>,
-}
-
-/// Input of fitting a level.
-#[derive(Clone, Copy)]
-struct FitInputs<'a> {
+    /// The level below, which is fitted already.
+    below: Option<&'a Window<'a, Node8>>,
     shape: &'a BlockTree,
     geometry: &'a Geometry<'a>,
     stale: bool,
     lanes: Option<&'a [u8]>,
-    /// The level below, which is fitted already.
-    below: Option<&'a Window<'a, Node8>>,
 }
 
 impl VectorWork for FitLevel<'_, '_> {
@@ -100,22 +92,22 @@ impl VectorWork for FitLevel<'_, '_> {
 
     #[inline(always)]
     fn run<I: Isa>(self) -> Fitted {
-        let (level, inputs) = (self.level, self.inputs);
+        let (level, shape, geometry) = (self.level, self.shape, self.geometry);
         let (mut fitted, mut sums) = (Fitted::default(), Sums::default());
         for &n in level.selected {
             let n = n as usize;
-            let lanes = inputs.lanes.map_or(u8::MAX, |lanes| lanes[n]);
+            let lanes = self.lanes.map_or(u8::MAX, |lanes| lanes[n]);
             let node = &mut level.nodes[n];
-            if inputs.stale {
-                let shape = &inputs.shape.nodes[n];
+            if self.stale {
+                let source = &shape.nodes[n];
                 *node = Node8 {
                     planes: EMPTY,
-                    links: shape.links,
-                    ranges: shape.ranges,
+                    links: source.links,
+                    ranges: source.ranges,
                 };
-                for block in shape.links.iter().filter(|link| link.is_block()) {
+                for block in source.links.iter().filter(|link| link.is_block()) {
                     let block = block.index();
-                    level.blocks[block].triangles = inputs.shape.blocks[block].triangles;
+                    level.blocks[block].triangles = shape.blocks[block].triangles;
                 }
             }
             for lane in SetLanes::<LANES>(u32::from(lanes)) {
@@ -124,9 +116,10 @@ impl VectorWork for FitLevel<'_, '_> {
                     continue;
                 }
                 let folded = if link.is_block() {
-                    let block = &mut level.blocks[link.index()];
-                    inputs.fit_block::<I>(link.index(), block, &mut fitted.unhittable)
-                } else if let Some(below) = inputs.below {
+                    let number = link.index();
+                    let block = &mut level.blocks[number];
+                    fit_block::<I>(geometry, shape, number, block, &mut fitted.unhittable)
+                } else if let Some(below) = self.below {
                     let child = &below[link.index()];
                     EightBoxes::load(&child.planes).fold(&child.ranges)
                 } else {
@@ -141,39 +134,22 @@ impl VectorWork for FitLevel<'_, '_> {
     }
 }
 
-impl FitInputs<'_> {
-    /// Sets a block's corners. Returns the block's box, and in each lane the sum of two half areas: of the box of a
-    /// triangle and of the box of a binary node.
-    #[inline(always)]
-    fn fit_block<I: Isa>(
-        &self,
-        number: usize,
-        block: &mut TriangleBlock,
-        unhittable: &mut Unhittable,
-    ) -> FoldedBoxes<I::Eight> {
-        let source = &self.shape.blocks[number];
-        let later = self.shape.blocks.get(number + AHEAD).unwrap_or(source);
-        // Prefetches only first vertices. The other vertices of a triangle are mostly near the first in memory.
-        for vertex in later.vertices[0] {
-            prefetch(self.geometry.positions, vertex as usize);
-        }
-        let boxes = fill::<I>(self.geometry, source, block, unhittable);
-        let folded = boxes.fold(&source.ranges);
-        FoldedBoxes {
-            half_areas: folded.half_areas.add(boxes.half_areas()),
-            ..folded
-        }
-    }
-}
-
-/// Sets a block's corners and returns its triangles' boxes.
+/// Sets a block's corners. Returns the block's box, and in each lane the sum of two half areas: of the box of a
+/// triangle and of the box of a binary node.
 #[inline(always)]
-fn fill<I: Isa>(
+fn fit_block<I: Isa>(
     geometry: &Geometry<'_>,
-    source: &Block,
+    shape: &BlockTree,
+    number: usize,
     block: &mut TriangleBlock,
     unhittable: &mut Unhittable,
-) -> EightBoxes<I::Eight> {
+) -> FoldedBoxes<I::Eight> {
+    let source = &shape.blocks[number];
+    let later = shape.blocks.get(number + AHEAD).unwrap_or(source);
+    // Prefetches only first vertices. The other vertices of a triangle are mostly near the first in memory.
+    for vertex in later.vertices[0] {
+        prefetch(geometry.positions, vertex as usize);
+    }
     let corners = each!(corner => {
         let vertices = &source.vertices[corner];
         let mut points = [&geometry.positions[0]; LANES];
@@ -197,7 +173,11 @@ fn fill<I: Isa>(
         boxes.high[axis] = empty_high.replace(mask, a.max(b).max(c));
         *to = each!(i => nan.replace(mask, [a, b, c][i]).store());
     }
-    boxes
+    let folded = boxes.fold(&source.ranges);
+    FoldedBoxes {
+        half_areas: folded.half_areas.add(boxes.half_areas()),
+        ..folded
+    }
 }
 
 /// Returns the lanes whose triangle can be hit, and counts the others.

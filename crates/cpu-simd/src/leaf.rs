@@ -240,12 +240,6 @@ impl<L: Lanes<Array = [f32; LANES]>> TriangleRay<L> {
             back: L::splat(ray.at(&group.back)),
         }
     }
-
-    /// Computes the spans in the boxes of all triangles of a block.
-    #[inline(always)]
-    pub(crate) fn spans(&self, block: BlockTriangles<'_>, best: f32) -> Spans<L> {
-        self.spans_of(&self.relative(&block), L::splat(best))
-    }
 }
 
 /// Computes the edge functions `U`, `V`, `W`.

@@ -53,13 +53,8 @@ impl MovingLanes {
             task.fit_all(Some(&still_lanes))
         });
         self.still = Some(still);
-        still + self.fit_moving(task)
-    }
-
-    fn fit_moving(&self, task: &mut FitTask<'_>) -> Fitted {
-        let levels = self.levels.iter();
-        let listed = levels.map(|level| &self.nodes[level.clone()]);
-        task.fit(listed, Some(&self.lanes))
+        let moving = self.levels.iter().map(|level| &self.nodes[level.clone()]);
+        still + task.fit(moving, Some(&self.lanes))
     }
 }
 

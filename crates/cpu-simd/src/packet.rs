@@ -5,9 +5,10 @@
 //! the padding `q`, rounding included. So limits of these values limit the entry and the exit of every ray. If they
 //! exclude a box, each ray's own test excludes it too.
 
-use crate::intersect::{AnyHitTest, AnyHits, LaneTest};
+use crate::intersect::{AnyHits, LaneTest};
 use crate::leaf::{BroadcastTriangle, TriangleRay};
 use crate::rays::{MOST_RAYS, PreparedRays};
+use crate::search::LaneSearch;
 use crate::simd::{Halves, Isa, Lanes, PlaneVector, SetLanes, each};
 use crate::tree::{BoxPlanes, Bvh8, LANES, NOWHERE, TriangleBlock, place};
 use crate::walk::{BoxTest, MetBoxes, TraversalStack, Visitor, walk};
@@ -74,7 +75,7 @@ pub(crate) struct Bundle<P> {
     /// The least `t_min` for near planes. Negative infinity for far planes, whose distances are negated.
     floor: P,
     /// The greatest `t_max`, in units of the first ray.
-    limit: f32,
+    t_max: f32,
 }
 
 impl<P: Halves> Bundle<P> {
@@ -94,7 +95,7 @@ impl<P: Halves> Bundle<P> {
             pad: each!(i => P::splat(L::load(&group.pad[i]).mul(to_first_ray).most())),
             turned,
             floor: halves(t_min.mul(to_first_ray).least(), f32::NEG_INFINITY),
-            limit: t_max.mul(to_first_ray).most(),
+            t_max: t_max.mul(to_first_ray).most(),
         }
     }
 
@@ -121,11 +122,6 @@ impl<P: Halves> Bundle<P> {
 }
 
 impl<P: Halves> BoxTest<P::Half> for Bundle<P> {
-    #[inline(always)]
-    fn limit(&self) -> f32 {
-        self.limit
-    }
-
     #[inline(always)]
     fn meet(&self, planes: &BoxPlanes, best: f32) -> MetBoxes<P::Half> {
         let planes = each!(axis => P::load(&planes[axis]));
@@ -177,7 +173,8 @@ pub(crate) fn search<I: Isa>(
         search,
         budget: TRIANGLE_BUDGET,
     };
-    !walk::<I>(tree, &packet.bundle, stack, &mut visitor)
+    let bundle = &packet.bundle;
+    !walk::<I>(tree, bundle, bundle.t_max, stack, &mut visitor)
 }
 
 /// Number of triangles that a packet tests before its rays are traced singly. Packets that test more are usually
@@ -210,27 +207,6 @@ impl<I, L: Lanes, P: Halves, S: PacketSearch<L>> Visitor<I> for PacketVisitor<'_
     }
 }
 
-/// Returns the closest hits of a packet, or `None` if tracing its rays singly is likely to be faster.
-#[inline(always)]
-pub(crate) fn closest<I: Isa, T: LaneTest>(
-    tree: &Bvh8,
-    packet: &RayPacket<I::Packet, I::Planes>,
-    stack: &mut TraversalStack,
-) -> Option<PacketHits<I::Packet>> {
-    let mut closest = ClosestOfPacket {
-        test: PhantomData::<T>,
-        tree,
-        hits: PacketHits {
-            t: packet.t_max,
-            u: I::Packet::splat(0.0),
-            v: I::Packet::splat(0.0),
-            places: [NOWHERE; MOST_RAYS],
-            open: 0,
-        },
-    };
-    search::<I>(tree, packet, stack, &mut closest).then_some(closest.hits)
-}
-
 /// Number of blocks that a packet visits before its rays are traced singly. If the origins of shadow rays are far
 /// apart, the packet's bounds are loose and it visits too many blocks.
 const BLOCK_BUDGET: u32 = 16;
@@ -238,7 +214,7 @@ const BLOCK_BUDGET: u32 = 16;
 /// Returns the active lanes that hit any triangle except the lane's skipped one. Returns `None` if tracing the rays
 /// singly is likely to be faster.
 #[inline(always)]
-pub(crate) fn any<I: Isa, T: AnyHitTest>(
+pub(crate) fn any<I: Isa, T: LaneSearch>(
     tree: &Bvh8,
     packet: &RayPacket<I::Packet, I::Planes>,
     active: u32,
@@ -254,7 +230,8 @@ pub(crate) fn any<I: Isa, T: AnyHitTest>(
         budget: BLOCK_BUDGET,
         test: PhantomData::<T>,
     };
-    let ended = walk::<I>(tree, &packet.bundle, stack, &mut any);
+    let bundle = &packet.bundle;
+    let ended = walk::<I>(tree, bundle, bundle.t_max, stack, &mut any);
     (!ended || any.left == 0).then_some(AnyHits {
         hit: active & !any.left,
         open: any.left & any.open,
@@ -272,10 +249,10 @@ fn within_reach<P: Halves>(block: &TriangleBlock, rays: &Bundle<P>, bound: f32) 
     rays.meet_planes(&planes, bound).lanes
 }
 
-struct ClosestOfPacket<'a, L: Lanes, T> {
-    tree: &'a Bvh8,
-    hits: PacketHits<L>,
-    test: PhantomData<T>,
+pub(crate) struct ClosestOfPacket<'a, L: Lanes, T> {
+    pub(crate) tree: &'a Bvh8,
+    pub(crate) hits: PacketHits<L>,
+    pub(crate) test: PhantomData<T>,
 }
 
 impl<L: Lanes, T: LaneTest> PacketSearch<L> for ClosestOfPacket<'_, L, T> {
@@ -321,7 +298,7 @@ struct Any<'a, L, P, T> {
     test: PhantomData<T>,
 }
 
-impl<I, L: Lanes, P: Halves, T: AnyHitTest> Visitor<I> for Any<'_, L, P, T> {
+impl<I, L: Lanes, P: Halves, T: LaneSearch> Visitor<I> for Any<'_, L, P, T> {
     #[inline(always)]
     fn block(&mut self, block: usize, bound: f32) -> Option<f32> {
         self.budget = self.budget.checked_sub(1)?;

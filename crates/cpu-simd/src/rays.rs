@@ -79,13 +79,7 @@ impl<L: Lanes> InputRays<L> {
     /// Returns the ray in one lane.
     #[cold]
     pub(crate) fn ray(&self, lane: usize) -> Ray {
-        let at = |x: L| x.store().as_ref()[lane];
-        Ray {
-            origin: self.origin.map(at),
-            t_min: at(self.limits[0]),
-            direction: self.direction.map(at),
-            t_max: at(self.limits[1]),
-        }
+        self.rays()[lane]
     }
 
     /// Returns the rays of all lanes.
@@ -307,7 +301,6 @@ pub(crate) const COLUMNS: usize = 4;
 pub(crate) struct Cell {
     /// Lanes within the picture.
     pub(crate) active: u32,
-    lanes: usize,
     /// Upper left pixel.
     corner: [usize; 2],
     /// The last pixel of the cell within the picture.
@@ -318,9 +311,8 @@ impl Cell {
     /// Creates the cell with its upper left entry at `at` of `tiles`.
     #[inline(always)]
     pub(crate) fn new(tiles: &Tiles<'_>, at: [usize; 2], rows: usize) -> Self {
-        let (index, width) = (tiles.index(at[0], at[1]), tiles.width());
+        let (index, width) = (tiles.index(at[0], at[1]), tiles.width);
         let corner = [index % width, index / width];
-        let lanes = COLUMNS * rows;
         let columns = COLUMNS.min(tiles.columns() - at[0]);
         let rows = rows.min(tiles.height() - at[1]);
         let row = (1 << columns) - 1;
@@ -330,7 +322,6 @@ impl Cell {
         }
         Self {
             active,
-            lanes,
             corner,
             last: [corner[0] + columns - 1, corner[1] + rows - 1],
         }
@@ -358,7 +349,7 @@ impl Cell {
     #[inline(always)]
     fn directions<L: Lanes>(&self, camera: &Camera) -> [L; 3] {
         let (mut x, mut y) = (L::splat(0.0).store(), L::splat(0.0).store());
-        for lane in 0..self.lanes {
+        for lane in 0..L::ALL.count_ones() as usize {
             let pixel = self.pixel(lane);
             x.as_mut()[lane] = pixel[0] as f32 + 0.5;
             y.as_mut()[lane] = pixel[1] as f32 + 0.5;

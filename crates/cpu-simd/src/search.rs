@@ -1,19 +1,25 @@
-//! The closest-hit searches of intersectors. That of `exact` is in `exact.rs`.
+//! The searches of intersectors. Those of `exact` are in `exact.rs`.
 
-use crate::intersect::{AnyHitTest, LaneTest};
-use crate::packet::{self, PacketHits, RayPacket};
-use crate::rays::OneRay;
-use crate::simd::{Isa, Lanes};
-use crate::single::{self, PlacedHit};
-use crate::tree::Bvh8;
-use crate::walk::TraversalStack;
+use crate::intersect::{AnyHits, LaneTest};
+use crate::leaf::{TriangleRay, Triangles};
+use crate::packet::{self, ClosestOfPacket, PacketHits, RayPacket};
+use crate::rays::{MOST_RAYS, OneRay};
+use crate::simd::{Isa, Lanes, PlaneVector};
+use crate::single::{ClosestOfRay, PlacedHit};
+use crate::tree::{Bvh8, NOWHERE};
+use crate::walk::{NodeRay, TraversalStack, walk};
+use geom::Hit;
+use std::marker::PhantomData;
 
-/// An intersector with its closest-hit searches in the wide tree. All functions must be `#[inline(always)]`.
-pub(crate) trait ClosestSearch: AnyHitTest {
+/// An intersector with its searches in the wide tree. All functions must be `#[inline(always)]`.
+pub(crate) trait LaneSearch: Sync {
     /// True if the searches find only places of triangles. `cpu-ref` then computes the values of each hit.
     const IS_FILTER: bool;
 
-    /// Returns the closest hit of one ray, with `t` in scaled units.
+    /// Returns the lanes that hit within the ray's limits.
+    fn any_hit<L: Lanes>(ray: &TriangleRay<L>, triangles: &impl Triangles<L>) -> AnyHits;
+
+    /// Returns the closest hit of one ray, with `t` in scaled units. A miss has place [`NOWHERE`].
     fn closest_of_ray<I: Isa>(
         tree: &Bvh8,
         ray: &OneRay<'_, impl Lanes>,
@@ -28,8 +34,17 @@ pub(crate) trait ClosestSearch: AnyHitTest {
     ) -> Option<PacketHits<I::Packet>>;
 }
 
-impl<T: LaneTest> ClosestSearch for T {
+impl<T: LaneTest> LaneSearch for T {
     const IS_FILTER: bool = false;
+
+    #[inline(always)]
+    fn any_hit<L: Lanes>(ray: &TriangleRay<L>, triangles: &impl Triangles<L>) -> AnyHits {
+        let hit = match T::intersect(ray, triangles, ray.t_max) {
+            Some(hits) => hits.lanes,
+            None => 0,
+        };
+        AnyHits { hit, open: 0 }
+    }
 
     #[inline(always)]
     fn closest_of_ray<I: Isa>(
@@ -37,7 +52,22 @@ impl<T: LaneTest> ClosestSearch for T {
         ray: &OneRay<'_, impl Lanes>,
         stack: &mut TraversalStack,
     ) -> PlacedHit {
-        single::closest::<I, T>(tree, ray, stack)
+        let mut closest = ClosestOfRay {
+            tree,
+            ray,
+            test: PhantomData::<T>,
+            best: PlacedHit {
+                hit: Hit {
+                    t: ray.t_max(),
+                    ..Hit::MISS
+                },
+                place: NOWHERE,
+                is_open: false,
+            },
+        };
+        let node_ray = NodeRay::<I::Eight>::new(ray, tree.own_padding);
+        walk::<I>(tree, &node_ray, ray.t_max(), stack, &mut closest);
+        closest.best
     }
 
     #[inline(always)]
@@ -46,6 +76,17 @@ impl<T: LaneTest> ClosestSearch for T {
         packet: &RayPacket<I::Packet, I::Planes>,
         stack: &mut TraversalStack,
     ) -> Option<PacketHits<I::Packet>> {
-        packet::closest::<I, T>(tree, packet, stack)
+        let mut closest = ClosestOfPacket {
+            test: PhantomData::<T>,
+            tree,
+            hits: PacketHits {
+                t: packet.t_max,
+                u: I::Packet::splat(0.0),
+                v: I::Packet::splat(0.0),
+                places: [NOWHERE; MOST_RAYS],
+                open: 0,
+            },
+        };
+        packet::search::<I>(tree, packet, stack, &mut closest).then_some(closest.hits)
     }
 }

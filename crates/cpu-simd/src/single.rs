@@ -1,11 +1,12 @@
 //! Searches of single rays. Each ray is tested with eight triangles at once.
 
-use crate::intersect::{AnyHitTest, AnyHits, LaneTest};
+use crate::intersect::{AnyHits, LaneTest};
 use crate::leaf::{BlockTriangles, TriangleHits, TriangleRay};
 use crate::rays::OneRay;
+use crate::search::LaneSearch;
 use crate::simd::{Isa, Lanes, PlaneVector, SetLanes};
-use crate::tree::{Bvh8, LANES, Link, NOWHERE, place};
-use crate::walk::{BoxTest, NodeRay, STACK_CAPACITY, TraversalStack, Visitor, walk};
+use crate::tree::{Bvh8, LANES, Link, place};
+use crate::walk::{BoxTest, NodeRay, STACK_CAPACITY, TraversalStack, Visitor};
 use cpu_ref::scale::MIN_NONZERO;
 use geom::Hit;
 use std::marker::PhantomData;
@@ -20,11 +21,11 @@ pub(crate) struct PlacedHit {
 }
 
 /// The closest hit so far.
-struct ClosestOfRay<'a, R: Lanes, T> {
-    tree: &'a Bvh8,
-    ray: &'a OneRay<'a, R>,
-    best: PlacedHit,
-    test: PhantomData<T>,
+pub(crate) struct ClosestOfRay<'a, R: Lanes, T> {
+    pub(crate) tree: &'a Bvh8,
+    pub(crate) ray: &'a OneRay<'a, R>,
+    pub(crate) best: PlacedHit,
+    pub(crate) test: PhantomData<T>,
 }
 
 impl<I: Isa, R: Lanes, T: LaneTest> Visitor<I> for ClosestOfRay<'_, R, T> {
@@ -60,37 +61,12 @@ impl<R: Lanes, T> ClosestOfRay<'_, R, T> {
     }
 }
 
-/// Returns the closest hit, with `t` in scaled units. A miss has place [`NOWHERE`].
-#[inline(always)]
-pub(crate) fn closest<I: Isa, T: LaneTest>(
-    tree: &Bvh8,
-    ray: &OneRay<'_, impl Lanes>,
-    stack: &mut TraversalStack,
-) -> PlacedHit {
-    let mut closest = ClosestOfRay {
-        tree,
-        ray,
-        test: PhantomData::<T>,
-        best: PlacedHit {
-            hit: Hit {
-                t: ray.t_max(),
-                ..Hit::MISS
-            },
-            place: NOWHERE,
-            is_open: false,
-        },
-    };
-    let node_ray = NodeRay::<I::Eight>::new(ray, tree.own_padding);
-    walk::<I>(tree, &node_ray, stack, &mut closest);
-    closest.best
-}
-
 /// Searches for any hit of a ray except triangle `skipped`. The result is in lane 0.
 ///
 /// Visits the last child of each node first. When the tree was collapsed, the child to visit first was placed last
 /// (`bvh_layout::FirstVisited`).
 #[inline(always)]
-pub(crate) fn any<I: Isa, T: AnyHitTest>(
+pub(crate) fn any<I: Isa, T: LaneSearch>(
     tree: &Bvh8,
     ray: &OneRay<'_, impl Lanes>,
     skipped: u32,
@@ -134,7 +110,7 @@ pub(crate) fn any<I: Isa, T: AnyHitTest>(
 
 /// Returns the triangles of a block that a ray hits, except `skipped`.
 #[inline(always)]
-fn block_hits<I: Isa, T: AnyHitTest>(
+fn block_hits<I: Isa, T: LaneSearch>(
     tree: &Bvh8,
     block: usize,
     ray: &OneRay<'_, impl Lanes>,

@@ -70,7 +70,7 @@ pub(crate) struct Tiles<'a> {
     /// Index of the first entry of the first row in the picture.
     first: usize,
     /// Columns of the whole picture.
-    width: usize,
+    pub(crate) width: usize,
 }
 
 impl<'a> Tiles<'a> {
@@ -98,12 +98,6 @@ impl<'a> Tiles<'a> {
     #[inline]
     pub(crate) fn height(&self) -> usize {
         self.rows.iter().filter(|row| row.count() > 0).count()
-    }
-
-    /// Returns the number of columns of the whole picture.
-    #[inline]
-    pub(crate) fn width(&self) -> usize {
-        self.width
     }
 
     /// Returns the index of an entry in the picture.

@@ -56,8 +56,9 @@ impl VectorWork for Traversal<'_, '_> {
             ray: TriangleRay::<I::Eight>::single(&ray),
             visitor: self.visitor,
         };
-        let ray = NodeRay::<I::Eight>::new(&ray, self.tree.own_padding);
-        walk::<I>(self.tree, &ray, &mut TraversalStack::default(), &mut each)
+        let (tree, bound) = (self.tree, ray.t_max());
+        let ray = NodeRay::<I::Eight>::new(&ray, tree.own_padding);
+        walk::<I>(tree, &ray, bound, &mut TraversalStack::default(), &mut each)
     }
 }
 
@@ -72,7 +73,8 @@ impl<I, L: Lanes<Array = [f32; LANES]>> Visitor<I> for TriangleByTriangle<'_, '_
     #[inline(always)]
     fn block(&mut self, block: usize, mut bound: f32) -> Option<f32> {
         let tree = self.tree;
-        let spans = self.ray.spans(BlockTriangles { tree, block }, bound);
+        let corners = self.ray.relative(&BlockTriangles { tree, block });
+        let spans = self.ray.spans_of(&corners, L::splat(bound));
         let (entries, exits) = (spans.entry.store(), spans.exit.store());
         let block = &tree.blocks[block];
         for lane in SetLanes::<LANES>(spans.lanes) {

@@ -63,9 +63,6 @@ pub(crate) trait Visitor<I> {
 
 /// A ray or packet, prepared for tests with boxes of nodes.
 pub(crate) trait BoxTest<L> {
-    /// Returns the greatest `t_max` of the rays.
-    fn limit(&self) -> f32;
-
     /// Tests eight boxes. Boxes that are missed or entered after `best` can be skipped. Must be `#[inline(always)]`.
     fn meet(&self, planes: &BoxPlanes, best: f32) -> MetBoxes<L>;
 }
@@ -89,7 +86,6 @@ pub(crate) struct NodeRay<L> {
     /// Index of the nearer planes on each axis: 0 for the lower ones.
     near: [usize; 3],
     t_min: L,
-    t_max: f32,
     /// Origin of the ray.
     origin: [L; 3],
     /// Set if the padding is computed from each box instead of the root box. See [`Bvh8::own_padding`].
@@ -110,7 +106,6 @@ impl<L: Lanes> NodeRay<L> {
             }),
             near: each!(i => usize::from(ray.at(&group.inverse[i]).is_sign_negative())),
             t_min: L::splat(ray.at(&group.limits[0])),
-            t_max: ray.t_max(),
         }
     }
 
@@ -133,11 +128,6 @@ impl<L: Lanes> NodeRay<L> {
 }
 
 impl<L: Eight> BoxTest<L> for NodeRay<L> {
-    #[inline(always)]
-    fn limit(&self) -> f32 {
-        self.t_max
-    }
-
     #[inline(always)]
     fn meet(&self, planes: &BoxPlanes, best: f32) -> MetBoxes<L> {
         let at = each!(axis => {
@@ -164,11 +154,13 @@ impl<L: Eight> BoxTest<L> for NodeRay<L> {
     }
 }
 
-/// Visits the blocks that `rays` may hit, approximately nearest first. Returns whether `visitor` ended the traversal.
+/// Visits the blocks that `rays` may hit before `bound`, approximately nearest first. Returns whether `visitor` ended
+/// the traversal.
 #[inline(always)]
 pub(crate) fn walk<I: Isa>(
     tree: &Bvh8,
     rays: &impl BoxTest<I::Eight>,
+    mut bound: f32,
     stack: &mut TraversalStack,
     visitor: &mut impl Visitor<I>,
 ) -> bool {
@@ -176,7 +168,7 @@ pub(crate) fn walk<I: Isa>(
         entries: &mut stack.pending,
         len: 0,
     };
-    let (mut link, mut bound) = (Link::ROOT, rays.limit());
+    let mut link = Link::ROOT;
     loop {
         if link.is_block() {
             match visitor.block(link.index(), bound) {

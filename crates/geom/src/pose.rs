@@ -13,7 +13,8 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// Returns the pose at `time`, measured in key frames and clamped to `0.0..=keys - 1`.
+    /// Returns the pose at `time`, measured in key frames and clamped to `0.0..=keys - 1`. A weight that rounds to 1
+    /// becomes weight 0 of the next key frame.
     ///
     /// # Panics
     /// If `keys` is 0 or `time` is NaN.
@@ -23,7 +24,14 @@ impl Pose {
         assert!(!time.is_nan(), "time must be a number");
         let last = (keys - 1) as f64;
         let time = time.clamp(0.0, last);
-        Self::between(time.floor() as usize, time.fract())
+        let (key, alpha) = (time.floor() as u32, time.fract() as f32);
+        if alpha < 1.0 {
+            return Self { key, alpha };
+        }
+        Self {
+            key: key + 1,
+            alpha: 0.0,
+        }
     }
 
     /// Returns the pose at `time` after key frame `last`, by extrapolation from key frames `last - 1` and `last`.
@@ -31,19 +39,6 @@ impl Pose {
         Self {
             key: last as u32 - 1,
             alpha: (time - last as f64 + 1.0) as f32,
-        }
-    }
-
-    /// Rounds the weight to `f32`. If the result is 1, returns the next key frame instead.
-    fn between(key: usize, alpha: f64) -> Self {
-        let (key, alpha) = (key as u32, alpha as f32);
-        if alpha < 1.0 {
-            Self { key, alpha }
-        } else {
-            Self {
-                key: key + 1,
-                alpha: 0.0,
-            }
         }
     }
 

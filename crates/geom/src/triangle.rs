@@ -36,11 +36,7 @@ pub fn is_degenerate(corners: &Triangle) -> bool {
     if is_certainly_nonzero(0, 1) || is_certainly_nonzero(1, 2) || is_certainly_nonzero(2, 0) {
         return false;
     }
-    let collinear_in = |i: usize, j: usize| {
-        let at = |p: [f64; 3]| Coord { x: p[i], y: p[j] };
-        orient2d(at(a), at(b), at(c)) == 0.0
-    };
-    collinear_in(0, 1) && collinear_in(1, 2) && collinear_in(2, 0)
+    normal_signs(corners) == [0; 3]
 }
 
 /// Returns the exact signs of the components of the normal `(b - a) x (c - a)` of an active triangle.

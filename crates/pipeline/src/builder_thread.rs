@@ -1,7 +1,7 @@
 //! A pool of threads that build trees, and a thread that runs one job at a time in the pool while frames are rendered.
 
 use crate::error::PipelineError;
-use crate::tree_builder::{Built, Job, TreeBuilder};
+use crate::tree_builder::{BuildInput, Built, TreeBuilder};
 use bvh_build::{BuildError, Cancel};
 use geom::{lock, run_in, start_library_pool};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -18,7 +18,7 @@ pub(crate) struct BuilderThread {
     work: Option<Box<dyn FnOnce() + Send>>,
     thread: Option<JoinHandle<()>>,
     /// `None` once it is dropped.
-    jobs: Option<SyncSender<Job>>,
+    jobs: Option<SyncSender<BuildInput>>,
     trees: Receiver<BuildResult<Built>>,
     cancel: Arc<Cancel>,
 }
@@ -26,7 +26,7 @@ pub(crate) struct BuilderThread {
 impl BuilderThread {
     /// Creates a builder that runs `build` for each job. Does not start the thread.
     pub(crate) fn new(
-        mut build: impl FnMut(Job, &Cancel) -> BuildResult<Built> + Send + 'static,
+        mut build: impl FnMut(BuildInput, &Cancel) -> BuildResult<Built> + Send + 'static,
     ) -> Self {
         let cancel = Arc::<Cancel>::default();
         let builder_cancel = Arc::clone(&cancel);
@@ -58,7 +58,7 @@ impl BuilderThread {
 
     /// Submits a job. Fails if the thread cannot be started or has ended. Never blocks: the caller submits one job at a
     /// time.
-    pub(crate) fn start(&mut self, job: Job) -> BuildResult<()> {
+    pub(crate) fn start(&mut self, job: BuildInput) -> BuildResult<()> {
         if let Some(work) = self.work.take() {
             let thread = std::thread::Builder::new().name("abvh-builder".into());
             let started = thread.spawn(work);
@@ -79,10 +79,7 @@ impl BuilderThread {
 
     /// Waits for the result of the submitted job.
     pub(crate) fn take(&mut self) -> BuildResult<Built> {
-        match self.thread {
-            Some(_) => self.trees.recv().unwrap_or_else(|_| Err(gone())),
-            None => Err(gone()),
-        }
+        self.trees.recv().unwrap_or_else(|_| Err(gone()))
     }
 }
 
@@ -139,23 +136,19 @@ impl BuilderThreads {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tree_builder::{BuildInput, Vertices};
+    use crate::tree_builder::Vertices;
 
-    fn job(is_compared: bool) -> Job {
-        Job {
-            input: BuildInput {
-                is_compared,
-                ..BuildInput::of(Vertices::ReadBack(Box::new(vec![[0.0; 3]])))
-            },
-            toward: None,
-            writer: None,
+    fn job(is_compared: bool) -> BuildInput {
+        BuildInput {
+            is_compared,
+            ..BuildInput::of(Vertices::ReadBack(Box::new(vec![[0.0; 3]])))
         }
     }
 
     #[test]
     fn build_panic_fails_only_one_job() {
-        let mut thread = BuilderThread::new(|job: Job, _: &Cancel| {
-            assert!(job.input.is_compared, "planted");
+        let mut thread = BuilderThread::new(|job: BuildInput, _: &Cancel| {
+            assert!(job.is_compared, "planted");
             Err("planted".into())
         });
         assert!(!thread.is_started() && thread.try_take().is_none());
@@ -178,7 +171,7 @@ mod tests {
     #[test]
     fn dropping_the_thread_cancels_the_build() {
         let (sender, receiver) = std::sync::mpsc::channel();
-        let mut thread = BuilderThread::new(move |_: Job, cancel: &Cancel| {
+        let mut thread = BuilderThread::new(move |_: BuildInput, cancel: &Cancel| {
             while !cancel.is_cancelled() {
                 std::thread::yield_now();
             }

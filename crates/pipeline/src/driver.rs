@@ -13,7 +13,6 @@ use crate::error::PipelineError;
 use crate::frame::{Frame, FrameRecord, ms};
 use crate::host_builder::HostBuilder;
 use crate::latency::LatencyPredictor;
-use adoption::AdoptionRule;
 use backend::{
     Backend, BackendError, FRAMES_IN_FLIGHT, Generation, Intersector, Policy, Query, Ticket,
 };
@@ -23,7 +22,7 @@ pub use run::{FrameOutputs, LOOK_AHEAD, OutputSelection};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
-use trees::{CurrentTree, FIRST, Trees};
+use trees::{CurrentTree, Trees};
 pub use warm_up::{WarmUp, Warmed};
 
 /// Options of a [`Driver`].
@@ -42,6 +41,13 @@ pub struct DriverOptions {
     pub predict: bool,
 }
 
+impl DriverOptions {
+    /// Returns whether trees may be built for a future time. In lockstep, they are only if the key frames are known.
+    fn builds_ahead(&self) -> bool {
+        self.predict && !self.update.waits_for_tree()
+    }
+}
+
 /// A submitted frame whose results have not been returned yet.
 struct PendingFrame {
     ticket: Ticket,
@@ -52,6 +58,7 @@ struct PendingFrame {
 }
 
 /// The frame that is being recorded.
+#[derive(Default)]
 struct FrameRecording {
     /// Number of frames begun before it.
     number: u64,
@@ -59,7 +66,6 @@ struct FrameRecording {
     pose: Option<Pose>,
     /// Position of the light, where shadow rays end. Builders order the children of nodes for these rays.
     light: Option<Point>,
-    started: Instant,
     /// Statistics of the frame.
     record: FrameRecord,
     /// Whether the frame's positions are recorded, but a later stage failed or the backend refused the queries.
@@ -104,14 +110,7 @@ impl Driver {
             options,
             knows_key_frames: true,
             trees: Trees::default(),
-            recording: FrameRecording {
-                number: 0,
-                pose: None,
-                light: None,
-                started: Instant::now(),
-                record: FrameRecord::default(),
-                is_refused: false,
-            },
+            recording: FrameRecording::default(),
             pending: VecDeque::with_capacity(FRAMES_IN_FLIGHT),
         })
     }
@@ -157,7 +156,7 @@ impl Driver {
     /// Returns the generation of the current tree, or 0 before the first frame.
     pub fn generation(&self) -> Generation {
         let current = self.trees.current.as_ref();
-        current.map_or(Generation(0), |tree| tree.generation)
+        current.map_or(Generation(0), |tree| tree.request.generation)
     }
 
     /// Returns whether a tree is requested and is neither adopted nor rejected yet.
@@ -189,7 +188,6 @@ impl Driver {
     ) -> Result<Ticket, PipelineError> {
         let started = Instant::now();
         self.submit_refused()?;
-        self.recording.started = started;
         self.recording.record = FrameRecord {
             frame,
             ..FrameRecord::default()
@@ -219,7 +217,7 @@ impl Driver {
         recorded?;
         let ticket = self.backend.submit()?;
         self.trees.next.submitted(ticket);
-        self.push_pending(ticket);
+        self.push_pending(ticket, started);
         self.poll_builder_after_frame();
         Ok(ticket)
     }
@@ -241,17 +239,17 @@ impl Driver {
     }
 
     /// Stores the statistics of the submitted frame until its results are returned.
-    fn push_pending(&mut self, ticket: Ticket) {
+    fn push_pending(&mut self, ticket: Ticket, started: Instant) {
         let current = self.trees.current.as_ref();
         let tree = current.expect("a frame is traced with a tree");
         let recording = &mut self.recording;
         let mut record = recording.record.clone();
-        record.tree.generation = tree.generation;
-        record.tree.age_frames = recording.number - tree.frame;
-        record.wall_ms = ms(recording.started.elapsed());
+        record.tree.generation = tree.request.generation;
+        record.tree.age_frames = recording.number - tree.request.frame;
+        record.wall_ms = ms(started.elapsed());
         self.pending.push_back(PendingFrame {
             ticket,
-            cost_when_built: (Some(tree.pose) != recording.pose).then_some(tree.cost),
+            cost_when_built: (Some(tree.request.pose) != recording.pose).then_some(tree.cost),
             record,
         });
         recording.number += 1;
@@ -294,29 +292,19 @@ impl Driver {
         self.options.update.builds_on_device()
     }
 
-    fn adoption_rule(&self) -> AdoptionRule {
-        AdoptionRule::of(self.options.update, self.options.predict)
-    }
-
     /// Records positions at `pose` and, if they moved or there is no tree yet, the build of a tree over them. Returns
     /// whether a build was recorded. The caller then calls `preprocess` and `refit`, as after any change. Both do nothing,
     /// because the build includes them.
     fn record_device_tree(&mut self, pose: Pose) -> Result<bool, PipelineError> {
         let moved = self.record_positions(pose)?;
-        let generation = match &self.trees.current {
-            None => FIRST,
-            Some(tree) if moved => Generation(tree.generation.0 + 1),
-            Some(_) => return Ok(moved),
-        };
-        self.backend.rebuild(generation)?;
+        if self.trees.current.is_some() && !moved {
+            return Ok(false);
+        }
+        self.trees.newest.0 += 1;
+        let request = self.request(self.trees.newest, pose);
+        self.backend.rebuild(request.generation)?;
         self.recording.record.tree.adopted = true;
-        self.trees.current = Some(CurrentTree {
-            generation,
-            frame: self.recording.number,
-            pose,
-            target_time: f64::NAN,
-            cost: 0.0,
-        });
+        self.trees.current = Some(CurrentTree { request, cost: 0.0 });
         Ok(true)
     }
 }

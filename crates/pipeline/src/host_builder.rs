@@ -2,7 +2,7 @@
 //! rendered.
 
 use crate::builder_thread::{BuildResult, BuilderThread, BuilderThreads};
-use crate::tree_builder::{Built, Job, TreeBuilder};
+use crate::tree_builder::{BuildInput, Built, TreeBuilder};
 use backend::TreeFormat;
 use bvh_build::Cancel;
 use bvh_layout::Topology;
@@ -29,8 +29,8 @@ impl HostBuilder {
         let thread = {
             let (animation, builder) = (Arc::clone(animation), Arc::clone(&builder));
             let threads = threads.clone();
-            BuilderThread::new(move |job, cancel| {
-                threads.build(&builder, |builder| builder.execute(&animation, job, cancel))
+            BuilderThread::new(move |input, cancel| {
+                threads.build(&builder, |builder| builder.build(&animation, input, cancel))
             })
         };
         Self {
@@ -42,10 +42,10 @@ impl HostBuilder {
     }
 
     /// Builds a tree while the caller waits.
-    pub(crate) fn build_now(&self, job: Job) -> BuildResult<Built> {
+    pub(crate) fn build_now(&self, input: BuildInput) -> BuildResult<Built> {
         let animation = &self.animation;
         self.threads.build(&self.builder, |builder| {
-            builder.execute(animation, job, &Cancel::new())
+            builder.build(animation, input, &Cancel::new())
         })
     }
 

@@ -197,34 +197,24 @@ mod tests {
     }
 
     #[test]
-    fn predicts_middle_of_tree_use() {
-        let mut f = watching([0.0, 100.0], None, &[0.0, 0.5, 1.0]);
-        assert_eq!(f.target_time(), 1.0);
-        f.observe_latency(4, BuildStrategy::Scratch);
-        // The tree is adopted after 4 frames and used for frames 4 to 7 from now.
-        assert_eq!(f.target_time(), 1.0 + 5.5 * 0.5);
-        assert_eq!(f.swept_times(), [1.0 + 4.75 * 0.5, 1.0 + 6.25 * 0.5]);
-        // The mean latency is 6: the tree is used for frames 6 to 11.
-        f.observe_latency(8, BuildStrategy::Scratch);
-        assert_eq!(f.target_time(), 1.0 + 8.5 * 0.5);
-    }
-
-    #[test]
     fn latency_is_tracked_per_strategy() {
-        let mut f = watching([0.0, 1000.0], None, &[0.0, 1.0]);
+        let mut f = watching([0.0, 1000.0], None, &[0.0, 0.5]);
+        let at = |frames: f64| 0.5 + 0.5 * frames;
         f.observe_latency(40, BuildStrategy::Scratch);
-        assert_eq!(f.target_time(), 1.0 + 40.0 + 19.5);
+        // The tree is adopted after 40 frames and used for frames 40 to 79 from now.
+        assert_eq!(f.target_time(), at(40.0 + 19.5));
+        assert_eq!(f.swept_times(), [at(40.0 + 9.75), at(40.0 + 29.25)]);
         // No build from subtrees was observed, so it is assumed to take half as long.
         f.next_strategy_is(BuildStrategy::Subtrees);
-        assert_eq!(f.target_time(), 1.0 + 20.0 + 9.5);
+        assert_eq!(f.target_time(), at(20.0 + 9.5));
         f.observe_latency(10, BuildStrategy::Subtrees);
-        assert_eq!(f.target_time(), 1.0 + 10.0 + 4.5);
+        assert_eq!(f.target_time(), at(10.0 + 4.5));
         f.observe_latency(20, BuildStrategy::Subtrees);
-        assert_eq!(f.target_time(), 1.0 + 15.0 + 7.0);
+        assert_eq!(f.target_time(), at(15.0 + 7.0));
         f.observe_latency(8, BuildStrategy::Subtrees);
-        assert_eq!(f.target_time(), 1.0 + 8.0 + 3.5);
+        assert_eq!(f.target_time(), at(8.0 + 3.5));
         f.next_strategy_is(BuildStrategy::Scratch);
-        assert_eq!(f.target_time(), 1.0 + 40.0 + 19.5);
+        assert_eq!(f.target_time(), at(40.0 + 19.5));
     }
 
     #[test]

@@ -8,17 +8,17 @@ mod warm_up;
 
 use backend::{Snapshot, TreeFormat};
 use bvh_build::{
-    BinaryTree, BlockSize, Boxes, BuildError, Cancel, MovedTree, SahBuilder, SubtreeRebuilder,
-    TreeCosts, sah_cost,
+    BinaryTree, BlockSize, Boxes, BuildError, Cancel, SahBuilder, SubtreeRebuilder, TreeCosts,
+    sah_cost,
 };
 use bvh_layout::{CollapseOptions, Converter, FirstVisited, Topology};
 pub(crate) use degradation::BuildStrategy;
 use degradation::DegradationMonitor;
 use extrapolation::ExtrapolationMonitor;
 use geom::{Aabb, Animation, KeyFrame, KeyFrameError, Point, Pose};
-pub(crate) use job::{BuildInput, Job, Observed};
+pub(crate) use job::{BuildInput, Observed};
 pub(crate) use pose_source::pose_between;
-use pose_source::{PoseSource, blend, store};
+use pose_source::{PoseSource, RUN, blend, store};
 use rayon::prelude::*;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -93,29 +93,9 @@ impl TreeBuilder {
         self.spare = spare;
     }
 
-    /// Sets the common end point of the rays that later trees are ordered for. See [`SahBuilder::toward`].
-    pub(crate) fn order_toward(&mut self, toward: Option<Point>) {
-        self.builder.toward = toward;
-    }
-
     /// Restores the tree before the last one, because the last one was never used.
     pub(crate) fn revert(&mut self) {
         std::mem::swap(&mut self.tree, &mut self.last);
-    }
-
-    /// Builds a tree for a job. See [`TreeBuilder::build`].
-    pub(crate) fn execute(
-        &mut self,
-        animation: &Animation,
-        job: Job,
-        cancel: &Cancel,
-    ) -> Result<Built, BuildError> {
-        self.order_toward(job.toward);
-        let built = self.build(animation, job.input, cancel)?;
-        if let Some(write) = job.writer {
-            write(&built.topology);
-        }
-        Ok(built)
     }
 
     /// Copies observed positions into the builder's own key frames.
@@ -142,6 +122,7 @@ impl TreeBuilder {
         cancel: &Cancel,
     ) -> Result<Built, BuildError> {
         let started = Instant::now();
+        self.builder.toward = input.toward;
         let times = input.observed.as_ref().map(|observed| observed.times);
         let observed = input.observed.take().map(|seen| self.store(seen));
         let source = &PoseSource {
@@ -171,6 +152,9 @@ impl TreeBuilder {
         let topology = self.convert(animation);
         std::mem::swap(&mut self.tree, &mut self.last);
         let ended = Instant::now();
+        if let Some(write) = input.writer {
+            write(&topology);
+        }
         Ok(Built {
             topology,
             cost,
@@ -244,13 +228,9 @@ impl TreeBuilder {
         cancel: &Cancel,
     ) -> Result<TreeCosts, BuildError> {
         let positions = source.positions(vertices, &mut self.positions)?;
-        let previous = MovedTree {
-            tree: &self.last,
-            boxes: &source.boxes(positions),
-        };
-        let tree = writable(&mut self.tree);
+        let (boxes, tree) = (source.boxes(positions), writable(&mut self.tree));
         self.subtree_rebuilder
-            .build(&mut self.builder, previous, cancel, tree)
+            .build(&mut self.builder, &self.last, &boxes, cancel, tree)
     }
 
     /// Returns the costs of the last and the new tree with the current boxes.
@@ -267,7 +247,9 @@ impl TreeBuilder {
     ) -> Result<(), KeyFrameError> {
         self.compute_boxes(source, &Vertices::AtPose(a))?;
         blend(&source.at(b)?, &mut self.positions);
-        grow(&mut self.boxes, &source.boxes(&self.positions));
+        let boxes = source.boxes(&self.positions);
+        let each = self.boxes.par_iter_mut().with_min_len(RUN).enumerate();
+        each.for_each(|(triangle, to)| *to = to.union(boxes.get(triangle as u32)));
         Ok(())
     }
 
@@ -277,8 +259,10 @@ impl TreeBuilder {
         source: &PoseSource<'_>,
         vertices: &Vertices,
     ) -> Result<(), KeyFrameError> {
-        let positions = source.positions(vertices, &mut self.positions)?;
-        fill(&mut self.boxes, &source.boxes(positions));
+        let boxes = source.boxes(source.positions(vertices, &mut self.positions)?);
+        let triangles = (0..boxes.triangle_count() as u32).into_par_iter();
+        let all = triangles.with_min_len(RUN).map(|t| boxes.get(t));
+        all.collect_into_vec(&mut self.boxes);
         Ok(())
     }
 
@@ -293,11 +277,8 @@ impl TreeBuilder {
             self.builder.build(boxes, cancel, tree)?;
             return Ok(None);
         }
-        let previous = MovedTree {
-            tree: &self.last,
-            boxes,
-        };
-        let costs = (self.subtree_rebuilder).build(&mut self.builder, previous, cancel, tree)?;
+        let costs =
+            (self.subtree_rebuilder).build(&mut self.builder, &self.last, boxes, cancel, tree)?;
         Ok(Some(costs))
     }
 
@@ -332,24 +313,6 @@ fn writable(tree: &mut Arc<BinaryTree>) -> &mut BinaryTree {
         *tree = Arc::default();
     }
     Arc::make_mut(tree)
-}
-
-/// Extends each triangle's box to contain its box in `from`.
-fn grow<B: Boxes>(boxes: &mut [Aabb], from: &B) {
-    boxes
-        .par_iter_mut()
-        .with_min_len(1 << 12)
-        .zip(0..from.triangle_count() as u32)
-        .for_each(|(to, triangle)| *to = to.union(from.get(triangle)));
-}
-
-/// Writes one box per triangle, in triangle order.
-fn fill<B: Boxes>(boxes: &mut Vec<Aabb>, from: &B) {
-    (0..from.triangle_count() as u32)
-        .into_par_iter()
-        .with_min_len(1 << 12)
-        .map(|triangle| from.get(triangle))
-        .collect_into_vec(boxes);
 }
 
 #[cfg(test)]

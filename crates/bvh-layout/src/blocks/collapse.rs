@@ -175,7 +175,7 @@ impl CostedTree<'_> {
             if opened.lanes[lane].leaves == 1 {
                 lane += 1;
             } else {
-                opened.open(lane, self.children(opened.lanes[lane]));
+                opened.open(lane, self.tree.children(opened.lanes[lane]));
             }
         }
         opened

@@ -11,7 +11,7 @@ pub(super) type Costs = [f32; LANES - 1];
 
 /// A binary tree, and the costs of its subtrees after collapsing.
 pub(super) struct CostedTree<'a> {
-    tree: &'a BinaryTree,
+    pub(super) tree: &'a BinaryTree,
     /// Box of each inner node. Empty if areas are unknown.
     bounds: Vec<Aabb>,
     /// Reciprocal of the root's half area, if areas are known.
@@ -78,13 +78,9 @@ impl<'a> CostedTree<'a> {
         }
     }
 
-    pub(super) fn children(&self, inner: Subtree) -> [Subtree; 2] {
-        self.tree.children(inner)
-    }
-
     /// Returns both children. The one to visit first comes last, since traversal visits later lanes first.
     pub(super) fn children_in_lane_order(&self, inner: Subtree) -> [Subtree; 2] {
-        let [left, right] = self.children(inner);
+        let [left, right] = self.tree.children(inner);
         // A leaf's area is not stored: its `None` is less than any area.
         let known = |child: Subtree| (child.leaves > 1).then(|| self.area(child));
         let has_order = self.first_visited == FirstVisited::Larger && self.over_root.is_some();

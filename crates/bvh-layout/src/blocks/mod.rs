@@ -96,7 +96,7 @@ impl Block {
     };
 }
 
-/// Reference to a node or to a block. Backends also use it for the leaves of a binary tree, in place of blocks.
+/// Reference to a node or to a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(transparent)]
 pub struct Link(u32);
@@ -136,12 +136,6 @@ impl Link {
     #[inline(always)]
     pub const fn is_block(self) -> bool {
         self.0 & Self::BLOCK != 0
-    }
-
-    /// Returns whether this links to a node other than the root.
-    #[inline(always)]
-    pub fn is_inner(self) -> bool {
-        !self.is_block() && self != Self::NONE
     }
 
     /// Returns the index of the node or of the block.

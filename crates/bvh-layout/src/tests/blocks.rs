@@ -1,15 +1,18 @@
 //! Tests of the eight-wide form, read back lane by lane.
 
-use super::{random_tree, scene_triangle_count, shapes};
+use super::{random_tree, scene_triangle_count};
 use crate::{Block, BlockTree, CollapseOptions, FirstVisited, LANES, Link};
 use bvh_build::{BinaryTree, Subtree};
 use geom::Aabb;
 
-/// Returns triangles without common vertices, so that a vertex identifies its triangle.
-fn triangles(n: usize) -> Vec<[u32; 3]> {
-    (0..n as u32)
-        .map(|i| [3 * i, 3 * i + 1, 3 * i + 2])
-        .collect()
+/// Collapses a tree over triangles without common vertices, so that a vertex identifies its triangle.
+fn collapsed(tree: &BinaryTree, boxes: &[Aabb], first_visited: FirstVisited) -> BlockTree {
+    let triangles = (0..scene_triangle_count(tree) as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]);
+    let options = CollapseOptions {
+        boxes,
+        first_visited,
+    };
+    BlockTree::of(tree, &triangles.collect::<Vec<_>>(), options)
 }
 
 /// Appends the triangles below a node to `out`, depth first, last lane first.
@@ -53,8 +56,7 @@ fn triangles_of(block: &Block, out: &mut Vec<u32>) {
 }
 
 pub(super) fn check(binary: &BinaryTree) {
-    let triangles = triangles(scene_triangle_count(binary));
-    let tree = BlockTree::of(binary, &triangles, CollapseOptions::default());
+    let tree = collapsed(binary, &[], FirstVisited::Left);
     let mut found = Vec::new();
     let mut seen = vec![0; tree.nodes.len()];
     if binary.leaf_count() > 0 {
@@ -70,17 +72,8 @@ pub(super) fn check(binary: &BinaryTree) {
 }
 
 #[test]
-fn triangles_and_nodes_appear_once() {
-    for tree in shapes().iter().chain(&[random_tree(20_000, 5)]) {
-        check(tree);
-    }
-}
-
-#[test]
 fn large_trees_fill_nodes_and_blocks() {
-    let tree = random_tree(20_000, 5);
-    let corners = triangles(scene_triangle_count(&tree));
-    let wide = BlockTree::of(&tree, &corners, CollapseOptions::default());
+    let wide = collapsed(&random_tree(20_000, 5), &[], FirstVisited::Left);
     let upper = &wide.nodes[wide.levels[1].clone()];
     assert!(upper.iter().all(|node| !node.links.contains(&Link::NONE)));
     assert!(wide.blocks.len() * 4 < 20_000);
@@ -99,7 +92,6 @@ fn boxes(n: usize, large: u32) -> Vec<Aabb> {
 fn known_areas_move_large_triangles_up() {
     // Only the nodes above one large triangle differ in area.
     let tree = random_tree(20_000, 5);
-    let corners = triangles(scene_triangle_count(&tree));
     let large = tree.order()[7];
     let boxes = boxes(scene_triangle_count(&tree), large);
     let depth = |wide: &BlockTree| {
@@ -109,14 +101,9 @@ fn known_areas_move_large_triangles_up() {
         let mut levels = wide.levels.iter();
         levels.position(|level| level.contains(&node)).unwrap()
     };
-    let [by_size, by_area] = [&[][..], &boxes].map(|boxes| {
-        let options = CollapseOptions {
-            boxes,
-            first_visited: FirstVisited::Larger,
-        };
-        BlockTree::of(&tree, &corners, options)
-    });
-    assert!(depth(&by_area) < depth(&by_size));
+    let [by_size, by_area] =
+        [&[][..], &boxes].map(|boxes| depth(&collapsed(&tree, boxes, FirstVisited::Larger)));
+    assert!(by_area < by_size);
 }
 
 /// Returns the block that a traversal reaches first.
@@ -135,16 +122,11 @@ fn visits_larger_or_left_subtree_first() {
     let order = tree.order();
     for large in [order[0], order[9_000], order[19_999]] {
         let boxes = boxes(scene_triangle_count(&tree), large);
-        let corners = triangles(scene_triangle_count(&tree));
         for (first_visited, found) in [
             (FirstVisited::Larger, large),
             (FirstVisited::Left, order[0]),
         ] {
-            let options = CollapseOptions {
-                boxes: &boxes,
-                first_visited,
-            };
-            let wide = BlockTree::of(&tree, &corners, options);
+            let wide = collapsed(&tree, &boxes, first_visited);
             let visited = asked_first(&wide).triangles;
             assert!(visited.contains(&found), "{large} {first_visited:?}");
         }
@@ -216,11 +198,7 @@ fn wide_nodes_have_minimal_area() {
             Aabb { min, max }
         };
         let boxes: Vec<_> = (0..scene_triangle_count(&tree)).map(bounds).collect();
-        let options = CollapseOptions {
-            boxes: &boxes,
-            first_visited: FirstVisited::Left,
-        };
-        let wide = BlockTree::of(&tree, &triangles(boxes.len()), options);
+        let wide = collapsed(&tree, &boxes, FirstVisited::Left);
         let (_, found) = areas_below(&wide, Link::ROOT, &boxes);
         let all = AllForms {
             tree: &tree,

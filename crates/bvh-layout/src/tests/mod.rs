@@ -78,6 +78,14 @@ pub(crate) fn shapes() -> Vec<BinaryTree> {
     all
 }
 
+#[test]
+fn all_forms_represent_every_shape() {
+    for tree in shapes().iter().chain(&[random_tree(20_000, 5)]) {
+        treelets::check(tree);
+        blocks::check(tree);
+    }
+}
+
 proptest! {
     #[test]
     fn all_forms_represent_random_trees(leaves in 0..1_500_usize, seed: u64, is_deep: bool) {

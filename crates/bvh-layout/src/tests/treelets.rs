@@ -1,6 +1,6 @@
 //! Tests of treelets, read back node by node.
 
-use super::{chain, random_tree, shapes};
+use super::{chain, random_tree};
 use crate::{Treelet, Treelets};
 use bvh_build::BinaryTree;
 use std::collections::BTreeMap;
@@ -145,13 +145,6 @@ fn check_parents(treelets: &Treelets) {
     }
     let orphans = all.filter(|(_, t)| t.parent == Treelet::NONE).count();
     assert_eq!(orphans, usize::from(treelets.treelet_count() > 0));
-}
-
-#[test]
-fn treelets_represent_the_tree() {
-    for tree in shapes() {
-        check(&tree);
-    }
 }
 
 #[test]

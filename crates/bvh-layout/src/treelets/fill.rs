@@ -16,7 +16,7 @@ const HEIGHT_AT: u32 = 26;
 pub(super) type Places = [AtomicU32];
 
 /// The inputs of one treelet, and its part of the output.
-struct Task<'a> {
+struct Task<'a, 's> {
     number: u32,
     left_leaves: &'a [u32],
     /// Index in the whole tree of each inner node of the level; `None` on the lowest level, where the indices are
@@ -29,7 +29,7 @@ struct Task<'a> {
     triangles: &'a mut [u32],
     order: &'a [u32],
     /// Output for inner nodes, with one word for each leaf of the treelet.
-    inner: &'a mut [u32],
+    inner: &'s mut [u32],
 }
 
 /// Encodes all treelets. Reuses the memory of `scratch` and `words`, whatever they contain. `places` has an entry for
@@ -53,26 +53,21 @@ pub(super) fn fill(
     words.reserve((inner_at + scratch.len()).saturating_sub(words.len()));
     words.resize(inner_at, 0);
     let body = &mut words[treelets * Treelets::ENTRY_WORDS..];
-    let (root_words, triangles) = body.split_at_mut(roots);
-    let outputs = Outputs {
-        root_words,
-        triangles,
-        inner: scratch,
-    };
-    let tasks = tasks(tree, cuts, outputs, places);
-    let found: Vec<TreeletSize> = tasks.into_par_iter().map(Task::run).collect();
-    let inner_count = found.iter().map(|size| size.inner_count).sum();
-    words.resize(inner_at + inner_count as usize, 0);
-    compact(
-        scratch,
-        leaves_of_each(cuts),
-        &found,
-        &mut words[inner_at..],
-    );
+    let tasks = tasks(tree, cuts, body, scratch, places);
+    let found: Vec<EncodedTreelet<'_>> = tasks.into_par_iter().map(Task::run).collect();
+    let inner_count: usize = found.iter().map(|treelet| treelet.inner.len()).sum();
+    words.resize(inner_at + inner_count, 0);
+    let mut rest = &mut words[inner_at..];
+    let mut copies = Vec::with_capacity(found.len());
+    for EncodedTreelet { inner, .. } in &found {
+        copies.push((take(&mut rest, inner.len()), *inner));
+    }
+    let each = copies.into_par_iter().with_min_len(64);
+    each.for_each(|(to, from)| to.copy_from_slice(from));
     let mut made = Treelets {
         words,
         leaf_count: leaves as u32,
-        inner_count,
+        inner_count: inner_count as u32,
         root_count: roots as u32,
         ..Treelets::default()
     };
@@ -80,59 +75,34 @@ pub(super) fn fill(
     made
 }
 
-fn leaves_of_each(cuts: &[Cut]) -> impl Iterator<Item = usize> {
-    cuts.iter()
-        .flat_map(|cut| cut.treelets.iter().map(|t| cut.leaves(t).len()))
-}
-
-/// Copies the inner nodes of all treelets to `inner`. In `scratch`, each treelet has one entry for each leaf.
-fn compact(
-    mut scratch: &[u32],
-    leaves: impl Iterator<Item = usize>,
-    found: &[TreeletSize],
-    mut inner: &mut [u32],
-) {
-    let mut moves = Vec::with_capacity(found.len());
-    for (size, leaves) in found.iter().zip(leaves) {
-        let from = scratch.split_off(..leaves).expect("one word for each leaf");
-        moves.push((take(&mut inner, size.inner_count as usize), from));
-    }
-    let each = moves.into_par_iter().with_min_len(64);
-    each.for_each(|(to, from)| to.copy_from_slice(&from[..to.len()]));
-}
-
-/// Memory that the tasks of all treelets fill.
-struct Outputs<'a> {
-    root_words: &'a mut [u32],
-    triangles: &'a mut [u32],
-    /// Inner nodes, one entry for each leaf.
-    inner: &'a mut [u32],
-}
-
-/// Splits the outputs into one part per treelet.
-fn tasks<'a>(
+/// Splits the outputs into one part per treelet. `body` holds the roots, then the triangles. `inner` has one word for
+/// each leaf of each level.
+fn tasks<'a, 's>(
     tree: &'a BinaryTree,
     cuts: &'a [Cut],
-    mut outputs: Outputs<'a>,
+    body: &'a mut [u32],
+    mut inner: &'s mut [u32],
     places: &'a Places,
-) -> Vec<Task<'a>> {
+) -> Vec<Task<'a, 's>> {
+    let roots = body.len() - tree.order().len();
+    let (mut root_words, mut triangles) = body.split_at_mut(roots);
     let (mut left_leaves, mut whole_tree_indices) = (tree.left_leaves(), None);
     let mut tasks = Vec::new();
     for cut in cuts {
         for treelet in &cut.treelets {
             let leaves = cut.leaves(treelet);
             // The lowest level takes all triangles, so none are left for the others.
-            let own = leaves.len().min(outputs.triangles.len());
+            let own = leaves.len().min(triangles.len());
             tasks.push(Task {
                 number: tasks.len() as u32,
                 left_leaves,
                 whole_tree_indices,
                 places,
                 roots: &cut.roots[treelet.clone()],
-                root_words: take(&mut outputs.root_words, treelet.len()),
-                triangles: take(&mut outputs.triangles, own),
+                root_words: take(&mut root_words, treelet.len()),
+                triangles: take(&mut triangles, own),
                 order: tree.order().get(leaves.clone()).unwrap_or_default(),
-                inner: take(&mut outputs.inner, leaves.len()),
+                inner: take(&mut inner, leaves.len()),
             });
         }
         (left_leaves, whole_tree_indices) = (&cut.above, Some(&cut.whole_tree_indices[..]));
@@ -145,9 +115,9 @@ fn take<'a>(from: &mut &'a mut [u32], count: usize) -> &'a mut [u32] {
     part.expect("enough words for all tasks")
 }
 
-#[derive(Clone, Copy)]
-struct TreeletSize {
-    inner_count: u32,
+struct EncodedTreelet<'s> {
+    /// Inner nodes, sorted by height.
+    inner: &'s [u32],
     height: u32,
 }
 
@@ -159,9 +129,9 @@ struct TreeletNodes {
     of_height: [u32; MAX_DEPTH as usize],
 }
 
-impl Task<'_> {
-    /// Encodes the treelet, with inner nodes sorted by height.
-    fn run(mut self) -> TreeletSize {
+impl<'s> Task<'_, 's> {
+    /// Encodes the treelet.
+    fn run(mut self) -> EncodedTreelet<'s> {
         let own = self.triangles.len();
         self.triangles.copy_from_slice(&self.order[..own]);
         let mut inner = TreeletNodes {
@@ -175,9 +145,10 @@ impl Task<'_> {
             self.root_words[i] = reference;
             height = its_height.max(height);
         }
-        inner.sort_into(self.inner);
-        TreeletSize {
-            inner_count: inner.count,
+        let words = &mut self.inner[..inner.count as usize];
+        inner.sort_into(words);
+        EncodedTreelet {
+            inner: words,
             height,
         }
     }
@@ -230,7 +201,7 @@ impl TreeletNodes {
 
 impl Treelets {
     /// Writes the table of treelets and the ranges of all levels. Inner nodes begin at word `inner_at`.
-    fn finish(&mut self, cuts: &[Cut], found: &[TreeletSize], inner_at: usize) {
+    fn finish(&mut self, cuts: &[Cut], found: &[EncodedTreelet<'_>], inner_at: usize) {
         // Start of the next treelet's parts.
         let mut next = Treelet {
             inner_at: inner_at as u32,
@@ -246,10 +217,7 @@ impl Treelets {
             let rows_here = next.root_row;
             for treelet in &cut.treelets {
                 let leaves = cut.leaves(treelet);
-                let TreeletSize {
-                    inner_count,
-                    height,
-                } = found[number];
+                let inner_count = found[number].inner.len() as u32;
                 let entry = Treelet {
                     first_leaf: rows_below.map_or(leaves.start as u32, |row: u32| {
                         row + 2 * leaves.start as u32
@@ -262,7 +230,7 @@ impl Treelets {
                     } else {
                         next.root_row
                     },
-                    height,
+                    height: found[number].height,
                     ..next
                 };
                 *self.entry_mut(number as u32) = entry;

@@ -4,7 +4,7 @@ mod cut;
 mod fill;
 mod wide;
 
-use crate::Moving;
+use crate::{Converter, Moving};
 use bvh_build::{BinaryTree, MAX_DEPTH};
 use bytemuck::{Pod, Zeroable};
 use cut::Cut;
@@ -108,13 +108,6 @@ impl WideTree {
     const FIRST_AT: u32 = 6;
 }
 
-/// Scratch memory of conversions: one word per triangle, and a second one for trees that may have a [`WideTree`].
-#[derive(Debug, Default)]
-pub(crate) struct Scratch {
-    pub(crate) inner: Vec<u32>,
-    pub(crate) places: Vec<AtomicU32>,
-}
-
 /// A treelet's entry in the table: twelve words, in field order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
@@ -161,11 +154,11 @@ impl Treelets {
     pub fn of(tree: &BinaryTree) -> Self {
         let is_deep = tree.depth(MAX_DEPTH) > MAX_DEPTH;
         assert!(!is_deep, "the tree is deeper than {MAX_DEPTH}");
-        Self::of_in(tree, &mut Scratch::default(), Vec::new())
+        Self::of_in(tree, &mut Converter::default(), Vec::new())
     }
 
     /// Creates the treelets of a binary tree, reusing the memory of `scratch` and of `words`.
-    pub(crate) fn of_in(tree: &BinaryTree, scratch: &mut Scratch, words: Vec<u32>) -> Self {
+    pub(crate) fn of_in(tree: &BinaryTree, scratch: &mut Converter, words: Vec<u32>) -> Self {
         if tree.leaf_count() == 0 {
             return Self::default();
         }

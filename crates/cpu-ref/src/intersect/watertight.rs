@@ -6,7 +6,8 @@
 
 use super::triangle_data::{TriangleData, TriangleHit};
 use crate::scale::{PreparedRay, flushed};
-use geom::{Point, Triangle};
+use geom::Triangle;
+use glam::Vec3;
 
 /// A ray for the test of Woop, Benthin, Wald 2013. Axes are in the order `kx, ky, kz`, and the shear aligns the ray
 /// with axis `kz`. [`TriangleData`] holds the coordinates of the three vertices, axis by axis.
@@ -36,7 +37,8 @@ impl Watertight {
 
     pub(crate) fn new(ray: &PreparedRay) -> Self {
         let d = ray.direction;
-        let kz = main_axis(d);
+        // The axis of the largest component, the first of equals.
+        let kz = Vec3::from_array(d).abs().max_position();
         let axes = [(kz + 1) % 3, (kz + 2) % 3, kz];
         let [dx, dy, dz] = axes.map(|k| d[k]);
         Self {
@@ -93,18 +95,6 @@ impl Sheared {
             let (p, q) = ((i + 2) % 3, (i + 1) % 3);
             x[p] * y[q] - y[p] * x[q]
         })
-    }
-}
-
-/// Returns `kz`: the axis of the largest component, the first of equals.
-fn main_axis(direction: Point) -> usize {
-    let [x, y, z] = direction.map(f32::abs);
-    if x >= y && x >= z {
-        0
-    } else if y >= z {
-        1
-    } else {
-        2
     }
 }
 

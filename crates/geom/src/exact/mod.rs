@@ -49,18 +49,21 @@ impl ExactRay {
     /// The rounded [`t`](ExactDistance::t) is within the ray's open interval. So a ray that continues from a reported
     /// `t` never hits the same triangle again. The ray must be [valid](Ray::is_valid) and the corners finite.
     pub fn intersect(&self, corners: &Triangle) -> Option<ExactDistance> {
-        let distance = self.intersect_if(corners, passes_within)?;
+        self.in_interval(self.intersect_if(corners, passes_within)?)
+    }
+
+    fn in_interval(&self, distance: ExactDistance) -> Option<ExactDistance> {
         let t = distance.t();
         (self.ray.t_min < t && t < self.ray.t_max).then_some(distance)
     }
 
-    /// Returns the intersection of a perturbed line with the triangle, at any `t`.
+    /// Returns the intersection of the perturbed ray with the triangle. The ray's interval applies to the rounded `t`.
     ///
     /// The ray's origin is moved by `(e, e^2, e^3)` for an infinitesimal `e`, which is the same for all triangles
     /// (simulation of simplicity: Edelsbrunner, Mücke 1990). So the line never meets an edge or a vertex, where a
     /// closed surface could otherwise have no intersection or two.
     pub fn intersect_perturbed(&self, corners: &Triangle) -> Option<ExactDistance> {
-        self.intersect_if(corners, moved_passes_within)
+        self.in_interval(self.intersect_if(corners, moved_passes_within)?)
     }
 
     fn intersect_if(
@@ -236,14 +239,21 @@ mod tests {
 
     const UNIT: Triangle = [[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]];
 
+    pub(super) fn unscaled(ray: Ray) -> ExactRay {
+        ExactRay {
+            ray,
+            corner_shift: 0,
+        }
+    }
+
+    pub(super) fn point() -> impl Strategy<Value = Point> {
+        [-1e3_f32..1e3, -1e3_f32..1e3, -1e3_f32..1e3]
+    }
+
     #[test]
     fn double_precision_detects_only_clear_misses() {
         let misses = |x, y| {
-            let ray = Ray::new([x, y, 0.0], [0.0, 0.0, 0.5]);
-            let line = ExactRay {
-                ray,
-                corner_shift: 0,
-            };
+            let line = unscaled(Ray::new([x, y, 0.0], [0.0, 0.0, 0.5]));
             certainly_misses(&line, &UNIT)
         };
         for (x, y) in [(-0.001, 0.5), (0.501, 0.5), (3.0, -1.0), (1e6, 0.1)] {
@@ -269,10 +279,7 @@ mod tests {
             for direction in [[0.0, 0.0, -1.0], [0.25, 0.0, -1.0], [-0.5, 0.25, -2.0]] {
                 let height = 0.5 * x * y;
                 let origin = [x - direction[0], y - direction[1], height - direction[2]];
-                let line = ExactRay {
-                    ray: Ray::new(origin, direction),
-                    corner_shift: 0,
-                };
+                let line = unscaled(Ray::new(origin, direction));
                 let moved = fan
                     .iter()
                     .filter(|t| line.intersect_perturbed(t).is_some())
@@ -289,19 +296,11 @@ mod tests {
         for e in [-140, -60, 0, 60, 120] {
             let s = 2.0_f64.powi(e) as f32;
             let corners = UNIT.map(|p| p.map(|x| x * s));
-            let ray = Ray::new([0.25 * s, 0.5 * s, 0.0], [0.0, 0.0, -3.0]);
-            let line = ExactRay {
-                ray,
-                corner_shift: 0,
-            };
+            let line = unscaled(Ray::new([0.25 * s, 0.5 * s, 0.0], [0.0, 0.0, -3.0]));
             assert_eq!(line.weights(&corners), [0.25, 0.5], "2^{e}");
             let turned = [corners[2], corners[0], corners[1]];
             assert_eq!(line.weights(&turned), [0.25, 0.25], "2^{e}");
         }
-    }
-
-    fn point() -> impl Strategy<Value = Point> {
-        [-1e3_f32..1e3, -1e3_f32..1e3, -1e3_f32..1e3]
     }
 
     proptest! {
@@ -313,7 +312,7 @@ mod tests {
             let at: Point = std::array::from_fn(|i| corners[0][i] + [0.0, w, 1.0, -0.001][aim] * (corners[1][i] - corners[0][i]));
             let origin: Point = std::array::from_fn(|i| origin[i] * (far as f32).exp2());
             let direction: Point = std::array::from_fn(|i| (at[i] - origin[i]) * (e as f32).exp2());
-            let line = ExactRay { ray: Ray::new(origin, direction), corner_shift: 0 };
+            let line = unscaled(Ray::new(origin, direction));
             prop_assume!(line.ray.is_valid());
             let (direction, [a, b, c], _) = line.integers(&corners);
             let within = passes_within(&direction, [&a, &b, &c]);

@@ -103,6 +103,7 @@ fn quotient(n: WithError, d: WithError) -> Option<f32> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::tests::{point, unscaled};
     use super::*;
     use crate::Ray;
     use proptest::prelude::*;
@@ -115,10 +116,7 @@ mod tests {
             [0.002, -0.004, 0.0],
         ];
         let ray = Ray::new([0.004, -0.006, -0.006], [-0.0050000004, 0.005, 0.01]);
-        let line = ExactRay {
-            ray,
-            corner_shift: 0,
-        };
+        let line = unscaled(ray);
         let hit = line.rounded(&corners).unwrap();
         // In single precision, `t` is 0.3, and clamping to the own box yields 0.39999816.
         assert_eq!(hit.t, 0.5);
@@ -131,21 +129,13 @@ mod tests {
         let corners = [[0.1, 0.2, 1.0], [1.3, 0.1, 1.2], [0.2, 1.7, 0.9]];
         let random = |i: u32| (i as f32 * 0.618).fract() - 0.5;
         let count = (0..1000).filter(|&i| {
-            let ray = Ray::new(
+            let line = unscaled(Ray::new(
                 [random(i), random(3 * i + 1), -7.0],
                 [0.1 * random(7 * i), 0.05, 1.1],
-            );
-            let line = ExactRay {
-                ray,
-                corner_shift: 0,
-            };
+            ));
             line.rounded(&corners).is_none() || line.try_rounded(&corners).is_some()
         });
         assert!(count.count() > 990);
-    }
-
-    fn point() -> impl Strategy<Value = Point> {
-        [-1e3_f32..1e3, -1e3_f32..1e3, -1e3_f32..1e3]
     }
 
     proptest! {

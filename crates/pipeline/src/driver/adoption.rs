@@ -1,58 +1,31 @@
 //! The rule by which finished trees are adopted or rejected. It is the same for all sources of vertices. The section
 //! *Adoption* of `docs/design/trees.md` states it.
 
+use super::DriverOptions;
 use super::next_tree::{CandidateTree, Evaluation, Event, Verdict};
 use crate::latency::LatencyPredictor;
-use backend::{FrameReport, Policy};
-use geom::Pose;
+use backend::FrameReport;
 
-/// How a policy adopts trees.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct AdoptionRule {
-    /// Whether a tree is adopted only if it costs less than the current one.
-    pub(super) by_cost: bool,
-    /// Whether trees may be built for a future time. In lockstep, they are only if the key frames are known.
-    pub(super) builds_ahead: bool,
-}
-
-impl AdoptionRule {
-    /// Returns the rule of a policy. `predict` is [`DriverOptions::predict`](super::DriverOptions::predict).
-    pub(super) fn of(policy: Policy, predict: bool) -> Self {
-        Self {
-            by_cost: policy.adopts_by_cost(),
-            builds_ahead: predict && !policy.waits_for_tree(),
-        }
-    }
-
+impl DriverOptions {
     /// Decides about a tree that is on the device. `current` is the target time of the current tree, or NaN if there is
     /// none. Returns `None` if the tree keeps waiting.
     pub(super) fn review(
-        self,
+        &self,
         tree: &CandidateTree,
         current: f64,
         predictor: &LatencyPredictor,
     ) -> Option<Event> {
         let target = tree.request.target_time;
-        if !self.by_cost {
+        if !self.update.adopts_by_cost() {
             return Some(Event::Admitted);
         }
-        if self.builds_ahead && !predictor.is_new_target_nearer(current, target) {
+        if self.builds_ahead() && !predictor.is_new_target_nearer(current, target) {
             return predictor
                 .newer_tree_arrives_first(current, target)
                 .then_some(Event::Superseded);
         }
         let is_due = predictor.should_evaluate(target, tree.costlier_distance);
         is_due.then_some(Event::BecameDue)
-    }
-
-    /// Returns the evaluation of a tree in frame `frame`, whose positions are at `pose`.
-    pub(super) fn evaluation(self, frame: u64, pose: Pose, distance: Option<f64>) -> Evaluation {
-        Evaluation {
-            ticket: None,
-            frame,
-            pose,
-            approach: distance.filter(|_| self.builds_ahead),
-        }
     }
 }
 
@@ -75,6 +48,7 @@ impl Verdict {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use geom::Pose;
 
     #[test]
     fn accepts_lower_costs_and_waits_for_targets() {
@@ -84,8 +58,12 @@ mod tests {
                 sah_cost,
                 ..FrameReport::default()
             };
-            let rule = AdoptionRule::of(Policy::Async, true);
-            let evaluation = rule.evaluation(0, Pose::default(), approach);
+            let evaluation = Evaluation {
+                ticket: None,
+                frame: 0,
+                pose: Pose::default(),
+                approach,
+            };
             Verdict::of(&report, &evaluation)
         };
         let accept = |cost_ratio| Verdict::Accept { cost_ratio };

@@ -12,6 +12,9 @@ pub(super) struct Request {
     pub(super) frame: u64,
     /// Time of the requesting frame, in key frames.
     pub(super) time: f64,
+    /// Time of the second observed frame if there is one, else `time`. It becomes the target time if the build gives up
+    /// extrapolation.
+    pub(super) last_time: f64,
     /// Pose that the tree is requested for.
     pub(super) pose: Pose,
     /// Middle of the expected time of use, in key frames.
@@ -26,17 +29,8 @@ pub(super) struct Request {
 pub(super) struct Observation {
     /// Positions of the requesting frame, until those of the second frame arrive.
     pub(super) first: Option<Snapshot>,
-    /// The second frame; `None` before it begins.
-    pub(super) second: Option<SecondFrame>,
-}
-
-/// The second frame of an observation.
-#[derive(Clone, Copy)]
-pub(super) struct SecondFrame {
-    /// Number of frames begun before it.
-    pub(super) number: u64,
-    /// Its time, in key frames.
-    pub(super) time: f64,
+    /// Number of frames begun before the second frame; `None` before it begins.
+    pub(super) second: Option<u64>,
 }
 
 /// A finished tree that is neither adopted nor rejected yet.
@@ -101,12 +95,7 @@ pub(super) enum NextTreeState {
     /// The tree waits for its vertices.
     Requested(Request, Observation),
     /// The builder thread builds the tree.
-    Building {
-        request: Request,
-        /// Time of the requesting frame, or of the second observed frame if there is one, in key frames. It becomes the
-        /// target time if the build gives up extrapolation.
-        last_time: f64,
-    },
+    Building(Request),
     /// The tree is finished. It is being uploaded, or waits until its target time is near enough.
     Waiting(CandidateTree),
     /// The next frame evaluates the tree.
@@ -125,10 +114,7 @@ pub(super) enum Event {
     /// A frame requests a tree.
     Requested(Request),
     /// The builder thread received the vertices.
-    BuildStarted {
-        /// Time of the requesting frame, or of the second observed frame if there is one, in key frames.
-        last_time: f64,
-    },
+    BuildStarted,
     BuildFinished(Built),
     BuildFailed,
     /// The tree is adopted without an evaluation.
@@ -154,23 +140,16 @@ impl NextTreeState {
             (Self::Idle, Event::Requested(request)) => {
                 Self::Requested(request, Observation::default())
             }
-            (Self::Requested(request, _), Event::BuildStarted { last_time }) => {
-                Self::Building { request, last_time }
-            }
-            (
-                Self::Building {
-                    mut request,
-                    last_time,
-                },
-                Event::BuildFinished(built),
-            ) => {
+            (Self::Requested(request, _), Event::BuildStarted) => Self::Building(request),
+            (Self::Building(mut request), Event::BuildFinished(built)) => {
                 if built.gave_up_extrapolation {
-                    request.target_time = last_time;
+                    request.target_time = request.last_time;
                 }
                 Self::Waiting(CandidateTree::new(request, built))
             }
-            (Self::Requested(..), Event::ResultsLost)
-            | (Self::Building { .. }, Event::BuildFailed) => Self::Idle,
+            (Self::Requested(..), Event::ResultsLost) | (Self::Building(_), Event::BuildFailed) => {
+                Self::Idle
+            }
             (Self::Waiting(tree), Event::BecameDue) => Self::Due(tree),
             (Self::Waiting(tree), Event::Superseded) => Self::Rejected(tree, None),
             (Self::Waiting(tree), Event::UploadFailed) => {
@@ -222,7 +201,7 @@ impl NextTreeState {
     pub(super) fn request(&self) -> Option<&Request> {
         match self {
             Self::Idle => None,
-            Self::Requested(request, _) | Self::Building { request, .. } => Some(request),
+            Self::Requested(request, _) | Self::Building(request) => Some(request),
             Self::Waiting(tree)
             | Self::Due(tree)
             | Self::Evaluating(tree, _)
@@ -263,6 +242,7 @@ mod tests {
             generation: Generation(7),
             frame: 3,
             time: 1.0,
+            last_time: OBSERVED,
             pose: Pose { key: 5, alpha: 0.0 },
             target_time: TARGET,
             swept_times: [4.0, 6.0],
@@ -287,10 +267,7 @@ mod tests {
         match letter {
             'i' => NextTreeState::Idle,
             'r' => NextTreeState::Requested(request(), Observation::default()),
-            'b' => NextTreeState::Building {
-                request: request(),
-                last_time: OBSERVED,
-            },
+            'b' => NextTreeState::Building(request()),
             'w' => NextTreeState::Waiting(tree()),
             'd' => NextTreeState::Due(tree()),
             // Its frame is being recorded.
@@ -306,7 +283,7 @@ mod tests {
         match state {
             NextTreeState::Idle => 'i',
             NextTreeState::Requested(..) => 'r',
-            NextTreeState::Building { .. } => 'b',
+            NextTreeState::Building(_) => 'b',
             NextTreeState::Waiting(_) => 'w',
             NextTreeState::Due(_) => 'd',
             NextTreeState::Evaluating(_, evaluation) if evaluation.ticket.is_none() => 'e',
@@ -322,13 +299,7 @@ mod tests {
     const STATES: &str = "irbwdesax";
     const TABLE: [Row; 14] = [
         ("requested", || Event::Requested(request()), "rrbwdesax"),
-        (
-            "started",
-            || Event::BuildStarted {
-                last_time: OBSERVED,
-            },
-            "ibbwdesax",
-        ),
+        ("started", || Event::BuildStarted, "ibbwdesax"),
         ("finished", || Event::BuildFinished(built()), "irwwdesax"),
         ("failed", || Event::BuildFailed, "iriwdesax"),
         ("admitted", || Event::Admitted, "irbaaesax"),

@@ -1,7 +1,7 @@
 //! Reads positions back from the backend, for trees that are not built from key frames.
 
 use super::Driver;
-use super::next_tree::{Event, NextTreeState, SecondFrame};
+use super::next_tree::{Event, NextTreeState};
 use crate::error::PipelineError;
 use crate::tree_builder::{BuildInput, Observed, Vertices, pose_between};
 use backend::{Query, Snapshot};
@@ -14,8 +14,8 @@ impl Driver {
     /// Returns whether a build uses the positions of two frames. In lockstep it does not, because a tree may be due
     /// before the second frame.
     fn observes_two_frames(&self) -> bool {
-        let rule = self.adoption_rule();
-        rule.by_cost && !self.knows_key_frames && rule.builds_ahead
+        let options = &self.options;
+        options.update.adopts_by_cost() && options.builds_ahead() && !self.knows_key_frames
     }
 
     /// Returns whether the range of coordinates must be measured because only the backend has the positions. The range
@@ -67,13 +67,11 @@ impl Driver {
         let number = self.recording.number;
         let is_first = request.frame == number;
         // If a frame fails before it is submitted, the next one has the same number and requests the positions again.
-        let has_second = observation
-            .second
-            .is_some_and(|second| second.number != number);
+        let has_second = observation.second.is_some_and(|second| second != number);
         let is_second = observes_two_frames && moved && !is_first && !has_second;
         if is_second {
-            let time = self.recording.record.frame.time;
-            observation.second = Some(SecondFrame { number, time });
+            observation.second = Some(number);
+            request.last_time = self.recording.record.frame.time;
         }
         is_first || is_second
     }
@@ -113,13 +111,13 @@ impl Driver {
             return;
         };
         let seen = observation.first.take().zip(observation.second);
-        let Some((earlier, second)) = seen else {
+        let Some((earlier, _)) = seen else {
             observation.first = Some(positions);
             return;
         };
         // The tree is built for this time, not for the requesting frame.
         request.pose = self.animation.pose(request.target_time);
-        let times = [request.time, second.time];
+        let times = [request.time, request.last_time];
         let at = |time| pose_between(times, time);
         let input = BuildInput {
             swept_poses: Some(request.swept_times.map(at)),

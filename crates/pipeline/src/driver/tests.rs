@@ -9,9 +9,11 @@ use crate::tree_builder::tests::{apart, row};
 use crate::tree_builder::{BuildInput, Built, TreeBuilder, Vertices};
 use backend::{QueryKind, Rays};
 use bvh_build::{BinaryTree, BuildError, Cancel};
-use fake::{Fake, Gate, Log};
+use fake::{Fake, Log};
 use geom::{Camera, CameraPose};
+use std::any::Any;
 use std::ops::Deref;
+use std::sync::mpsc::channel;
 use std::sync::{LazyLock, Mutex};
 use std::time::Duration;
 
@@ -28,10 +30,11 @@ fn shuffled(keys: usize, n: u32) -> Arc<Animation> {
 
 /// Returns a tree for one time, for rays that end at `toward`.
 fn tree_at(animation: &Animation, time: f64, toward: Option<Point>) -> Arc<BinaryTree> {
-    let mut builder = TreeBuilder::default();
-    builder.order_toward(toward);
-    let input = BuildInput::of(at(animation, time));
-    binary(builder.build(animation, input, &Cancel::new()))
+    let input = BuildInput {
+        toward,
+        ..BuildInput::of(at(animation, time))
+    };
+    binary(TreeBuilder::default().build(animation, input, &Cancel::new()))
 }
 
 fn at(animation: &Animation, time: f64) -> Vertices {
@@ -70,9 +73,10 @@ pub(super) fn query(kind: QueryKind) -> Query<'static> {
     Query { rays, kind }
 }
 
-/// Returns the log of a fake that was dropped with its driver.
-pub(super) fn read(log: Arc<Mutex<Log>>) -> Log {
-    Arc::into_inner(log).unwrap().into_inner().unwrap()
+/// Returns the log of a driver's fake.
+pub(super) fn log_of(driver: Driver) -> Log {
+    let fake: Box<dyn Any> = driver.into_backend();
+    fake.downcast::<Fake>().unwrap().log
 }
 
 /// A finished frame, and the trees that it requested, rejected and used.
@@ -103,10 +107,10 @@ fn run(keys: usize, frames: u64, update: Policy, polls: Option<u32>) -> Run {
     run_scene(&drifting(keys), frames, (update, false), polls)
 }
 
-/// Renders frames and sleeps for a millisecond after each, because the builder is a real thread and needs time.
+/// Renders frames of an animation.
 fn run_scene(animation: &Arc<Animation>, frames: u64, by: Config, polls: Option<u32>) -> Run {
-    let times = evenly(frames, animation);
-    render(Fake::new(polls), (animation, by), times, |_| 1)
+    let driver = driver(Fake::new(polls), animation, by).unwrap();
+    render(driver, evenly(frames, animation))
 }
 
 /// Returns the times of `frames` frames, evenly distributed over the animation.
@@ -115,27 +119,19 @@ fn evenly(frames: u64, animation: &Animation) -> impl Iterator<Item = f64> + use
     (0..frames).map(move |index| index as f64 * step)
 }
 
-/// Renders frames at these times, and sleeps for `rest` milliseconds after each.
-fn render(
-    fake: Fake,
-    (animation, by): (&Arc<Animation>, Config),
-    times: impl Iterator<Item = f64>,
-    rest: impl Fn(u64) -> u64,
-) -> Run {
-    let log = Arc::clone(&fake.log);
-    let mut driver = driver(fake, animation, by).unwrap();
-    let records = play(&mut driver, times, rest);
-    end(driver, log, records)
+/// Renders frames at these times and sleeps for a millisecond after each, because the builder is a real thread and needs
+/// time.
+fn render(mut driver: Driver, times: impl Iterator<Item = f64>) -> Run {
+    let records = play(&mut driver, times, |_| 1);
+    end(driver, records)
 }
 
-/// Drops the driver with its fake.
-fn end(driver: Driver, log: Arc<Mutex<Log>>, records: Vec<PlayedFrame>) -> Run {
-    let builder_started = driver.builder.thread.is_started();
-    drop(driver);
+/// Drops the driver. Returns its log with the frames.
+fn end(driver: Driver, records: Vec<PlayedFrame>) -> Run {
     Run {
         records,
-        log: read(log),
-        builder_started,
+        builder_started: driver.builder.thread.is_started(),
+        log: log_of(driver),
     }
 }
 
@@ -148,7 +144,7 @@ fn begin(driver: &mut Driver, frame: Frame) -> PlayedFrame {
         record: FrameRecord::default(),
         requested: Some(driver.trees.newest).filter(|&now| now > newest),
         rejected: is_rejected.then_some(newest),
-        built_for: driver.trees.current.as_ref().unwrap().pose,
+        built_for: driver.trees.current.as_ref().unwrap().request.pose,
     }
 }
 
@@ -158,6 +154,7 @@ fn finish(driver: &mut Driver, begun: PlayedFrame) -> PlayedFrame {
     PlayedFrame { record, ..begun }
 }
 
+/// Renders frames at these times and sleeps for `rest` milliseconds after each.
 fn play(
     driver: &mut Driver,
     times: impl Iterator<Item = f64>,
@@ -185,6 +182,25 @@ fn play(
     }
 }
 
+/// Renders frames that are `step` key frames apart, and repeats failed waits. Returns the number of failed calls.
+fn count_failures(driver: &mut Driver, frames: u64, step: f64) -> usize {
+    let (mut failures, mut outputs) = (0, FrameOutputs::default());
+    for index in 0..frames {
+        let time = index as f64 * step;
+        let begun = driver.begin(Frame { index, time }, &[query(QueryKind::Closest)]);
+        failures += usize::from(begun.is_err());
+        let finished = loop {
+            match driver.finish(OutputSelection::HITS, &mut outputs) {
+                Ok(finished) => break finished,
+                Err(_) => failures += 1,
+            }
+        };
+        assert_eq!(finished.is_some(), begun.is_ok());
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    failures
+}
+
 #[test]
 fn static_scene_needs_no_builder() {
     for update in [Policy::Rebuild, Policy::Refit, Policy::Async] {
@@ -203,40 +219,27 @@ fn frames_continue_after_a_failed_stage() {
     for failing in 0..20 {
         let fake = Fake::new(Some(0)).failing("preprocess", failing);
         let mut driver = driver(fake, &animation, (Policy::Async, false)).unwrap();
-        let mut failed = 0;
-        for index in 0..40 {
-            let time = index as f64 / 2.0;
-            let begun = driver.begin(Frame { index, time }, &[query(QueryKind::Closest)]);
-            failed += usize::from(begun.is_err());
-            if begun.is_ok() {
-                let finished =
-                    driver.finish(OutputSelection::default(), &mut FrameOutputs::default());
-                finished.unwrap();
-            }
-        }
-        assert_eq!(failed, 1);
+        assert_eq!(count_failures(&mut driver, 40, 0.5), 1);
     }
 }
 
 #[test]
 fn first_tree_gets_a_new_generation_if_its_adoption_failed() {
     let fake = Fake::new(Some(0)).failing("adopt", 0);
-    let log = Arc::clone(&fake.log);
     let mut driver = driver(fake, &drifting(9), (Policy::Refit, false)).unwrap();
     let failed = [0, 1].map(|index| {
         let time = index as f64;
         let begun = driver.begin(Frame { index, time }, &[query(QueryKind::Closest)]);
         begun.is_err()
     });
-    drop(driver);
     assert_eq!(failed, [true, false]);
-    assert_eq!(read(log).adopted, [Generation(2)]);
+    assert_eq!(log_of(driver).adopted, [Generation(2)]);
 }
 
 /// Renders 200 frames. Trees after the first may fail.
 fn play_with_failing_trees(fake: Fake, by: Config) -> Run {
     let scene = drifting(60);
-    render(fake, (&scene, by), evenly(200, &scene), |_| 1)
+    render(driver(fake, &scene, by).unwrap(), evenly(200, &scene))
 }
 
 #[test]
@@ -325,9 +328,7 @@ fn async_frames_never_wait_for_vertices() {
 
 /// Returns the trees adopted in frames at times 0 to 5, whose queries have the given kinds.
 fn trees_for(by: Config, kind: impl Fn(u64) -> QueryKind) -> Vec<Arc<BinaryTree>> {
-    let fake = Fake::new(Some(0));
-    let log = Arc::clone(&fake.log);
-    let mut driver = driver(fake, &shuffled(6, 256), by).unwrap();
+    let mut driver = driver(Fake::new(Some(0)), &shuffled(6, 256), by).unwrap();
     for index in 0..6 {
         let time = index as f64;
         driver
@@ -337,8 +338,7 @@ fn trees_for(by: Config, kind: impl Fn(u64) -> QueryKind) -> Vec<Arc<BinaryTree>
             .finish(OutputSelection::default(), &mut FrameOutputs::default())
             .unwrap();
     }
-    drop(driver);
-    read(log).adopted_trees
+    log_of(driver).adopted_trees
 }
 
 #[test]
@@ -371,23 +371,15 @@ fn trees_are_ordered_toward_requested_light() {
     }
 }
 
-/// Returns the statistics of frames whose builder is blocked until `held` more frames are rendered.
-fn beside_a_slow_builder(frames: u64, held: u64) -> Vec<PlayedFrame> {
-    let (sender, receiver) = std::sync::mpsc::channel();
-    let mut fake = Fake::new(Some(1));
-    fake.gate = Some(Arc::new(Gate {
-        frames: held,
-        rendered: Mutex::new(receiver),
-    }));
-    let (scene, by) = (drifting(200), (Policy::Async, false));
-    let rest = move |_| sender.send(()).map(|()| 1).unwrap();
-    render(fake, (&scene, by), evenly(frames, &scene), rest).records
-}
-
-/// The builder waits for 20 frames. If a frame waited for the builder too, both would wait until the gate fails.
+/// The builder waits for 20 frames. If a frame waited for the builder too, both would wait until the build fails.
 #[test]
 fn frames_continue_during_slow_builds() {
-    let records = beside_a_slow_builder(100, 20);
+    let (sender, receiver) = channel();
+    let (scene, mut fake) = (drifting(200), Fake::new(Some(1)));
+    fake.rendered = Some(Arc::new(Mutex::new(receiver)));
+    let mut driver = driver(fake, &scene, (Policy::Async, false)).unwrap();
+    let rest = move |_| sender.send(()).map(|()| 1).unwrap();
+    let records = play(&mut driver, evenly(100, &scene), rest);
     assert_eq!(records.len(), 100);
     let adopted = records[1..].iter().filter(|r| r.tree.adopted);
     let ages: Vec<u64> = adopted.map(|r| r.tree.age_frames).collect();

@@ -1,25 +1,23 @@
 //! Requests trees, passes vertices to the builder thread, and evaluates and adopts the trees that it builds.
 
 use super::Driver;
-use super::next_tree::{CandidateTree, Event, NextTreeState, Request, Verdict};
+use super::next_tree::{CandidateTree, Evaluation, Event, NextTreeState, Request, Verdict};
 use super::pause::RequestPause;
 use crate::builder_thread::BuildResult;
 use crate::error::PipelineError;
 use crate::frame::ms;
-use crate::tree_builder::{BuildInput, Built, Job, Vertices};
+use crate::tree_builder::{BuildInput, Built, Vertices};
 use backend::{FrameReport, Generation, Ticket};
 use geom::Pose;
 use std::time::Instant;
 
-/// Generation of the first frame's tree.
-pub(super) const FIRST: Generation = Generation(1);
-
 /// The trees of a driver.
+#[derive(Default)]
 pub(super) struct Trees {
     /// `None` before the first frame.
     pub(super) current: Option<CurrentTree>,
     pub(super) next: NextTreeState,
-    /// Generation of the last requested tree. Generations only increase.
+    /// Generation of the last requested tree; 0 before the first request. Generations only increase.
     pub(super) newest: Generation,
     /// Pause between requests after trees were rejected.
     pause: RequestPause,
@@ -27,27 +25,9 @@ pub(super) struct Trees {
     no_better_at: Option<Pose>,
 }
 
-impl Default for Trees {
-    fn default() -> Self {
-        Self {
-            current: None,
-            next: NextTreeState::Idle,
-            newest: FIRST,
-            pause: RequestPause::default(),
-            no_better_at: None,
-        }
-    }
-}
-
 /// The tree that frames are traced with.
 pub(super) struct CurrentTree {
-    pub(super) generation: Generation,
-    /// Number of frames begun before the one that requested it.
-    pub(super) frame: u64,
-    /// Pose of its request.
-    pub(super) pose: Pose,
-    /// Middle of its expected time of use, in key frames.
-    pub(super) target_time: f64,
+    pub(super) request: Request,
     /// Cost at the vertices that the tree was built from; 0 if the device built it.
     pub(super) cost: f64,
 }
@@ -97,7 +77,7 @@ impl Driver {
             return self.build_first(pose);
         };
         let request = self.trees.next.request();
-        let newest_pose = request.map_or(current.pose, |request| request.pose);
+        let newest_pose = request.map_or(current.request.pose, |request| request.pose);
         self.review_next()?;
         let target = self.target_pose(pose);
         let is_done = newest_pose == target || self.trees.no_better_at == Some(target);
@@ -140,9 +120,8 @@ impl Driver {
         if !self.upload_next()? {
             return Ok(());
         }
-        let rule = self.adoption_rule();
         let current = self.trees.current.as_ref();
-        let current = current.map_or(f64::NAN, |tree| tree.target_time);
+        let current = current.map_or(f64::NAN, |tree| tree.request.target_time);
         let NextTreeState::Waiting(tree) = &mut self.trees.next else {
             return Ok(());
         };
@@ -151,7 +130,7 @@ impl Driver {
             self.predictor.observe_latency(latency, tree.built.strategy);
             self.predictor.next_strategy_is(tree.built.next);
         }
-        if let Some(event) = rule.review(tree, current, &self.predictor) {
+        if let Some(event) = self.options.review(tree, current, &self.predictor) {
             self.trees.next.advance(event);
         }
         Ok(())
@@ -159,14 +138,18 @@ impl Driver {
 
     /// Records the evaluation of a tree that is due, at the positions recorded for this frame.
     pub(super) fn record_evaluation(&mut self) -> Result<(), PipelineError> {
-        let rule = self.adoption_rule();
         let (NextTreeState::Due(tree), Some(pose)) = (&self.trees.next, self.recording.pose) else {
             return Ok(());
         };
         let (topology, generation) = (&tree.built.topology, tree.request.generation);
-        let distance = self.predictor.approach(tree.request.target_time);
+        let approach = self.predictor.approach(tree.request.target_time);
         let event = if self.backend.evaluate(topology, generation)? {
-            Event::EvaluationRecorded(rule.evaluation(self.recording.number, pose, distance))
+            Event::EvaluationRecorded(Evaluation {
+                ticket: None,
+                frame: self.recording.number,
+                pose,
+                approach: approach.filter(|_| self.options.builds_ahead()),
+            })
         } else {
             Event::Admitted
         };
@@ -203,12 +186,12 @@ impl Driver {
     fn may_request(&self) -> bool {
         let is_paused = self.trees.pause.covers(self.recording.number);
         let is_allowed = self.predictor.is_at_rest() || !is_paused;
-        (self.predictor.has_estimate() && is_allowed) || !self.adoption_rule().by_cost
+        (self.predictor.has_estimate() && is_allowed) || !self.options.update.adopts_by_cost()
     }
 
     /// Returns whether trees are built from key frames, for a future time.
     fn predicts(&self) -> bool {
-        self.knows_key_frames && self.adoption_rule().builds_ahead
+        self.knows_key_frames && self.options.builds_ahead()
     }
 
     /// Requests a tree for `pose`. With `rebuild` and lockstep 0, also builds and adopts it.
@@ -222,7 +205,7 @@ impl Driver {
         let swept_times = request.swept_times;
         self.trees.next.advance(Event::Requested(request));
         if self.predicts() {
-            let is_swept = self.adoption_rule().by_cost;
+            let is_swept = self.options.update.adopts_by_cost();
             self.start_build(BuildInput {
                 swept_poses: is_swept.then(|| self.poses(swept_times)),
                 key_frames: self.animation.streamed_keys(pose),
@@ -234,9 +217,11 @@ impl Driver {
 
     /// Builds the first tree while the first frame waits.
     fn build_first(&mut self, pose: Pose) -> Result<(), PipelineError> {
+        // The backend may have uploaded a tree that could not be adopted, so each attempt has its own generation.
+        self.trees.newest.0 += 1;
         let mut request = self.request(self.trees.newest, pose);
         // If `async` predicts from key frames, the first tree is built for a time interval instead of one frame.
-        let ahead = self.predicts() && self.adoption_rule().by_cost;
+        let ahead = self.predicts() && self.options.update.adopts_by_cost();
         let swept_times = self.predictor.swept_times_of_first_tree().filter(|_| ahead);
         if let Some([a, b]) = swept_times {
             request.target_time = f64::midpoint(a, b);
@@ -248,16 +233,16 @@ impl Driver {
         }
         let tree = built.map_err(PipelineError::FirstTree)?;
         self.predictor.observe_first_build(tree.built.total_time);
-        // If the adoption fails, the next frame builds the first tree again. It needs another generation, because the
-        // backend may have uploaded this one.
-        self.adopt(tree).inspect_err(|_| self.trees.newest.0 += 1)
+        self.adopt(tree)
     }
 
-    fn request(&self, generation: Generation, pose: Pose) -> Request {
+    pub(super) fn request(&self, generation: Generation, pose: Pose) -> Request {
+        let time = self.recording.record.frame.time;
         Request {
             generation,
             frame: self.recording.number,
-            time: self.recording.record.frame.time,
+            time,
+            last_time: time,
             pose,
             target_time: self.predictor.target_time(),
             swept_times: self.predictor.swept_times(),
@@ -266,24 +251,17 @@ impl Driver {
 
     /// Starts the build of the requested tree from this input.
     pub(super) fn start_build(&mut self, mut input: BuildInput) {
-        let NextTreeState::Requested(request, observation) = &self.trees.next else {
+        let NextTreeState::Requested(request, _) = &self.trees.next else {
             return;
         };
-        input.is_compared = self.adoption_rule().by_cost;
-        let last_time = observation
-            .second
-            .map_or(request.time, |second| second.time);
+        input.is_compared = self.options.update.adopts_by_cost();
         // An error is ignored here: without a writer, `upload_tree` writes the tree itself. If the error persists,
         // `upload_tree` returns it.
         let writer = self.backend.tree_writer(request.generation);
-        let writer = writer.unwrap_or_default();
-        self.trees.next.advance(Event::BuildStarted { last_time });
-        let started = self.builder.thread.start(Job {
-            input,
-            toward: self.recording.light,
-            writer,
-        });
-        if started.is_err() {
+        input.writer = writer.unwrap_or_default();
+        input.toward = self.recording.light;
+        self.trees.next.advance(Event::BuildStarted);
+        if self.builder.thread.start(input).is_err() {
             self.trees.next.advance(Event::BuildFailed);
         }
     }
@@ -325,7 +303,7 @@ impl Driver {
             self.poll_builder()?;
             match self.trees.next {
                 NextTreeState::Requested(..) => std::thread::yield_now(),
-                NextTreeState::Building { .. } => {
+                NextTreeState::Building(_) => {
                     let result = self.builder.thread.take();
                     self.take_result(result);
                 }
@@ -346,13 +324,10 @@ impl Driver {
         let start = Instant::now();
         let input = BuildInput {
             swept_poses,
+            toward: self.recording.light,
             ..BuildInput::of(Vertices::ReadBack(positions))
         };
-        let built = self.builder.build_now(Job {
-            input,
-            toward: self.recording.light,
-            writer: None,
-        });
+        let built = self.builder.build_now(input);
         self.recording.record.build_wait_ms += ms(start.elapsed());
         Ok(built.map(|built| CandidateTree::new(request, built)))
     }
@@ -361,10 +336,7 @@ impl Driver {
         let CandidateTree { request, built, .. } = tree;
         self.backend.adopt(&built.topology, request.generation)?;
         self.trees.current = Some(CurrentTree {
-            generation: request.generation,
-            frame: request.frame,
-            pose: request.pose,
-            target_time: request.target_time,
+            request,
             cost: built.cost,
         });
         let stats = &mut self.recording.record.tree;

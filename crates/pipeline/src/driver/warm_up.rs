@@ -32,15 +32,6 @@ pub struct Warmed {
     pub steady: bool,
 }
 
-/// Returns the seconds of warm-up for a device. CPU backends are never warmed up, software devices only on request.
-fn seconds(asked: Option<f64>, kind: DeviceKind) -> f64 {
-    match kind {
-        DeviceKind::Cpu => 0.0,
-        DeviceKind::Gpu => asked.unwrap_or(DEFAULT_SECONDS),
-        DeviceKind::Software => asked.unwrap_or(0.0),
-    }
-}
-
 /// A warm-up in progress.
 #[derive(Debug)]
 pub struct WarmUp {
@@ -51,10 +42,14 @@ pub struct WarmUp {
 
 impl WarmUp {
     /// Begins a warm-up of `asked` seconds, or of the default duration for such a device. Returns `None` if the
-    /// duration is 0.
+    /// duration is 0. CPU backends are never warmed up, software devices only on request.
     #[must_use]
     pub fn begin(asked: Option<f64>, kind: DeviceKind) -> Option<Self> {
-        let seconds = seconds(asked, kind);
+        let seconds = match kind {
+            DeviceKind::Cpu => 0.0,
+            DeviceKind::Gpu => asked.unwrap_or(DEFAULT_SECONDS),
+            DeviceKind::Software => asked.unwrap_or(0.0),
+        };
         (seconds > 0.0).then(|| Self {
             begun: Instant::now(),
             seconds,
@@ -129,22 +124,20 @@ impl Driver {
         query: Query<'_>,
         mut on_frame: impl FnMut(&FrameRecord) -> Result<(), E>,
     ) -> Result<(Option<Warmed>, &'a [Frame]), E> {
-        let kind = self.backend.device().kind;
+        let progress = WarmUp::begin(asked, self.backend.device().kind);
         // A single frame has no later frames that would gain from a warm-up.
-        if seconds(asked, kind) <= 0.0 || frames.len() < 2 {
+        let Some(mut progress) = progress.filter(|_| frames.len() > 1) else {
             return Ok((None, frames));
-        }
+        };
         let (first, rest) = frames.split_at(1);
         let selection = OutputSelection::default();
         self.run(first.iter().copied(), query, selection, |record, _| {
             on_frame(record)
         })?;
-        let mut progress = WarmUp::begin(asked, kind);
-        self.repeat_trace(query, |report: &FrameReport| {
-            let goes_on = |progress: &mut WarmUp| progress.goes_on(report.times.device_ms);
-            progress.as_mut().is_some_and(goes_on)
-        })?;
-        Ok((progress.map(WarmUp::end), rest))
+        // The first frame does not count.
+        progress.begun = Instant::now();
+        self.repeat_trace(query, |report| progress.goes_on(report.times.device_ms))?;
+        Ok((Some(progress.end()), rest))
     }
 
     /// Traces `query` repeatedly with the last frame's tree and positions, until `again` returns `false` for a trace's
@@ -184,7 +177,7 @@ impl Driver {
 
     /// Warms the builder up, if trees are adopted by cost and no build is in flight.
     fn warm_up_builder(&self) {
-        let needs_it = self.adoption_rule().by_cost && self.trees.next.is_idle();
+        let needs_it = self.options.update.adopts_by_cost() && self.trees.next.is_idle();
         if let Some(pose) = self.recording.pose.filter(|_| needs_it) {
             self.builder.warm_up(pose);
         }
@@ -194,15 +187,12 @@ impl Driver {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::driver::tests::{Config, drifting, driver, fake::Fake, fake::Log, query, read};
+    use crate::driver::tests::{Config, drifting, driver, fake::Fake, fake::Log, log_of, query};
     use backend::{Policy, QueryKind};
-    use std::sync::Arc;
 
     /// Runs 20 frames, with `left` uncounted traces after the first.
     fn run(by: Config, mut left: usize) -> (Vec<FrameRecord>, Log) {
-        let fake = Fake::new(Some(0));
-        let log = Arc::clone(&fake.log);
-        let mut driver = driver(fake, &drifting(30), by).unwrap();
+        let mut driver = driver(Fake::new(Some(0)), &drifting(30), by).unwrap();
         let query = query(QueryKind::Closest);
         let mut records = Vec::new();
         let frame = |index| Frame {
@@ -228,8 +218,7 @@ mod tests {
                 driver.repeat_trace(query, again).unwrap();
             }
         }
-        drop(driver);
-        (records, read(log))
+        (records, log_of(driver))
     }
 
     #[test]

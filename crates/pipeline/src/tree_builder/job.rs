@@ -1,10 +1,10 @@
-//! Input of a build.
+//! Input and options of a build.
 
 use super::Vertices;
 use backend::{Snapshot, TreeWriter};
 use geom::{KeyFrame, Point, Pose};
 
-/// Vertices of a build. See [`TreeBuilder::build`](super::TreeBuilder::build).
+/// Vertices and options of a build. See [`TreeBuilder::build`](super::TreeBuilder::build).
 pub(crate) struct BuildInput {
     /// Source of the vertices.
     pub(crate) vertices: Vertices,
@@ -17,6 +17,11 @@ pub(crate) struct BuildInput {
     pub(crate) key_frames: Option<[KeyFrame; 2]>,
     /// Whether the tree is compared with the last one, because it is adopted only if it costs less.
     pub(crate) is_compared: bool,
+    /// Common end point of the any-hit rays, if they have one. The tree is ordered for these rays: see
+    /// [`SahBuilder::toward`](bvh_build::SahBuilder::toward).
+    pub(crate) toward: Option<Point>,
+    /// Writes the tree in the device's format, if the backend provides a writer.
+    pub(crate) writer: Option<TreeWriter>,
 }
 
 impl BuildInput {
@@ -28,6 +33,8 @@ impl BuildInput {
             observed: None,
             key_frames: None,
             is_compared: false,
+            toward: None,
+            writer: None,
         }
     }
 }
@@ -36,13 +43,4 @@ impl BuildInput {
 pub(crate) struct Observed {
     pub(crate) frames: [Snapshot; 2],
     pub(crate) times: [f64; 2],
-}
-
-/// Input and options of one build.
-pub(crate) struct Job {
-    pub(crate) input: BuildInput,
-    /// Common end point of the any-hit rays, if they have one.
-    pub(crate) toward: Option<Point>,
-    /// Writes the tree in the device's format, if the backend provides a writer.
-    pub(crate) writer: Option<TreeWriter>,
 }

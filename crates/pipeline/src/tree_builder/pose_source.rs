@@ -8,8 +8,8 @@ use rayon::prelude::*;
 use std::mem::take;
 use std::sync::Arc;
 
-/// Minimum number of vertices per parallel task.
-const RUN: usize = 1 << 12;
+/// Minimum number of vertices or triangles per parallel task.
+pub(super) const RUN: usize = 1 << 12;
 
 /// Source of the positions of a build: the animation's key frames, or two given frames.
 pub(crate) struct PoseSource<'a> {
@@ -19,14 +19,6 @@ pub(crate) struct PoseSource<'a> {
 }
 
 impl<'a> PoseSource<'a> {
-    /// Uses the animation's key frames.
-    pub(crate) fn of(animation: &'a Animation) -> Self {
-        Self {
-            animation,
-            frames: None,
-        }
-    }
-
     pub(super) fn at(&self, pose: Pose) -> Result<Moment<'a>, KeyFrameError> {
         match &self.frames {
             Some(frames) => Ok(Moment::new(self.animation, pose, frames.clone())),

@@ -54,8 +54,7 @@ fn swept(a: &Animation, times: [f64; 2]) -> Vec<Aabb> {
 fn rebuilt_from_subtrees(last: &BinaryTree, boxes: &[Aabb]) -> BinaryTree {
     let mut tree = BinaryTree::default();
     let (mut builder, cancel) = (SahBuilder::default(), Cancel::new());
-    let last = MovedTree { tree: last, boxes };
-    let built = SubtreeRebuilder::default().build(&mut builder, last, &cancel, &mut tree);
+    let built = SubtreeRebuilder::default().build(&mut builder, last, boxes, &cancel, &mut tree);
     built.map(|_| tree).unwrap()
 }
 
@@ -291,8 +290,10 @@ fn light_ordered_blocks_keep_tree_order() {
         (Some([-9.0, 5.0, 1.0]), FirstVisited::Left),
     ] {
         let mut builder = TreeBuilder::with_format(TreeFormat::WideBlocks);
-        builder.order_toward(toward);
-        let input = BuildInput::of(Vertices::AtPose(a.pose(0.0)));
+        let input = BuildInput {
+            toward,
+            ..BuildInput::of(Vertices::AtPose(a.pose(0.0)))
+        };
         let tree = builder.build(&a, input, &Cancel::new()).unwrap().topology;
         let boxes = &builder.boxes;
         let of = |first_visited| {
@@ -319,15 +320,12 @@ fn trees_built_for_blocks_fill_them_better() {
     let vertices = (0..3000).flat_map(corner).collect();
     let a = Animation::new(vec![vertices], apart(3000)).unwrap();
     let blocks = |format| {
-        let mut builder = TreeBuilder::with_format(format);
-        let input = BuildInput::of(Vertices::AtPose(a.pose(0.0)));
-        let tree = builder.build(&a, input, &Cancel::new()).unwrap().topology;
+        let TreeBuilder { boxes, last, .. } = &Course::over(a.clone(), format).builder;
         let options = CollapseOptions {
-            boxes: &builder.boxes,
+            boxes,
             first_visited: FirstVisited::Larger,
         };
-        let blocks = BlockTree::of(tree.binary(), a.triangles(), options).blocks;
-        blocks.len()
+        BlockTree::of(last, a.triangles(), options).blocks.len()
     };
     let [full, others] = [TreeFormat::WideBlocks, TreeFormat::Binary].map(blocks);
     assert!(20 * full < 19 * others, "{full} {others}");

@@ -24,9 +24,13 @@ impl TreeBuilder {
         if !uses_subtrees || !self.has_all_triangles_of(animation) {
             return Ok(());
         }
+        let vertices = Vertices::AtPose(pose);
+        let source = PoseSource {
+            animation,
+            frames: None,
+        };
         for _ in 0..ROUNDS {
-            let vertices = Vertices::AtPose(pose);
-            self.rebuild_subtrees_at(&PoseSource::of(animation), &vertices, cancel)?;
+            self.rebuild_subtrees_at(&source, &vertices, cancel)?;
             let topology = self.convert(animation);
             self.reuse(topology.into_spare());
         }

@@ -3,29 +3,23 @@
 use super::*;
 use crate::driver::next_tree::NextTreeState;
 use crate::tree_builder::BuildStrategy;
-use std::sync::mpsc::channel;
 
 const ASYNC_PREDICTED: Config = (Policy::Async, true);
 
-/// Renders frames with a fake that delivers positions only for the first tree. No later frame requests any.
-fn foreseen(update: Policy) -> Run {
-    let run = run_scene(&drifting(60), 50, (update, true), None);
-    assert_eq!(run.log.position_requests, 1);
-    run
-}
-
+/// The fake delivers positions only for the first tree. No later frame requests any.
 #[test]
 fn predicted_trees_need_no_readback() {
-    let run = foreseen(Policy::Async);
-    assert!(run.builder_started && run.log.adopted.len() > 3);
-    let run = foreseen(lockstep(4));
-    assert_eq!(run.log.adopted.len(), 13);
+    for update in [Policy::Async, Policy::Lockstep(4)] {
+        let run = run_scene(&drifting(60), 50, (update, true), None);
+        assert_eq!(run.log.position_requests, 1);
+        assert!(run.builder_started && run.log.adopted.len() > 3);
+    }
 }
 
 #[test]
 fn lockstep_builds_for_middle_of_use() {
     let animation = shuffled(30, 64);
-    let run = run_scene(&animation, 29, (lockstep(3), true), None);
+    let run = run_scene(&animation, 29, (Policy::Lockstep(3), true), None);
     let tree_at = |time| tree_at(&animation, time, None);
     // Trees are requested in frames 1, 4 and so on. Each is used from the 3rd to the 5th frame after its request.
     for (i, tree) in run.log.adopted_trees[1..].iter().enumerate() {
@@ -36,10 +30,6 @@ fn lockstep_builds_for_middle_of_use() {
     assert!(run.log.adopted_trees.len() > 8);
 }
 
-fn lockstep(k: u32) -> Policy {
-    Policy::Lockstep(k)
-}
-
 /// Returns the time that a frame's tree was built for.
 fn moment(frame: &PlayedFrame) -> f64 {
     f64::from(frame.built_for.key) + f64::from(frame.built_for.alpha)
@@ -48,9 +38,8 @@ fn moment(frame: &PlayedFrame) -> f64 {
 /// Renders five frames, one per half key frame. The tree requested in frame `from` has an expected latency of `latency`
 /// frames. But each tree arrives before the next frame, so for later requests the predictor expects one frame.
 fn early(from: u64, latency: u64) -> Run {
-    let fake = Fake::new(None);
-    let log = Arc::clone(&fake.log);
-    let mut driver = driver(fake, &shuffled(65, 1 << 13), ASYNC_PREDICTED).unwrap();
+    let scene = shuffled(65, 1 << 13);
+    let mut driver = driver(Fake::new(None), &scene, ASYNC_PREDICTED).unwrap();
     let frame = |index: u64| {
         if index == from {
             let predictor = &mut driver.predictor;
@@ -60,14 +49,14 @@ fn early(from: u64, latency: u64) -> Run {
         let begun = begin(&mut driver, Frame { index, time });
         while matches!(
             driver.trees.next,
-            NextTreeState::Requested(..) | NextTreeState::Building { .. }
+            NextTreeState::Requested(..) | NextTreeState::Building(_)
         ) {
             driver.poll_builder().unwrap();
         }
         finish(&mut driver, begun)
     };
     let records = (0..5).map(frame).collect();
-    end(driver, log, records)
+    end(driver, records)
 }
 
 #[test]
@@ -106,7 +95,7 @@ fn first_tree_spans_a_key_interval() {
     assert_ne!(swept, plain);
     let first = |policy| run_scene(&animation, 5, policy, Some(1)).log.adopted_trees[0].clone();
     assert_eq!(first(ASYNC_PREDICTED), swept);
-    let others = [lockstep(2), Policy::Rebuild, Policy::Refit].map(|update| (update, true));
+    let others = [Policy::Lockstep(2), Policy::Rebuild, Policy::Refit].map(|update| (update, true));
     for policy in others.into_iter().chain([(Policy::Async, false)]) {
         assert_eq!(first(policy), plain, "{policy:?}");
     }
@@ -125,7 +114,7 @@ fn second_tree_awaits_measured_frame_rate() {
     if let Some(found) = run.records.iter().find(second) {
         assert!(moment(found) >= asked.frame.time + 0.5, "{}", moment(found));
     }
-    let run = run_scene(&shuffled(30, 64), 29, (lockstep(3), true), None);
+    let run = run_scene(&shuffled(30, 64), 29, (Policy::Lockstep(3), true), None);
     assert!(run.records[1].requested.is_some());
 }
 
@@ -138,14 +127,11 @@ fn measuring() -> Fake {
 
 /// Renders frames of a shuffled row with a fake that measures costs. The driver may know the key frames.
 fn play_measured(by: Config, frames: u64, knows_key_frames: bool) -> Run {
-    let (animation, fake) = (shuffled(200, 64), measuring());
-    let log = Arc::clone(&fake.log);
-    let mut driver = driver(fake, &animation, by).unwrap();
+    let mut driver = driver(measuring(), &shuffled(200, 64), by).unwrap();
     if !knows_key_frames {
         driver.forget_key_frames();
     }
-    let records = play(&mut driver, (0..frames).map(|index| index as f64), |_| 1);
-    end(driver, log, records)
+    render(driver, (0..frames).map(|index| index as f64))
 }
 
 #[test]
@@ -183,12 +169,12 @@ fn only_cheaper_trees_are_adopted() {
 #[test]
 fn lockstep_adopts_trees_without_evaluation() {
     for knows_key_frames in [true, false] {
-        let run = play_measured((lockstep(2), false), 59, knows_key_frames);
+        let run = play_measured((Policy::Lockstep(2), false), 59, knows_key_frames);
         assert!(run.records.iter().all(|r| r.rejected.is_none()));
         assert_eq!(run.log.adopted.len(), 29);
         assert!(run.log.evaluated.is_empty());
         assert_eq!(
-            play_measured((lockstep(2), false), 59, knows_key_frames)
+            play_measured((Policy::Lockstep(2), false), 59, knows_key_frames)
                 .log
                 .adopted_trees,
             run.log.adopted_trees
@@ -198,9 +184,8 @@ fn lockstep_adopts_trees_without_evaluation() {
 
 #[test]
 fn unsubmitted_evaluation_is_recorded_again() {
-    let (animation, fake) = (shuffled(200, 64), measuring());
-    let log = Arc::clone(&fake.log);
-    let mut driver = driver(fake, &animation, (Policy::Async, false)).unwrap();
+    let scene = shuffled(200, 64);
+    let mut driver = driver(measuring(), &scene, (Policy::Async, false)).unwrap();
     play(&mut driver, (0..60).map(|index| index as f64), |_| 1);
     let mut fails = 0;
     for index in 60..160 {
@@ -218,8 +203,7 @@ fn unsubmitted_evaluation_is_recorded_again() {
         finished.unwrap();
         std::thread::sleep(Duration::from_millis(1));
     }
-    drop(driver);
-    let evaluated = read(log).evaluated;
+    let evaluated = log_of(driver).evaluated;
     let twice = |pair: &[(Generation, [f64; 2])]| pair[0].0 == pair[1].0;
     assert!(fails == 1 && evaluated.windows(2).any(twice));
 }
@@ -227,21 +211,9 @@ fn unsubmitted_evaluation_is_recorded_again() {
 #[test]
 fn failed_wait_leaves_the_frame_in_flight() {
     let fake = measuring().failing("wait for an evaluation", 0);
-    let log = Arc::clone(&fake.log);
     let mut driver = driver(fake, &shuffled(200, 64), (Policy::Async, false)).unwrap();
-    let mut failures = 0;
-    for index in 0..199 {
-        let time = index as f64;
-        begin(&mut driver, Frame { index, time });
-        let mut outputs = FrameOutputs::default();
-        while driver.finish(OutputSelection::HITS, &mut outputs).is_err() {
-            failures += 1;
-        }
-        assert_eq!(driver.in_flight().len(), 0);
-        std::thread::sleep(Duration::from_millis(1));
-    }
-    drop(driver);
-    assert!(failures == 1 && read(log).adopted.len() > 1);
+    let failures = count_failures(&mut driver, 199, 1.0);
+    assert!(failures == 1 && log_of(driver).adopted.len() > 1);
 }
 
 /// Returns triangles at random positions with random motion.
@@ -265,9 +237,9 @@ fn scattered(seed: u32) -> Arc<Animation> {
 fn resting_scene_stops_requesting_trees() {
     let mut rejected_at_rest = 0;
     for seed in 0..24 {
-        let scene = (&scattered(seed), (Policy::Async, false));
+        let driver = driver(measuring(), &scattered(seed), (Policy::Async, false)).unwrap();
         let times = (0..45).map(|index| 0.07 * index.min(10) as f64);
-        let records = render(measuring(), scene, times, |_| 1).records;
+        let records = render(driver, times).records;
         let last = records.iter().rposition(|r| r.rejected.is_some());
         rejected_at_rest += u32::from(last.is_some_and(|frame| frame > 12));
         // A slow builder may work on an earlier pose when the scene comes to rest.
@@ -279,13 +251,10 @@ fn resting_scene_stops_requesting_trees() {
 
 /// Renders frames of a scene whose positions only the backend has. It moves in the first `moving` frames.
 fn unknown(by: Config, frames: u64, moving: u64) -> Run {
-    let fake = Fake::new(Some(1));
-    let log = Arc::clone(&fake.log);
-    let mut driver = driver(fake, &shuffled(65, 64), by).unwrap();
+    let mut driver = driver(Fake::new(Some(1)), &shuffled(65, 64), by).unwrap();
     driver.forget_key_frames();
     let times = (0..frames).map(|index| index.min(moving) as f64 * 0.25);
-    let records = play(&mut driver, times, |_| 1);
-    end(driver, log, records)
+    render(driver, times)
 }
 
 #[test]
@@ -293,7 +262,10 @@ fn device_only_vertices_need_two_readbacks() {
     let Run { records, log, .. } = unknown(ASYNC_PREDICTED, 60, 60);
     assert!(log.adopted.len() > 3);
     // The first tree uses only its own frame's vertices.
-    let asked = records.iter().filter(|r| r.requested.is_some()).count();
+    let asked = records[1..]
+        .iter()
+        .filter(|r| r.requested.is_some())
+        .count();
     assert!((2 * asked..=2 * asked + 1).contains(&log.position_requests));
     // Later trees are built for a time after their requests.
     for adopted in records[1..].iter().filter(|r| r.tree.adopted) {
@@ -307,20 +279,10 @@ fn device_only_vertices_need_two_readbacks() {
 fn failed_second_readback_is_repeated() {
     // The first two read-backs are those of the first tree and of the frame that requests the second tree.
     let fake = Fake::new(Some(1)).failing("request_positions", 2);
-    let log = Arc::clone(&fake.log);
     let mut driver = driver(fake, &shuffled(65, 64), ASYNC_PREDICTED).unwrap();
     driver.forget_key_frames();
-    let mut failures = 0;
-    for index in 0..200 {
-        let time = index as f64 * 0.25;
-        let begun = driver.begin(Frame { index, time }, &[query(QueryKind::Closest)]);
-        failures += usize::from(begun.is_err());
-        let finished = driver.finish(OutputSelection::HITS, &mut FrameOutputs::default());
-        assert_eq!(finished.unwrap().is_some(), begun.is_ok());
-        std::thread::sleep(Duration::from_millis(1));
-    }
-    drop(driver);
-    assert!(failures == 1 && read(log).adopted.len() > 1);
+    let failures = count_failures(&mut driver, 200, 0.25);
+    assert!(failures == 1 && log_of(driver).adopted.len() > 1);
 }
 
 /// The builder starts only after the animation has dropped a key frame of the request.
@@ -330,10 +292,10 @@ fn lockstep_builds_from_key_frames_of_the_request() {
     let key = |key: usize| keys.key(key).unwrap().to_vec();
     let streamed = Animation::streamed(key(0), &[false; 3 * 64], apart(64)).unwrap();
     let (animation, fake) = (Arc::new(streamed), Fake::new(None));
-    let (log, threads) = (Arc::clone(&fake.log), BuilderThreads::new(1).unwrap());
+    let threads = BuilderThreads::new(1).unwrap();
     let options = DriverOptions {
         intersector: Intersector::Watertight,
-        update: lockstep(6),
+        update: Policy::Lockstep(6),
         time_range: [0.0, f64::MAX],
         predict: true,
     };
@@ -364,20 +326,22 @@ fn lockstep_builds_from_key_frames_of_the_request() {
     drop(release);
     render(7);
     blocker.join().unwrap();
-    drop(driver);
     let requested = Animation::new(vec![key(0), key(1)], apart(64)).unwrap();
     // The tree is used from the 6th to the 11th frame after its request, so for times around 9.5.
     let (key, alpha) = (0, 9.5);
     let input = BuildInput::of(Vertices::AtPose(Pose { key, alpha }));
     let expected = binary(TreeBuilder::default().build(&requested, input, &Cancel::new()));
-    assert_eq!(read(log).adopted_trees[1], expected);
+    assert_eq!(log_of(driver).adopted_trees[1], expected);
 }
 
 #[test]
 fn lockstep_needs_one_readback_per_tree() {
     for (k, moving) in [(1, 60), (3, 60), (3, 5)] {
-        let Run { records, log, .. } = unknown((lockstep(k), true), 20, moving);
-        let asked = records.iter().filter(|r| r.requested.is_some()).count();
+        let Run { records, log, .. } = unknown((Policy::Lockstep(k), true), 20, moving);
+        let asked = records[1..]
+            .iter()
+            .filter(|r| r.requested.is_some())
+            .count();
         assert!(
             log.adopted.len() > 1 && log.position_requests == 1 + asked,
             "{k}"

@@ -13,36 +13,26 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-/// Blocks readers of vertices until `frames` more frames are rendered. Each frame sends a message.
-pub(in crate::driver) struct Gate {
-    pub(in crate::driver) frames: u64,
-    pub(in crate::driver) rendered: Mutex<Receiver<()>>,
-}
+/// Receives a message for each rendered frame.
+pub(in crate::driver) type Rendered = Arc<Mutex<Receiver<()>>>;
 
-impl Gate {
-    /// Waits for the messages. Fails after ten seconds without one. Returns at once if no renderer is left.
-    fn pass(&self) {
-        let rendered = self.rendered.lock().unwrap();
-        rendered.try_iter().for_each(drop);
-        for _ in 0..self.frames {
-            let next = rendered.recv_timeout(Duration::from_secs(10));
-            let waits = next == Err(RecvTimeoutError::Timeout);
-            assert!(!waits, "no frame was rendered while the builder waited");
-        }
-    }
-}
-
-/// Positions that block readers at a gate.
+/// Positions whose readers wait for 20 more frames, or until no renderer is left.
 struct Vertices {
     positions: Vec<Point>,
-    gate: Option<Arc<Gate>>,
+    rendered: Option<Rendered>,
 }
 
 impl Deref for Vertices {
     type Target = [Point];
     fn deref(&self) -> &[Point] {
-        if let Some(gate) = &self.gate {
-            gate.pass();
+        if let Some(rendered) = &self.rendered {
+            let rendered = rendered.lock().unwrap();
+            rendered.try_iter().for_each(drop);
+            for _ in 0..20 {
+                let next = rendered.recv_timeout(Duration::from_secs(10));
+                let waits = next == Err(RecvTimeoutError::Timeout);
+                assert!(!waits, "no frame was rendered while the builder waited");
+            }
         }
         &self.positions
     }
@@ -56,7 +46,7 @@ struct Failure {
     after: usize,
 }
 
-/// Calls that the fake received, shared with the test.
+/// Calls that the fake received.
 #[derive(Default)]
 pub(in crate::driver) struct Log {
     pub(in crate::driver) interpolated: usize,
@@ -76,7 +66,7 @@ pub(in crate::driver) struct Log {
 /// polls, or never.
 #[derive(Default)]
 pub(in crate::driver) struct Fake {
-    pub(in crate::driver) log: Arc<Mutex<Log>>,
+    pub(in crate::driver) log: Log,
     animation: Option<Arc<Animation>>,
     pose: Option<Pose>,
     generation: Generation,
@@ -90,7 +80,8 @@ pub(in crate::driver) struct Fake {
     /// Whether any query was traced.
     traced: bool,
     polls: Option<u32>,
-    pub(in crate::driver) gate: Option<Arc<Gate>>,
+    /// Blocks readers of positions, except for those of the first tree.
+    pub(in crate::driver) rendered: Option<Rendered>,
     /// Whether it evaluates candidates. Submissions without an evaluation report a constant cost.
     pub(in crate::driver) measures: bool,
     /// The current tree, if candidates are evaluated.
@@ -140,9 +131,9 @@ impl Fake {
         sah_cost(tree.binary(), &boxes[..])
     }
 
-    fn note(&self, what: impl FnOnce(&mut Log)) {
+    fn note(&mut self, what: impl FnOnce(&mut Log)) {
         if self.prepared.is_none() {
-            what(&mut self.log.lock().unwrap());
+            what(&mut self.log);
         }
     }
 }
@@ -293,8 +284,12 @@ impl Backend for Fake {
                 let moment = a.moment(pose).unwrap();
                 let at = |v| moment.vertex(v as u32);
                 let positions: Vec<Point> = (0..a.vertex_count()).map(at).collect();
-                let gate = self.gate.clone().filter(|_| self.traced);
-                Ok(Some((ticket, Box::new(Vertices { positions, gate }))))
+                let rendered = self.rendered.clone().filter(|_| self.traced);
+                let vertices = Vertices {
+                    positions,
+                    rendered,
+                };
+                Ok(Some((ticket, Box::new(vertices))))
             }
             Some((polls, ..)) => {
                 *polls -= 1;
