@@ -20,23 +20,8 @@ pub struct RayFile {
     reader: BufReader<File>,
     rays: usize,
     columns: usize,
-    format: Format,
-}
-
-/// Type of the numbers.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Format {
-    Single,
-    Double,
-}
-
-impl Format {
-    fn bytes(self) -> usize {
-        match self {
-            Self::Single => 4,
-            Self::Double => 8,
-        }
-    }
+    /// Size of a number in bytes: 4 or 8.
+    number_bytes: usize,
 }
 
 impl RayFile {
@@ -54,10 +39,10 @@ impl RayFile {
         host::reject_lfs_pointer(first_bytes).map_err(unreadable)?;
         let no_array = |reason| refused(format!("not a .npy array: {reason}"));
         let (header, header_bytes) = read_header(&mut reader).map_err(no_array)?;
-        let (format, [rays, columns]) = check(&header).map_err(refused)?;
+        let (number_bytes, [rays, columns]) = check(&header).map_err(refused)?;
         let size = reader.get_ref().metadata().map_err(unreadable)?.len();
         let found = size.saturating_sub(header_bytes);
-        let wanted = u128::from(rays) * u128::from(columns) * format.bytes() as u128;
+        let wanted = u128::from(rays) * u128::from(columns) * u128::from(number_bytes);
         if wanted > u128::from(found) {
             let shape = shape_text(header.shape());
             let says = format!("truncated: shape {shape} takes {wanted} bytes of data");
@@ -69,7 +54,7 @@ impl RayFile {
             reader,
             rays: rays as usize,
             columns: columns as usize,
-            format,
+            number_bytes: number_bytes as usize,
         })
     }
 
@@ -91,23 +76,20 @@ impl RayFile {
         let unreadable = |cause| OutputError::reading(&self.path, cause);
         // The list of numbers grows by doubling. `open` has checked that the file contains all numbers, so the product
         // cannot overflow.
-        let values = (self.rays * self.columns).next_power_of_two() * self.format.bytes();
+        let values = (self.rays * self.columns).next_power_of_two() * self.number_bytes;
         let bytes = values.saturating_add(self.rays.saturating_mul(size_of::<Ray>()));
         let checked = host::check_memory(bytes as u64);
         checked.map_err(|e| unreadable(io::Error::new(io::ErrorKind::OutOfMemory, e)))?;
         let (shape, order) = ([self.rays, self.columns], self.header.order());
         let file = NpyFile::with_header(self.header, self.reader);
-        match self.format {
-            Format::Single => {
-                let values = file.into_vec::<f32>();
-                values.map(|values| rays_of(&values, shape, order, offset))
-            }
-            Format::Double => {
-                let values = file.into_vec::<f64>();
-                values.map(|values| rays_of(&values, shape, order, offset))
-            }
-        }
-        .map_err(unreadable)
+        let rays = if self.number_bytes == 4 {
+            let values = file.into_vec::<f32>();
+            values.map(|values| rays_of(&values, shape, order, offset))
+        } else {
+            let values = file.into_vec::<f64>();
+            values.map(|values| rays_of(&values, shape, order, offset))
+        };
+        rays.map_err(unreadable)
     }
 }
 
@@ -198,23 +180,19 @@ fn shape_digits(header: &[u8]) -> usize {
     tuple.bytes().filter(u8::is_ascii_digit).count()
 }
 
-/// Returns the type of the numbers, and the numbers of rays and columns.
-fn check(header: &NpyHeader) -> Result<(Format, [u64; 2]), String> {
+/// Returns the size of a number in bytes, 4 or 8, and the numbers of rays and columns.
+fn check(header: &NpyHeader) -> Result<(u64, [u64; 2]), String> {
     let dtype = header.dtype();
     let bytes = match &dtype {
         DType::Plain(t) if t.type_char() == TypeChar::Float => t.size_field(),
         _ => 0,
     };
-    let format = match bytes {
-        4 => Format::Single,
-        8 => Format::Double,
-        _ => {
-            let (found, says) = (dtype.descr(), "rays must be float32 or float64, found");
-            return Err(format!("{says} {found}"));
-        }
-    };
+    if !matches!(bytes, 4 | 8) {
+        let (found, says) = (dtype.descr(), "rays must be float32 or float64, found");
+        return Err(format!("{says} {found}"));
+    }
     match *header.shape() {
-        [rays, columns @ (6 | 8)] => Ok((format, [rays, columns])),
+        [rays, columns @ (6 | 8)] => Ok((bytes, [rays, columns])),
         ref other => {
             let says = "rays must have shape (N, 6) or (N, 8), found";
             Err(format!("{says} {}", shape_text(other)))
@@ -310,17 +288,14 @@ mod tests {
         let dir = TempDir::new().unwrap();
         let path = dir.path().join("rays.npy");
         for mut rays in [rays(0), rays(5), rays(1)] {
-            write_rays(&path, rays.len(), rays.iter().copied(), None).unwrap();
-            let file = RayFile::open(&path).unwrap();
-            assert_eq!(file.count(), rays.len());
-            assert_eq!(file.read([0.0; 3]).unwrap(), rays);
-            for ray in &mut rays {
-                (ray.t_min, ray.t_max) = (0.25, 4.0);
+            for limits in [(0.0, f32::INFINITY), (0.25, 4.0)] {
+                rays.iter_mut()
+                    .for_each(|ray| (ray.t_min, ray.t_max) = limits);
+                write_rays(&path, rays.len(), rays.iter().copied(), None).unwrap();
+                let file = RayFile::open(&path).unwrap();
+                assert_eq!(file.count(), rays.len());
+                assert_eq!(file.read([0.0; 3]).unwrap(), rays);
             }
-            write_rays(&path, rays.len(), rays.iter().copied(), None).unwrap();
-            let file = RayFile::open(&path).unwrap();
-            assert_eq!(file.count(), rays.len());
-            assert_eq!(file.read([0.0; 3]).unwrap(), rays);
         }
     }
 

@@ -170,6 +170,15 @@ mod testing {
         path
     }
 
+    /// Returns a PLY file with one line of text for each vertex and face.
+    pub(crate) fn ascii_ply(vertices: &str, faces: &str) -> String {
+        let (v, f) = (vertices.lines().count(), faces.lines().count());
+        format!(
+            "ply\nformat ascii 1.0\ncomment made here\nelement vertex {v}\nproperty float x\nproperty float y\n\
+             property float z\nelement face {f}\nproperty list uchar int vertex_index\nend_header\n{vertices}{faces}"
+        )
+    }
+
     /// Triangles with the vertices that they use.
     pub(crate) struct Surface {
         pub(crate) points: Vec<Point>,

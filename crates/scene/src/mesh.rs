@@ -188,36 +188,23 @@ impl Skipped {
 /// Description of faces that are skipped.
 pub(crate) const SHORT_FACES: &str = "faces of fewer than 3 vertices";
 
-/// Colours of a file: floats as stored, and integers from 0 to 255 as 0 to 1.
-#[derive(Default)]
-pub(crate) struct Colours(Vec<[f32; 3]>);
-
-impl Colours {
-    pub(crate) fn len(&self) -> usize {
-        self.0.len()
+/// Converts the colours of a file to bytes. Floats are passed as stored, and integers from 0 to 255 as 0 to 1. If a
+/// finite component exceeds `MAX_ONE`, all colours are read as 0 to 255, and a remark is added. Otherwise they are read
+/// as 0 to 1.
+pub(crate) fn to_srgb(colours: &[[f32; 3]], path: &Path, notes: &mut Vec<String>) -> Vec<Rgb> {
+    /// Largest component that counts as 1, because rounding can leave white slightly above 1.
+    const MAX_ONE: f32 = 1.01;
+    let is_above_one = |c: &f32| *c > MAX_ONE && c.is_finite();
+    let mut scale = 1.0;
+    if colours.as_flattened().iter().any(is_above_one) {
+        scale = 255.0;
+        let file = path.display();
+        notes.push(format!(
+            "{file}: a colour component exceeds 1, so all colours of the file are read as 0 to 255"
+        ));
     }
-
-    pub(crate) fn push(&mut self, colour: [f32; 3]) -> Result<(), String> {
-        append(&mut self.0, colour)
-    }
-
-    /// Converts all colours. If a finite component exceeds `MAX_ONE`, all colours are read as 0 to 255, and a remark is
-    /// added. Otherwise they are read as 0 to 1.
-    pub(crate) fn into_srgb_bytes(self, path: &Path, notes: &mut Vec<String>) -> Vec<Rgb> {
-        /// Largest component that counts as 1, because rounding can leave white slightly above 1.
-        const MAX_ONE: f32 = 1.01;
-        let is_above_one = |c: &f32| *c > MAX_ONE && c.is_finite();
-        let mut scale = 1.0;
-        if self.0.as_flattened().iter().any(is_above_one) {
-            scale = 255.0;
-            let file = path.display();
-            notes.push(format!(
-                "{file}: a colour component exceeds 1, so all colours of the file are read as 0 to 255"
-            ));
-        }
-        let colours = self.0.into_iter();
-        colours.map(|c| srgb_bytes(c.map(|c| c / scale))).collect()
-    }
+    let scaled = colours.iter().map(|colour| colour.map(|c| c / scale));
+    scaled.map(srgb_bytes).collect()
 }
 
 /// Converts linear components to sRGB (IEC 61966-2-1).

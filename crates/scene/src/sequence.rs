@@ -40,7 +40,6 @@ pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &SceneOptions) ->
         mut triangles,
         fanned,
     } = found.map_err(|e| SceneError::unusable(path, e))?;
-    let folder = Folder::of(path, options.allow_outside);
     let mut notes = mesh.notes;
     if fanned > 0 {
         let file = path.display();
@@ -49,12 +48,21 @@ pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &SceneOptions) ->
         ));
     }
     let polygons = mesh.polygons;
-    let surface = Surface {
-        path,
-        polygons: &polygons,
-        triangles: &triangles,
+    // One colour per triangle. This precedes the renumbering of vertices, because the colours of vertices are in the
+    // order of the file.
+    let colours: Vec<Rgb> = match mesh.paint {
+        Paint::None => vec![CLAY; triangles.len()],
+        Paint::Vertices(colours) => {
+            let mean = |corners: &[u32; 3]| mean(corners.map(|v| colours[v as usize]));
+            triangles.iter().map(mean).collect()
+        }
+        Paint::Faces(colours) => polygons.per_triangle(&colours),
+        Paint::Materials(materials) => {
+            let folder = Folder::of(path, options.allow_outside);
+            let faces = polygons.faces().count();
+            polygons.per_triangle(&materials.colours(path, &folder, faces, &mut notes))
+        }
     };
-    let colours = surface.colours(&folder, mesh.paint, &mut notes);
     let kept = renumber_used_vertices(&mut triangles, polygons.vertices);
     let exact = pick(path, &mesh.points, &kept)?;
     drop(mesh.points);
@@ -170,35 +178,5 @@ impl Sequence {
         }
         let cause = "the file was changed while the scene was in use";
         Err(SceneError::unusable(path, cause))
-    }
-}
-
-/// Faces of a mesh, with their triangles as vertex indices of the file.
-struct Surface<'a> {
-    path: &'a Path,
-    polygons: &'a Polygons,
-    triangles: &'a [[u32; 3]],
-}
-
-impl Surface<'_> {
-    /// Returns one colour per triangle.
-    fn colours(&self, folder: &Folder, paint: Paint, notes: &mut Vec<String>) -> Vec<Rgb> {
-        let Self {
-            path,
-            polygons,
-            triangles,
-        } = *self;
-        match paint {
-            Paint::None => vec![CLAY; triangles.len()],
-            Paint::Vertices(colours) => {
-                let mean = |corners: &[u32; 3]| mean(corners.map(|v| colours[v as usize]));
-                triangles.iter().map(mean).collect()
-            }
-            Paint::Faces(colours) => polygons.per_triangle(&colours),
-            Paint::Materials(materials) => {
-                let colours = materials.colours(path, folder, polygons.faces().count(), notes);
-                polygons.per_triangle(&colours)
-            }
-        }
     }
 }

@@ -116,7 +116,7 @@ fn frames(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{open_in, put, refused};
+    use crate::testing::{ascii_ply, open_in, put, refused};
     use tempfile::TempDir;
 
     const TRIANGLE: &str = "f 1 2 3\n";
@@ -208,12 +208,7 @@ mod tests {
     fn first_key_frame_determines_triangulation() {
         // The second vertex forms a notch at y = 1 but not at y = 3.
         let arrow = |y: u32, faces: &str| format!("v 2 2 0\nv 0 {y} 0\nv -2 2 0\nv 0 0 0\n{faces}");
-        let ply = |y: u32, face: &str| {
-            format!(
-                "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
-                 element face 1\nproperty list uchar int vertex_index\nend_header\n2 2 0\n0 {y} 0\n-2 2 0\n0 0 0\n{face}"
-            )
-        };
+        let ply = |y: u32, face: &str| ascii_ply(&format!("2 2 0\n0 {y} 0\n-2 2 0\n0 0 0\n"), face);
         // Opens ten key frames of which the first differs. Sequences of more than eight key frames may be paged.
         let opened = |kind: &str, first: String, later: &str, key_bytes| {
             let folder = tempfile::tempdir().unwrap();

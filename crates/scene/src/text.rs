@@ -1,30 +1,6 @@
 //! Parsing of text from other programs: all kinds of line ends, non-finite numbers, and a check of the encoding.
 
-use crate::SceneError;
-use std::path::Path;
 use std::str::FromStr;
-
-/// Error in a text file.
-#[derive(Debug)]
-pub(crate) struct LineError {
-    /// Line number, if one line is the cause.
-    line: Option<usize>,
-    cause: String,
-}
-
-impl LineError {
-    pub(crate) fn new(line: impl Into<Option<usize>>, cause: impl Into<String>) -> Self {
-        Self {
-            line: line.into(),
-            cause: cause.into(),
-        }
-    }
-
-    pub(crate) fn in_file(self, path: &Path) -> SceneError {
-        let location = self.line.map(|line| ("line", line));
-        SceneError::malformed(path, location, self.cause)
-    }
-}
 
 /// Splits `bytes` into lines that end in LF, CR or CR LF. The last line may lack a line end. A final line end does
 /// not start an empty line.

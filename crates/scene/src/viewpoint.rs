@@ -43,11 +43,13 @@ impl Viewpoint {
         let right = unit(UP.cross(back));
         let up = back.cross(right);
         let extent = PyramidExtent::of(animation, centre, [right, up, back], tan);
-        let shift = extent.shift();
+        // Without finite vertices, the size is 1 and any view will do.
+        let shift = extent.map_or(DVec2::ZERO, |extent| extent.shift());
         let middle = centre + (right * shift.x + up * shift.y);
+        let distance = extent.map_or(2.0 * size, |extent| extent.distance(tan, size));
         let to_light = right * -0.62 + (UP * 0.95 + back * 0.80);
         Self {
-            eye: narrow(middle + back * extent.distance(tan, size)),
+            eye: narrow(middle + back * distance),
             look_at: narrow(middle),
             up: narrow(UP),
             fov_degrees,
@@ -76,14 +78,8 @@ struct PyramidExtent {
 }
 
 impl PyramidExtent {
-    const NONE: Self = Self {
-        high: DVec2::NEG_INFINITY,
-        low: DVec2::NEG_INFINITY,
-        near: f64::NEG_INFINITY,
-    };
-
-    /// Computes the bounds for the camera's axes: right, up and back.
-    fn of(animation: &Animation, centre: DVec3, axes: [DVec3; 3], tan: DVec2) -> Self {
+    /// Computes the extent for the camera's axes: right, up and back. Returns `None` if no vertex is finite.
+    fn of(animation: &Animation, centre: DVec3, axes: [DVec3; 3], tan: DVec2) -> Option<Self> {
         let of_point = |p: &Point| {
             let p = wide(*p) - centre;
             let [x, y, z] = axes.map(|axis| p.dot(axis));
@@ -95,16 +91,16 @@ impl PyramidExtent {
         };
         let of_points = |points: &[Point]| {
             let finite = points.iter().filter(|p| p.iter().all(|x| x.is_finite()));
-            finite.map(of_point).fold(Self::NONE, Self::max)
+            finite.map(of_point).reduce(Self::max)
         };
         // `None` for a paged animation.
         let Some(keys) = animation.held_keys() else {
             let boxes = animation.key_bounds().iter().filter(|b| !b.is_empty());
-            let fits = boxes.map(|b| of_points(&b.corners()));
-            return fits.fold(Self::NONE, Self::max);
+            let extents = boxes.filter_map(|b| of_points(&b.corners()));
+            return extents.reduce(Self::max);
         };
         let runs = keys.par_iter().flat_map(|key| key.par_chunks(1 << 14));
-        runs.map(of_points).reduce(|| Self::NONE, Self::max)
+        runs.filter_map(of_points).reduce_with(Self::max)
     }
 
     fn max(self, other: Self) -> Self {
@@ -115,25 +111,13 @@ impl PyramidExtent {
         }
     }
 
-    /// Returns whether there is any finite vertex.
-    fn is_finite(&self) -> bool {
-        self.high.is_finite() && self.low.is_finite()
-    }
-
     /// Returns the eye's shift along both axes of the picture.
     fn shift(&self) -> DVec2 {
-        if self.is_finite() {
-            (self.high - self.low) / 2.0
-        } else {
-            DVec2::ZERO
-        }
+        (self.high - self.low) / 2.0
     }
 
     /// Returns the eye's distance back from the centre. All vertices are at least `0.05 * size` in front of the eye.
     fn distance(&self, tan: DVec2, size: f64) -> f64 {
-        if !self.is_finite() {
-            return 2.0 * size;
-        }
         // A vertex is inside the pyramid if |x - shift| <= (back - z) * tan along both axes of the picture.
         let back = (self.high + self.low) / (2.0 * tan);
         back.max_element().max(self.near + 0.05 * size)
@@ -149,14 +133,10 @@ fn centre(bounds: &Aabb) -> DVec3 {
 }
 
 /// Returns the length of the bounds' diagonal, but at least 1e-4 of the centre's largest coordinate. A shorter
-/// length would be lost in the rounding of the coordinates.
+/// length would be lost in the rounding of the coordinates. Returns 1 if both are 0, as for empty bounds.
 fn size(bounds: &Aabb) -> f64 {
-    if bounds.is_empty() {
-        return 1.0;
-    }
-    let diagonal = (wide(bounds.max) - wide(bounds.min)).length();
     let least = 1e-4 * centre(bounds).abs().max_element();
-    match diagonal.max(least) {
+    match bounds.diagonal().max(least) {
         0.0 => 1.0,
         size => size.max(1e-36),
     }

@@ -103,38 +103,6 @@ pub(super) fn indices(file: &GltfFile, index: WholeNumber) -> Result<Vec<u32>> {
 /// Iterator over elements as byte slices. Each slice extends to the next element, so it may be longer than the element.
 type Rows<'a> = std::iter::Take<std::slice::Chunks<'a, u8>>;
 
-/// Sequence of equally sized elements in a buffer view.
-struct ElementSpan {
-    view: WholeNumber,
-    offset: Option<WholeNumber>,
-    count: usize,
-    /// Size of an element in bytes.
-    size: usize,
-}
-
-impl ElementSpan {
-    fn rows<'a>(&self, file: &'a GltfFile) -> Result<Rows<'a>, String> {
-        let (view, bytes) = file.view_bytes(self.view)?;
-        let (number, length) = (self.view.0, bytes.len());
-        let (count, size) = (self.count, self.size);
-        let offset = self.offset.map_or(0, |o| o.0);
-        let stride = view.byte_stride.map_or(size, |s| s.0);
-        if stride < size {
-            return Err(format!(
-                "buffer view {number} has a stride of {stride} bytes for elements of {size}"
-            ));
-        }
-        let end = (count - 1).checked_mul(stride);
-        let end = end.and_then(|n| n.checked_add(offset)?.checked_add(size));
-        if end.is_none_or(|end| end > length) {
-            return Err(format!(
-                "{count} elements of {size} bytes from byte {offset} do not fit into buffer view {number} of {length} bytes"
-            ));
-        }
-        Ok(bytes[offset..].chunks(stride).take(count))
-    }
-}
-
 impl<'a> Elements<'a> {
     fn of(file: &'a GltfFile, index: WholeNumber) -> Result<Self> {
         let accessor = file.accessor(index)?;
@@ -195,13 +163,35 @@ impl<'a> Elements<'a> {
             }
             return Ok(None);
         };
-        let span = ElementSpan {
-            view,
-            offset: self.accessor.byte_offset,
-            count,
-            size: self.size(),
-        };
-        span.rows(self.file).map(Some)
+        let rows = self.rows(view, self.accessor.byte_offset, count, self.size())?;
+        Ok(Some(rows))
+    }
+
+    /// Returns the rows of `count` elements of `size` bytes each in a buffer view. `count` is at least 1.
+    fn rows(
+        &self,
+        view: WholeNumber,
+        offset: Option<WholeNumber>,
+        count: usize,
+        size: usize,
+    ) -> Result<Rows<'a>, String> {
+        let (number, offset) = (view.0, offset.map_or(0, |o| o.0));
+        let (view, bytes) = self.file.view_bytes(view)?;
+        let length = bytes.len();
+        let stride = view.byte_stride.map_or(size, |s| s.0);
+        if stride < size {
+            return Err(format!(
+                "buffer view {number} has a stride of {stride} bytes for elements of {size}"
+            ));
+        }
+        let end = (count - 1).checked_mul(stride);
+        let end = end.and_then(|n| n.checked_add(offset)?.checked_add(size));
+        if end.is_none_or(|end| end > length) {
+            return Err(format!(
+                "{count} elements of {size} bytes from byte {offset} do not fit into buffer view {number} of {length} bytes"
+            ));
+        }
+        Ok(bytes[offset..].chunks(stride).take(count))
     }
 
     /// Returns the index and the bytes of each element that `sparse` replaces.
@@ -216,19 +206,10 @@ impl<'a> Elements<'a> {
                 "sparse indices are {kind:?}, but must be U8, U16 or U32"
             ));
         }
-        let indices = ElementSpan {
-            view: sparse.indices.buffer_view,
-            offset: sparse.indices.byte_offset,
-            count: length,
-            size: kind.size(),
-        };
-        let values = ElementSpan {
-            view: sparse.values.buffer_view,
-            offset: sparse.values.byte_offset,
-            count: length,
-            size: self.size(),
-        };
-        let (indices, values) = (indices.rows(self.file)?, values.rows(self.file)?);
+        let at = &sparse.indices;
+        let indices = self.rows(at.buffer_view, at.byte_offset, length, kind.size())?;
+        let at = &sparse.values;
+        let values = self.rows(at.buffer_view, at.byte_offset, length, self.size())?;
         let mut least = 0;
         let replaced = indices.zip(values).map(|(index, value)| {
             let index = kind.read(index) as usize;

@@ -44,32 +44,26 @@ impl ClipMotion {
         Ok(motion)
     }
 
-    /// Returns whether the clip animates the node.
-    pub(super) fn animates(&self, node: usize) -> bool {
-        let own = self
-            .tracks
-            .range((node, NodeProperty::Translation)..=(node, NodeProperty::Weights));
-        own.count() > 0
-    }
-
     /// Returns the value of a node's property at `time`, or `None` if the clip does not set it.
     pub(super) fn at(&self, node: usize, property: NodeProperty, time: f64) -> Option<Vec<f64>> {
         let track = self.tracks.get(&(node, property))?;
         Some(track.at(time))
     }
 
-    /// Returns the transform of a node at `time`. Properties that the clip does not set are taken from `rest`.
-    pub(super) fn transform(&self, node: usize, time: f64, rest: Transform) -> Transform {
-        let vector = |property, rest| {
-            let value = self.at(node, property, time);
-            value.map_or(rest, |v| DVec3::from_slice(&v))
-        };
-        let rotation = self.at(node, NodeProperty::Rotation, time);
-        Transform {
-            translation: vector(NodeProperty::Translation, rest.translation),
-            rotation: rotation.map_or(rest.rotation, |v| unit(&v)),
-            scale: vector(NodeProperty::Scale, rest.scale),
-        }
+    /// Returns the transform of a node at `time`, or `None` if the clip does not move the node. Properties that the
+    /// clip does not set are taken from `rest`.
+    pub(super) fn transform(&self, node: usize, time: f64, rest: Transform) -> Option<Transform> {
+        let at = |property| self.at(node, property, time);
+        let vector = |v: Vec<f64>| DVec3::from_slice(&v);
+        let translation = at(NodeProperty::Translation).map(vector);
+        let rotation = at(NodeProperty::Rotation).map(|v| unit(&v));
+        let scale = at(NodeProperty::Scale).map(vector);
+        let is_moved = translation.is_some() || rotation.is_some() || scale.is_some();
+        is_moved.then(|| Transform {
+            translation: translation.unwrap_or(rest.translation),
+            rotation: rotation.unwrap_or(rest.rotation),
+            scale: scale.unwrap_or(rest.scale),
+        })
     }
 
     /// Returns the first and last time in seconds. Both are 0 if there is no key.

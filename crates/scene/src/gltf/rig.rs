@@ -91,25 +91,15 @@ impl Rig {
     pub(super) fn pose(&self, motion: &ClipMotion, time: f64) -> Vec<DMat4> {
         let mut world = vec![DMat4::IDENTITY; self.nodes.len()];
         for &i in &self.order {
-            let local = self.local_transform(i, motion, time);
-            world[i] = match self.nodes[i].parent {
+            let node = &self.nodes[i];
+            let moved = motion.transform(i, time, node.transform);
+            let local = moved.map_or(node.matrix, |transform| transform.matrix());
+            world[i] = match node.parent {
                 Some(parent) => world[parent] * local,
                 None => local,
             };
         }
         world
-    }
-
-    /// Returns the transform of a node relative to its parent.
-    fn local_transform(&self, node: usize, motion: &ClipMotion, time: f64) -> DMat4 {
-        let RigNode {
-            matrix, transform, ..
-        } = self.nodes[node];
-        if motion.animates(node) {
-            motion.transform(node, time, transform).matrix()
-        } else {
-            matrix
-        }
     }
 }
 

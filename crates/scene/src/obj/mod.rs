@@ -10,11 +10,11 @@ mod materials;
 pub(crate) use materials::library_names;
 
 use crate::mesh::{
-    Colours, MaterialUse, Materials, Paint, PolygonMesh, Polygons, SHORT_FACES, Skipped, append,
+    MaterialUse, Materials, Paint, PolygonMesh, Polygons, SHORT_FACES, Skipped, append, to_srgb,
 };
 use crate::paths::{decode_path, encode};
 use crate::rounding::Position;
-use crate::text::{LineError, before_comment, check_encoding, lines, number};
+use crate::text::{before_comment, check_encoding, lines, number};
 use crate::{Result, SceneError};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -24,12 +24,12 @@ use std::path::Path;
 pub(crate) fn read(path: &Path) -> Result<PolygonMesh> {
     let bytes = host::read(path).map_err(|e| SceneError::unreadable(path, e))?;
     check_encoding(&bytes).map_err(|cause| SceneError::malformed(path, None, cause))?;
-    let found = Statements::scan(&bytes).map_err(|e| e.in_file(path))?;
+    let found = Statements::scan(path, &bytes)?;
     let mut notes = found.notes(path);
     let paint = if !found.materials.uses.is_empty() {
         Paint::Materials(found.materials)
     } else if found.colours.len() == found.points.len() {
-        Paint::Vertices(found.colours.into_srgb_bytes(path, &mut notes))
+        Paint::Vertices(to_srgb(&found.colours, path, &mut notes))
     } else {
         Paint::None
     };
@@ -48,7 +48,7 @@ struct Statements {
     /// Faces with at least three vertices.
     polygons: Polygons,
     /// One colour per vertex. The list is shorter if some vertex has no colour.
-    colours: Colours,
+    colours: Vec<[f32; 3]>,
     materials: Materials,
     /// Line number of each face.
     face_lines: Vec<usize>,
@@ -63,7 +63,7 @@ struct Statements {
 }
 
 impl Statements {
-    fn scan(bytes: &[u8]) -> Result<Self, LineError> {
+    fn scan(path: &Path, bytes: &[u8]) -> Result<Self> {
         let mut found = Self {
             open_end: !bytes.ends_with(b"\n") && !bytes.ends_with(b"\r") && !bytes.is_empty(),
             ..Self::default()
@@ -72,15 +72,15 @@ impl Statements {
         for (number, statement) in statements(bytes) {
             last_line = number;
             let done = found.statement(number, &statement);
-            done.map_err(|e| LineError::new(number, e))?;
+            done.map_err(|e| SceneError::malformed(path, ("line", number), e))?;
         }
         if found.open_end && found.short_faces.last == Some(("line", last_line)) {
             let cause =
                 "a face of fewer than 3 vertices in an unterminated line; the file is cut short";
-            return Err(LineError::new(last_line, cause));
+            return Err(SceneError::malformed(path, ("line", last_line), cause));
         }
         found.polygons.vertices = found.points.len();
-        found.check_references()?;
+        found.check_references(path)?;
         Ok(found)
     }
 
@@ -127,7 +127,7 @@ impl Statements {
         }
         let [x, y, z, r, g, b, _] = numbers;
         if count > 4 && self.colours.len() == self.points.len() {
-            self.colours.push([r, g, b].map(|c| c as f32))?;
+            append(&mut self.colours, [r, g, b].map(|c| c as f32))?;
         }
         append(&mut self.points, [x, y, z])
     }
@@ -147,13 +147,13 @@ impl Statements {
     }
 
     /// Refuses faces with undefined vertices. Runs at the end of the file, because a face may precede its vertices.
-    fn check_references(&self) -> Result<(), LineError> {
+    fn check_references(&self, path: &Path) -> Result<()> {
         let vertices = self.points.len();
         for (&line, corners) in self.face_lines.iter().zip(self.polygons.faces()) {
             if let Some(&vertex) = corners.iter().find(|&&v| v as usize >= vertices) {
                 let vertex = u64::from(vertex) + 1;
                 let cause = format!("vertex {vertex} does not exist, there are {vertices}");
-                return Err(LineError::new(line, cause));
+                return Err(SceneError::malformed(path, ("line", line), cause));
             }
         }
         Ok(())
@@ -308,7 +308,10 @@ mod tests {
         assert_eq!(surface(&mesh).triangles.len(), 998);
         assert!(mesh.notes.iter().any(|n| n.contains("cut short")));
         let latin: Vec<u8> = text.chars().map(|c| c as u8).collect();
-        assert_eq!(Statements::scan(&latin).unwrap().polygons, mesh.polygons);
+        assert_eq!(
+            Statements::scan(Path::new(""), &latin).unwrap().polygons,
+            mesh.polygons
+        );
     }
 
     #[test]

@@ -2,13 +2,15 @@
 //! required.
 
 use super::element::{Element, is_plain, push_number};
-use crate::text::LineError;
+use crate::{Result, SceneError};
 use ply_rs_bw::parser::Parser;
 use ply_rs_bw::ply::{ElementDef, PropertyType};
 use std::borrow::Cow;
+use std::path::Path;
 
 /// Unread part of a file.
 pub(super) struct AsciiBody<'a> {
+    path: &'a Path,
     pub(super) rest: &'a [u8],
     /// Current line, counted from 1.
     line: usize,
@@ -21,8 +23,9 @@ pub(super) struct AsciiBody<'a> {
 }
 
 impl<'a> AsciiBody<'a> {
-    pub(super) fn new(rest: &'a [u8], line: usize) -> Self {
+    pub(super) fn new(path: &'a Path, rest: &'a [u8], line: usize) -> Self {
         Self {
+            path,
             rest,
             line,
             last_line: 0,
@@ -31,11 +34,7 @@ impl<'a> AsciiBody<'a> {
         }
     }
 
-    pub(super) fn element(
-        &mut self,
-        definition: &ElementDef,
-        index: usize,
-    ) -> Result<Element, LineError> {
+    pub(super) fn element(&mut self, definition: &ElementDef, index: usize) -> Result<Element> {
         self.skip_blanks();
         if let Some(element) = self.whole_line(definition) {
             return Ok(element);
@@ -97,7 +96,7 @@ impl<'a> AsciiBody<'a> {
 
     /// Skips trailing blanks. If some element did not occupy exactly one line, checks that nothing follows. A number
     /// that is left over means that an earlier extra number has shifted the elements.
-    pub(super) fn check_end(&mut self) -> Result<(), LineError> {
+    pub(super) fn check_end(&mut self) -> Result<()> {
         self.skip_blanks();
         if self.unaligned.is_some() && !self.rest.is_empty() {
             return Err(self.error("numbers after the last element"));
@@ -105,7 +104,7 @@ impl<'a> AsciiBody<'a> {
         Ok(())
     }
 
-    fn word(&mut self, definition: &ElementDef, index: usize) -> Result<Cow<'a, str>, LineError> {
+    fn word(&mut self, definition: &ElementDef, index: usize) -> Result<Cow<'a, str>> {
         self.skip_blanks();
         if self.rest.is_empty() {
             let (name, count) = (&definition.name, definition.count);
@@ -129,16 +128,17 @@ impl<'a> AsciiBody<'a> {
         }
     }
 
-    fn bad(&self, definition: &ElementDef, index: usize, cause: &str) -> LineError {
+    fn bad(&self, definition: &ElementDef, index: usize, cause: &str) -> SceneError {
         self.error(&format!("bad '{}' {index}: {cause}", definition.name))
     }
 
     /// Returns an error in the current line. It also names the first element that does not occupy exactly one line,
     /// since numbers may have been misread from there on.
-    fn error(&self, cause: &str) -> LineError {
+    fn error(&self, cause: &str) -> SceneError {
         let hint = |first: &String| format!("{cause}; {first} is not on a line of its own");
         let hinted = self.unaligned.as_ref().map(hint);
-        LineError::new(self.line, hinted.unwrap_or_else(|| cause.to_owned()))
+        let cause = hinted.unwrap_or_else(|| cause.to_owned());
+        SceneError::malformed(self.path, ("line", self.line), cause)
     }
 }
 

@@ -1,7 +1,9 @@
 //! The file header, which declares the elements in words separated by blanks.
 
-use crate::text::{LineError, lines};
+use crate::text::lines;
+use crate::{Result, SceneError};
 use ply_rs_bw::ply::{Addable, ElementDef, Encoding, PropertyDef, PropertyType, ScalarType};
+use std::path::Path;
 
 pub(super) struct PlyHeader {
     pub(super) encoding: Encoding,
@@ -13,10 +15,10 @@ pub(super) struct PlyHeader {
 }
 
 impl PlyHeader {
-    pub(super) fn read(bytes: &[u8]) -> Result<Self, LineError> {
+    pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Self> {
         let Some(length) = length(bytes) else {
             let cause = "the PLY header is incomplete: no line 'end_header'";
-            return Err(LineError::new(None, cause));
+            return Err(SceneError::malformed(path, None, cause));
         };
         let mut declared = Declared::default();
         let mut count = 0;
@@ -30,10 +32,10 @@ impl PlyHeader {
             };
             known.ok_or_else(|| {
                 let cause = format!("{:?} is not understood in a PLY header", line.trim());
-                LineError::new(count, cause)
+                SceneError::malformed(path, ("line", count), cause)
             })?;
         }
-        let no_format = || LineError::new(None, "the header has no line 'format'");
+        let no_format = || SceneError::malformed(path, None, "the header has no line 'format'");
         Ok(Self {
             encoding: declared.encoding.ok_or_else(no_format)?,
             elements: declared.elements,

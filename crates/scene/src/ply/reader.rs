@@ -3,7 +3,7 @@
 use super::ascii::AsciiBody;
 use super::element::{Element, NEGATIVE, RESTART};
 use super::header::PlyHeader;
-use crate::mesh::{Colours, Paint, PolygonMesh, Polygons, SHORT_FACES, Skipped, append};
+use crate::mesh::{Paint, PolygonMesh, Polygons, SHORT_FACES, Skipped, append, to_srgb};
 use crate::rounding::Position;
 use crate::text::check_encoding;
 use crate::{Location, Result, SceneError};
@@ -21,8 +21,8 @@ pub(super) struct PlyFile<'a> {
     /// Byte offsets of the end of the header and of the end of the vertices. Equal until the vertices are read.
     pub(super) ends: [usize; 2],
     pub(super) points: Vec<Position>,
-    colours: Colours,
-    face_colours: Colours,
+    colours: Vec<[f32; 3]>,
+    face_colours: Vec<[f32; 3]>,
     polygons: Polygons,
     /// Faces and strips with fewer than three vertices.
     short_faces: Skipped,
@@ -32,17 +32,17 @@ impl<'a> PlyFile<'a> {
     pub(super) fn open(path: &'a Path, bytes: &'a [u8]) -> Result<Self> {
         let malformed = |cause: String| SceneError::malformed(path, None, cause);
         check_encoding(bytes).map_err(malformed)?;
-        let mut header = PlyHeader::read(bytes).map_err(|e| e.in_file(path))?;
+        let mut header = PlyHeader::read(path, bytes)?;
         header.widen_text();
         let file = Self {
             path,
             bytes,
-            body: AsciiBody::new(&bytes[header.bytes..], header.lines + 1),
+            body: AsciiBody::new(path, &bytes[header.bytes..], header.lines + 1),
             ends: [header.bytes; 2],
             header,
             points: Vec::new(),
-            colours: Colours::default(),
-            face_colours: Colours::default(),
+            colours: Vec::new(),
+            face_colours: Vec::new(),
             polygons: Polygons::default(),
             short_faces: Skipped::default(),
         };
@@ -119,8 +119,7 @@ impl<'a> PlyFile<'a> {
         let used = used.into_iter().find(|name| *name == definition.name);
         for index in 0..definition.count {
             let element = if ascii {
-                let read = self.body.element(definition, index);
-                read.map_err(|e| e.in_file(self.path))?
+                self.body.element(definition, index)?
             } else {
                 self.binary(definition, index)?
             };
@@ -162,7 +161,7 @@ impl<'a> PlyFile<'a> {
         match place.0 {
             "vertex" => {
                 append(&mut self.points, element.point)?;
-                colour.map_or(Ok(()), |colour| self.colours.push(colour))
+                colour.map_or(Ok(()), |colour| append(&mut self.colours, colour))
             }
             "face" => {
                 let corners = self.corners(element)?;
@@ -174,7 +173,7 @@ impl<'a> PlyFile<'a> {
                     return Err(NEGATIVE.to_owned());
                 }
                 self.polygons.push(&corners)?;
-                colour.map_or(Ok(()), |colour| self.face_colours.push(colour))
+                colour.map_or(Ok(()), |colour| append(&mut self.face_colours, colour))
             }
             _ => {
                 let corners = self.corners(element)?;
@@ -215,7 +214,7 @@ impl<'a> PlyFile<'a> {
     }
 
     pub(super) fn finish(mut self) -> Result<PolygonMesh> {
-        self.body.check_end().map_err(|e| e.in_file(self.path))?;
+        self.body.check_end()?;
         let vertices = self.points.len();
         self.polygons.vertices = vertices;
         self.polygons.check(self.path)?;
@@ -228,9 +227,9 @@ impl<'a> PlyFile<'a> {
         }
         let faces = self.polygons.faces().count();
         let paint = if self.colours.len() == vertices {
-            Paint::Vertices(self.colours.into_srgb_bytes(self.path, &mut notes))
+            Paint::Vertices(to_srgb(&self.colours, self.path, &mut notes))
         } else if self.face_colours.len() == faces {
-            Paint::Faces(self.face_colours.into_srgb_bytes(self.path, &mut notes))
+            Paint::Faces(to_srgb(&self.face_colours, self.path, &mut notes))
         } else {
             Paint::None
         };

@@ -3,7 +3,7 @@
 use super::*;
 use crate::mesh::Paint;
 use crate::rounding::Position;
-use crate::testing::{Surface, assert_note, put, refused, surface};
+use crate::testing::{Surface, ascii_ply as ascii, assert_note, put, refused, surface};
 use std::fs;
 
 const SQUARE: [[f64; 3]; 4] = [[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
@@ -16,14 +16,6 @@ fn parse_all(bytes: impl AsRef<[u8]>) -> Result<MeshFile> {
     let file = tempfile::Builder::new().suffix(".ply").tempfile().unwrap();
     fs::write(file.path(), bytes).unwrap();
     read(file.path())
-}
-
-fn ascii(vertices: &str, faces: &str) -> String {
-    let (v, f) = (vertices.lines().count(), faces.lines().count());
-    format!(
-        "ply\nformat ascii 1.0\ncomment made here\nelement vertex {v}\nproperty float x\nproperty float y\n\
-         property float z\nelement face {f}\nproperty list uchar int vertex_index\nend_header\n{vertices}{faces}"
-    )
 }
 
 /// Returns a binary file with double coordinates, an unused property, 16-bit indices, 32-bit list lengths and colours.

@@ -1,7 +1,6 @@
 use super::*;
-use crate::testing::{open_in, put};
+use crate::testing::{ascii_ply, open_in, put};
 use crate::{Scene, SceneOptions};
-use std::fmt::Write as _;
 use tempfile::TempDir;
 
 /// Coordinates of a survey point. The spacing of single-precision floats is 0.0625 in x and 0.5 in y.
@@ -15,49 +14,29 @@ fn corners(shift: f64) -> [Position; 3] {
 }
 
 fn obj(shift: f64) -> String {
-    let mut text = String::new();
-    for [x, y, z] in corners(shift) {
-        writeln!(text, "v {x} {y} {z}").unwrap();
-    }
-    text + "f 1 2 3\n"
+    let vertices = corners(shift).map(|[x, y, z]| format!("v {x} {y} {z}\n"));
+    vertices.concat() + "f 1 2 3\n"
 }
 
-fn ply(format: &str, kind: &str, vertices: &[u8], faces: &[u8]) -> Vec<u8> {
-    let header = format!(
-        "ply\nformat {format} 1.0\nelement vertex 3\nproperty {kind} x\nproperty {kind} y\n\
-         property {kind} z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
-    );
-    [header.as_bytes(), vertices, faces].concat()
-}
-
-fn ascii_ply(kind: &str) -> Vec<u8> {
-    let mut text = String::new();
-    for [x, y, z] in corners(0.0) {
-        writeln!(text, "{x} {y} {z}").unwrap();
-    }
-    ply("ascii", kind, text.as_bytes(), b"3 0 1 2\n")
+fn ascii(kind: &str) -> String {
+    let vertices = corners(0.0).map(|[x, y, z]| format!("{x} {y} {z}\n"));
+    ascii_ply(&vertices.concat(), "3 0 1 2\n").replace("float", kind)
 }
 
 fn binary_ply(shift: f64) -> Vec<u8> {
-    let vertices: Vec<u8> = corners(shift)
-        .as_flattened()
-        .iter()
-        .flat_map(|x| x.to_le_bytes())
-        .collect();
-    let faces = [&[3][..], &[0_i32, 1, 2].map(i32::to_le_bytes).concat()].concat();
-    ply("binary_little_endian", "double", &vertices, &faces)
+    let header = "ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty double x\nproperty double y\n\
+                  property double z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n";
+    let vertices = corners(shift).map(|p| p.map(f64::to_le_bytes).concat());
+    let face = [0_i32, 1, 2].map(i32::to_le_bytes).concat();
+    [header.as_bytes(), &vertices.concat(), &[3], &face].concat()
 }
 
 /// Returns a glTF document with a triangle at the origin, translated by its node.
 fn gltf() -> String {
     use base64::prelude::{BASE64_STANDARD, Engine};
-    let [a, b, c] = [[0.0_f32, 0.0, 0.1], [1.0, 0.0, 0.3], [0.0, 1.0, 0.2]];
-    let bytes: Vec<u8> = [a, b, c]
-        .as_flattened()
-        .iter()
-        .flat_map(|x| x.to_le_bytes())
-        .collect();
-    let data = BASE64_STANDARD.encode(bytes);
+    let corners = [[0.0_f32, 0.0, 0.1], [1.0, 0.0, 0.3], [0.0, 1.0, 0.2]];
+    let bytes = corners.map(|p| p.map(f32::to_le_bytes).concat());
+    let data = BASE64_STANDARD.encode(bytes.concat());
     format!(
         r#"{{"asset":{{"version":"2.0"}},"nodes":[{{"mesh":0,"translation":[{EAST},{NORTH},0]}}],
         "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}}}}]}}],
@@ -94,8 +73,8 @@ fn adds_up(scene: &Scene, key: usize, expected: &[Position]) {
 fn distant_coordinates_are_noted_or_recentred() {
     let folder = tempfile::tempdir().unwrap();
     put(&folder, "a.obj", obj(0.0));
-    put(&folder, "double.ply", ascii_ply("double"));
-    put(&folder, "float.ply", ascii_ply("float"));
+    put(&folder, "double.ply", ascii("double"));
+    put(&folder, "float.ply", ascii("float"));
     put(&folder, "binary.ply", binary_ply(0.0));
     put(&folder, "a.gltf", gltf());
     for name in ["a.obj", "double.ply", "float.ply", "binary.ply", "a.gltf"] {

@@ -92,6 +92,10 @@ fn read_with(bytes: &[u8], options: &SceneOptions) -> Result<Scene> {
     open(file.path().to_str().unwrap(), options)
 }
 
+fn read_file(bytes: &[u8]) -> Result<Scene> {
+    read_with(bytes, &SceneOptions::default())
+}
+
 fn read(bin: &Bin, rest: &str) -> Result<Scene> {
     let options = SceneOptions {
         fps: 2.0,

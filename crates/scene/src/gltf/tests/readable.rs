@@ -75,7 +75,7 @@ fn unused_buffers_may_be_missing() {
         "},{\"byteLength\":5},{\"byteLength\":5,\"uri\":\"absent.bin\"}],\"bufferViews\"",
     );
     assert!(json.contains("absent.bin"));
-    is_triangle(read_with(&glb(&json, &bin.bytes), &SceneOptions::default()));
+    is_triangle(read_file(&glb(&json, &bin.bytes)));
     let text = BASE64_STANDARD.encode(&bin.bytes);
     let uri = format!(r#""byteLength":36,"uri":"data:;base64,{text}""#);
     let json = json.replacen(r#""byteLength":36"#, &uri, 1);
@@ -120,10 +120,7 @@ fn integers_may_be_written_as_floats() {
         .replace(r#""componentType":5126"#, r#""componentType":5126.0"#)
         .replace(r#""POSITION":0"#, r#""POSITION":-0.0"#);
     assert_ne!(json, floats);
-    is_triangle(read_with(
-        &glb(&floats, &bin.bytes),
-        &SceneOptions::default(),
-    ));
+    is_triangle(read_file(&glb(&floats, &bin.bytes)));
     let changes = r#"
         "count":3 | "count":3.5 | 3.5 is not a whole number of at least 0
         "count":3 | "count":-3 | -3 is not a whole number of at least 0
@@ -176,7 +173,7 @@ fn unsupported_versions_are_reported() {
     let with = |asset: &str| {
         let json = bin.json(&rest, "");
         let json = json.replace(r#""asset":{"version":"2.0"}"#, asset);
-        read_with(&glb(&json, &bin.bytes), &SceneOptions::default())
+        read_file(&glb(&json, &bin.bytes))
     };
     for asset in [
         r#""asset":{"version":"2.0","minVersion":"2.0"}"#,
@@ -222,10 +219,7 @@ fn byte_order_marks_are_rejected() {
     let marked = format!("\u{feff}{text}");
     let says = "begins with a byte order mark of UTF-8";
     refused(read_text(&marked), &[says]);
-    refused(
-        read_with(&glb(&marked, &[]), &SceneOptions::default()),
-        &[says],
-    );
+    refused(read_file(&glb(&marked, &[])), &[says]);
     let wide = marked.encode_utf16().flat_map(u16::to_le_bytes);
     let says = "begins with a byte order mark of UTF-16";
     refused(read_text(wide.collect::<Vec<_>>()), &[says]);
@@ -237,7 +231,6 @@ fn ignores_unknown_chunks_and_trailing_bytes() {
     let json = chunk(b"JSON", bin.json(&rest, "").as_bytes());
     let data = chunk(b"BIN\0", &bin.bytes);
     let other = || chunk(b"\xffX\0Y", b"12345678");
-    let read = |bytes: &[u8]| read_with(bytes, &SceneOptions::default());
     for chunks in [
         vec![json.clone(), data.clone()],
         vec![json.clone(), other(), data.clone(), other()],
@@ -246,9 +239,9 @@ fn ignores_unknown_chunks_and_trailing_bytes() {
         vec![json.clone(), data.clone(), b"odd".to_vec()],
     ] {
         let whole = container(&chunks);
-        is_triangle(read(&whole));
+        is_triangle(read_file(&whole));
         for after in [1, 3, 64] {
-            is_triangle(read(&[&whole[..], &vec![7; after]].concat()));
+            is_triangle(read_file(&[&whole[..], &vec![7; after]].concat()));
         }
     }
     for (chunks, says) in [
@@ -266,11 +259,11 @@ fn ignores_unknown_chunks_and_trailing_bytes() {
             "chunk 1 is cut short: 36 bytes are declared, 12",
         ),
     ] {
-        refused(read(&container(&chunks)), &[says]);
+        refused(read_file(&container(&chunks)), &[says]);
     }
     let mut old = container(&[data]);
     old[4] = 1;
-    refused(read(&old), &["binary glTF 1 is not supported, only 2"]);
+    refused(read_file(&old), &["binary glTF 1 is not supported, only 2"]);
 }
 
 #[test]
