@@ -13,7 +13,7 @@ use crate::measure::{
 };
 use crate::parsers;
 use crate::tracer_settings::{PolicyChoice, TracerSettings, needs_host_builds, policy_name};
-use backend::{Intersector, Policy};
+use backend::Policy;
 use clap::Args;
 use output::plot::Failure;
 use serde_json::json;
@@ -36,16 +36,8 @@ pub(crate) struct BenchSettings {
         default_value = "camera"
     )]
     rays: Vec<MeasuredRays>,
-    /// Adapter of the backends, by index or by part of its name
-    #[arg(long, value_name = "INDEX|NAME-PART")]
-    adapter: Option<String>,
-    /// Threads that render
-    #[arg(long, value_name = "N", value_parser = parsers::threads())]
-    threads: Option<usize>,
-    /// Threads that build trees. Default: the number of --threads, or else of cores. With async: one less than that if
-    /// a GPU traces, a quarter if the host traces
-    #[arg(long, value_name = "N", value_parser = parsers::threads())]
-    builder_threads: Option<usize>,
+    #[command(flatten)]
+    device: DeviceSettings,
     /// JSON file for the results of every frame
     #[arg(long, value_name = "FILE", value_parser = parsers::file())]
     json: Option<PathBuf>,
@@ -81,7 +73,7 @@ impl RunCommand for BenchSettings {
     }
 
     fn threads(&self) -> Option<usize> {
-        self.threads
+        self.device.threads
     }
 }
 
@@ -137,7 +129,7 @@ impl BenchSettings {
             rows.extend(measured.into_iter().map(|(_, row)| row));
         }
         if rows.is_empty() {
-            Err(error::all_failed(log.errors))
+            Err(error::all_failed(&log.errors))
         } else {
             let failures = log.failures;
             Ok(Results { rows, failures })
@@ -154,35 +146,17 @@ impl BenchSettings {
                     continue;
                 }
                 let intersectors = self.measure.intersector.iter();
-                let tracer = |&intersector| self.tracer(backend, update, intersector);
+                let tracer = |&intersector| TracerSettings {
+                    device: self.device.clone(),
+                    ..TracerSettings::of(backend, intersector, update)
+                };
                 contenders
                     .all
                     .extend(intersectors.map(tracer).map(Contender::Ours));
             }
         }
-        contenders.add_rivals(&self.measure, &self.device(None));
+        contenders.add_rivals(&self.measure, &self.device);
         contenders
-    }
-
-    fn tracer(
-        &self,
-        backend: BackendChoice,
-        update: PolicyChoice,
-        intersector: Intersector,
-    ) -> TracerSettings {
-        TracerSettings {
-            device: self.device(backend),
-            ..TracerSettings::of(backend, intersector, update)
-        }
-    }
-
-    fn device(&self, backend: BackendChoice) -> DeviceSettings {
-        DeviceSettings {
-            adapter: self.adapter.clone(),
-            threads: self.threads,
-            builder_threads: self.builder_threads,
-            ..DeviceSettings::of(backend)
-        }
     }
 }
 

@@ -225,7 +225,7 @@ impl<'a> ChartRun<'a> {
 
     /// Counts the wrong answers of one method in scenes of mixed range.
     fn count_hard_rays(&mut self, tests: &[StabilityTest], method: HitMethod) {
-        let opened = DeviceSettings::of(method.backend).open();
+        let opened = DeviceSettings::default().open(method.backend);
         let counted = opened.and_then(|mut b| hard::count(b.as_mut(), method.intersector, tests));
         self.log.progress.step(&format!("mixed range {method}"));
         let is_of = |entry: &ChartEntry<'_>| HitMethod::of(&entry.run.contender) == Some(method);
@@ -273,7 +273,7 @@ impl<'a> ChartRun<'a> {
             }
         }
         if self.chart.points.is_empty() {
-            return Err(error::all_failed(self.log.errors));
+            return Err(error::all_failed(&self.log.errors));
         }
         self.chart.failures = self.log.failures;
         Ok(self.chart)

@@ -128,7 +128,7 @@ fn refused(args: &[OsString], e: &clap::Error) -> CliError {
     if !e.use_stderr() {
         // Printing fails if the reader has closed the pipe, which is no error here.
         let _ = e.print();
-        return CliError::HelpShown;
+        return CliError::silent(0);
     }
     let command = args.get(1).map(|arg| arg.to_string_lossy());
     if let Some(removed) = removed::find(&command.unwrap_or_default(), e) {
@@ -142,9 +142,8 @@ fn refused(args: &[OsString], e: &clap::Error) -> CliError {
     // clap removes terminal control sequences from arguments that it quotes. So parse again with control characters
     // replaced by visible escapes: the error is the same, and it quotes the whole argument.
     let escaped = args.iter().map(|arg| {
-        console::plain(&arg.to_string_lossy(), &[])
-            .into_owned()
-            .into()
+        let text = arg.to_string_lossy();
+        console::plain(&text, &[]).into()
     });
     let text = match parse_with_clap(&escaped.collect::<Vec<OsString>>()) {
         Err(escaped) if escaped.kind() == e.kind() => escaped.to_string(),

@@ -1,6 +1,6 @@
 //! Devices: their options, and how they are listed and opened.
 
-use crate::error::CliError;
+use crate::error::{CliError, FAILED};
 use crate::parsers::{self, AUTO};
 use abvh::backends::{BACKENDS, find_backend, open_best};
 use backend::{AdapterInfo, Backend, BackendName};
@@ -17,13 +17,10 @@ pub(crate) fn backend_name(backend: BackendChoice) -> &'static str {
     backend.map_or(AUTO, BackendName::name)
 }
 
-/// The device of a run, and the threads of the host.
-#[derive(Args, Clone, Debug)]
+/// The adapter, the threads and the kernel cache of a run, for any backend.
+#[derive(Args, Clone, Debug, Default)]
 pub(crate) struct DeviceSettings {
-    /// Backend
-    #[arg(long, value_name = "NAME", default_value = AUTO, value_parser = parsers::backend("The best available backend"))]
-    pub(crate) backend: BackendChoice,
-    /// Adapter of the backend, by index or by part of its name
+    /// Adapter, by index or by part of its name
     #[arg(long, value_name = "INDEX|NAME-PART")]
     pub(crate) adapter: Option<String>,
     /// Threads that render
@@ -38,19 +35,6 @@ pub(crate) struct DeviceSettings {
     pub(crate) no_cache: bool,
 }
 
-impl DeviceSettings {
-    /// Returns the default device of a backend.
-    pub(crate) fn of(backend: BackendChoice) -> Self {
-        Self {
-            backend,
-            adapter: None,
-            threads: None,
-            builder_threads: None,
-            no_cache: false,
-        }
-    }
-}
-
 /// A value and, if `auto` chose it, the reason. For the result of [`DeviceSettings::open_and`], `why` is the reason for
 /// the backend.
 pub(crate) struct Selected<T> {
@@ -59,16 +43,20 @@ pub(crate) struct Selected<T> {
 }
 
 impl DeviceSettings {
-    /// Opens the backend and passes it to `prepare`, which loads what the caller needs. A named backend is never
+    /// Opens a backend and passes it to `prepare`, which loads what the caller needs. A named backend is never
     /// replaced by another. `auto` skips backends that cannot be opened or for which `prepare` fails. A backend on the
     /// host gets the rendering threads, or one thread per core.
     pub(crate) fn open_and<T>(
         &self,
+        backend: BackendChoice,
         prepare: impl Fn(Box<dyn Backend>) -> Result<T, CliError>,
     ) -> Result<Selected<T>, CliError> {
+        if self.no_cache {
+            abvh::backends::disable_kernel_cache();
+        }
         let adapter = self.adapter.as_deref();
         let threads = self.threads.unwrap_or_else(host::cores);
-        if let Some(name) = self.backend {
+        if let Some(name) = backend {
             let absent =
                 || CliError::invalid(format!("this program was built without backend {name}"));
             let entry = find_backend(name).ok_or_else(absent)?;
@@ -82,15 +70,15 @@ impl DeviceSettings {
                 why: Some(why),
             }),
             Err(none) => Err(match none.last_error {
-                Some(CliError::Failed(_)) => CliError::failed(none.reason),
+                Some(e) if e.code == FAILED => CliError::failed(none.reason),
                 _ => CliError::invalid(none.reason),
             }),
         }
     }
 
-    /// Opens the backend without further preparation.
-    pub(crate) fn open(&self) -> Result<Box<dyn Backend>, CliError> {
-        Ok(self.open_and(Ok)?.value)
+    /// Opens a backend without further preparation.
+    pub(crate) fn open(&self, backend: BackendChoice) -> Result<Box<dyn Backend>, CliError> {
+        Ok(self.open_and(backend, Ok)?.value)
     }
 }
 
@@ -104,8 +92,8 @@ pub(crate) struct Opening(Option<JoinHandle<Result<SelectedBackend, CliError>>>)
 
 impl Opening {
     /// Starts to open a backend. If no thread can be started, returns the default value.
-    pub(crate) fn begin(device: DeviceSettings) -> Self {
-        let open = move || device.open_and(Ok);
+    pub(crate) fn begin(backend: BackendChoice, device: DeviceSettings) -> Self {
+        let open = move || device.open_and(backend, Ok);
         Self(std::thread::Builder::new().spawn(open).ok())
     }
 

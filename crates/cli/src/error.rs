@@ -5,68 +5,55 @@ use output::OutputError;
 use pipeline::PipelineError;
 use scene::SceneError;
 use std::fmt::{self, Display};
-use std::process::ExitCode;
+
+/// Exit code of a command that ran and failed.
+pub(crate) const FAILED: u8 = 1;
+/// Exit code of an invalid request.
+pub(crate) const INVALID: u8 = 2;
 
 /// Reason why a command ended early.
 #[derive(Clone, Debug)]
-pub(crate) enum CliError {
-    /// The request is invalid: exit code 2.
-    InvalidRequest(String),
-    /// The command ran and failed: exit code 1.
-    Failed(String),
-    /// A signal ended the command: exit code 128 plus its number.
-    Signal(u8),
-    /// Help or version was printed: exit code 0.
-    HelpShown,
+pub(crate) struct CliError {
+    /// Exit code: [`FAILED`], [`INVALID`], or the code of [`CliError::silent`].
+    pub(crate) code: u8,
+    message: String,
 }
 
 impl CliError {
     pub(crate) fn invalid(message: impl Display) -> Self {
-        Self::InvalidRequest(unwrapped(&message.to_string()))
+        let message = unwrapped(&message.to_string());
+        let code = INVALID;
+        Self { code, message }
     }
 
     pub(crate) fn failed(message: impl Display) -> Self {
-        Self::Failed(unwrapped(&message.to_string()))
+        let message = unwrapped(&message.to_string());
+        let code = FAILED;
+        Self { code, message }
     }
 
-    pub(crate) fn code(&self) -> ExitCode {
-        ExitCode::from(match self {
-            Self::HelpShown => 0,
-            Self::Failed(_) => 1,
-            Self::InvalidRequest(_) => 2,
-            Self::Signal(signal) => 128 + signal,
-        })
+    /// Returns an error without a message. The code is 0 after help, or 128 plus the number of a signal.
+    pub(crate) fn silent(code: u8) -> Self {
+        let message = String::new();
+        Self { code, message }
     }
 }
 
-/// Combines the errors of a command whose parts all failed. Returns [`CliError::InvalidRequest`] only if every part is.
-pub(crate) fn all_failed(parts: Vec<CliError>) -> CliError {
-    let (mut reasons, mut is_invalid) = (Vec::new(), true);
-    for part in parts {
-        match part {
-            CliError::InvalidRequest(why) => reasons.push(why),
-            CliError::Failed(why) => {
-                is_invalid = false;
-                reasons.push(why);
-            }
-            end @ (CliError::Signal(_) | CliError::HelpShown) => return end,
-        }
-    }
+/// Combines the errors of a command whose parts all failed. The exit code is [`INVALID`] only if that of every part is.
+pub(crate) fn all_failed(parts: &[CliError]) -> CliError {
+    let mut reasons: Vec<_> = parts.iter().map(ToString::to_string).collect();
     reasons.dedup();
     let why = reasons.join("; ");
-    if is_invalid {
-        CliError::InvalidRequest(why)
+    if parts.iter().all(|part| part.code == INVALID) {
+        CliError::invalid(why)
     } else {
-        CliError::Failed(why)
+        CliError::failed(why)
     }
 }
 
 impl fmt::Display for CliError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::HelpShown | Self::Signal(_) => Ok(()),
-            Self::InvalidRequest(text) | Self::Failed(text) => f.write_str(text),
-        }
+        f.write_str(&self.message)
     }
 }
 
@@ -141,10 +128,10 @@ mod tests {
     #[test]
     fn combined_error_is_invalid_only_if_every_part_is() {
         let (bad, failed) = (CliError::invalid("no device"), CliError::failed("lost"));
-        let refused = all_failed(vec![bad.clone(), bad.clone()]);
-        assert!(matches!(&refused, CliError::InvalidRequest(why) if why == "no device"));
-        let broken = all_failed(vec![bad, failed]);
-        assert!(matches!(&broken, CliError::Failed(why) if why == "no device; lost"));
+        let refused = all_failed(&[bad.clone(), bad.clone()]);
+        assert_eq!((refused.code, &*refused.message), (INVALID, "no device"));
+        let broken = all_failed(&[bad, failed]);
+        assert_eq!((broken.code, &*broken.message), (FAILED, "no device; lost"));
     }
 
     #[test]
@@ -153,16 +140,10 @@ mod tests {
             backend: "cpu",
             what: "x".to_owned(),
         };
-        assert!(matches!(
-            CliError::from(unsupported),
-            CliError::InvalidRequest(_)
-        ));
+        assert_eq!(CliError::from(unsupported).code, INVALID);
         let threads = PipelineError::Threads("none".to_owned());
-        assert!(matches!(
-            CliError::from(threads),
-            CliError::InvalidRequest(_)
-        ));
+        assert_eq!(CliError::from(threads).code, INVALID);
         let lost = PipelineError::Backend(BackendError::DeviceLost("gone".to_owned()));
-        assert!(matches!(CliError::from(lost), CliError::Failed(_)));
+        assert_eq!(CliError::from(lost).code, FAILED);
     }
 }

@@ -72,9 +72,9 @@ impl RunCommand for DoctorSettings {
 fn choice_of_auto() -> Result<Option<AutoChoice>, CliError> {
     let device = DeviceSettings {
         threads: Some(1),
-        ..DeviceSettings::of(None)
+        ..DeviceSettings::default()
     };
-    let selected = device.open_and(|backend| Ok(backend.device().backend))?;
+    let selected = device.open_and(None, |backend| Ok(backend.device().backend))?;
     Ok(auto::choice("backend", selected.value, selected.why))
 }
 

@@ -140,26 +140,20 @@ impl Contenders {
     }
 }
 
-/// The names of a contender's settings on the command line.
-pub(crate) struct ContenderNames {
-    pub(crate) backend: &'static str,
-    pub(crate) update: &'static str,
-    pub(crate) intersector: &'static str,
-}
-
 impl Contender {
-    pub(crate) fn names(&self) -> ContenderNames {
+    /// Returns the names of the backend, the intersector and the policy on the command line.
+    fn names(&self) -> [&'static str; 3] {
         match self {
-            Self::Ours(tracer) => ContenderNames {
-                backend: backend_name(tracer.device.backend),
-                update: policy_name(tracer.update),
-                intersector: tracer.intersector.name(),
-            },
-            Self::Rival(settings) => ContenderNames {
-                backend: settings.rival.name(),
-                update: settings.tree_update.name(),
-                intersector: RIVAL_INTERSECTOR,
-            },
+            Self::Ours(tracer) => [
+                backend_name(tracer.backend),
+                tracer.intersector.name(),
+                policy_name(tracer.update),
+            ],
+            Self::Rival(settings) => [
+                settings.rival.name(),
+                RIVAL_INTERSECTOR,
+                settings.tree_update.name(),
+            ],
         }
     }
 }
@@ -167,12 +161,7 @@ impl Contender {
 /// Writes the backend, the intersector and the policy as requested. `auto` is not resolved.
 impl fmt::Display for Contender {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let ContenderNames {
-            backend,
-            intersector,
-            update,
-        } = self.names();
-        write!(f, "{backend} {intersector} {update}")
+        f.write_str(&self.names().join(" "))
     }
 }
 
@@ -201,12 +190,12 @@ impl RunLog {
 
     /// Adds a failure, and counts it as a step of the progress.
     pub(crate) fn fail(&mut self, scene: &str, run: &Run, error: CliError) {
-        let names = run.contender.names();
+        let [backend, intersector, update] = run.contender.names().map(str::to_owned);
         let failure = Failure {
             scene: scene.to_owned(),
-            backend: names.backend.to_owned(),
-            intersector: names.intersector.to_owned(),
-            update: names.update.to_owned(),
+            backend,
+            intersector,
+            update,
             rays: run.rays.name_unless_camera(),
             error: error.to_string(),
         };
@@ -372,11 +361,7 @@ pub(crate) fn frame_ms(frame: &FrameRecord) -> f64 {
 
 impl MeasuredRow {
     fn of(measured: &MeasuredScene, rays: MeasuredRays, setup: Setup, timed: TimedFrames) -> Self {
-        let TimedFrames {
-            warm_up,
-            stats,
-            max_device_memory,
-        } = timed;
+        let TimedFrames { warm_up, stats } = timed;
         let MeasuredScene {
             name,
             scene,
@@ -387,6 +372,8 @@ impl MeasuredRow {
             |time: FrameQuantity| Summary::of(stats.iter().filter_map(time)).map(|s| s.median);
         let named = TIMES.iter().chain(&MORE);
         let medians: BTreeMap<_, _> = named.map(|&(name, time)| (name, median(time))).collect();
+        let device_memories = stats.iter().filter_map(|f| f.device_memory);
+        let max_device_memory = device_memories.max_by_key(|bytes| bytes.total());
         let triangles = scene.animation.triangle_count();
         let is_camera = rays == MeasuredRays::Camera;
         let rates = stats.iter().filter_map(|f| {

@@ -32,9 +32,9 @@ impl RunCommand for MergeSettings {
             ..CommandFiles::written(&[("--stats", &self.stats)])
         };
         files.check_apart()?;
-        let parts = read(&self.folders)?;
+        let journals = read(&self.folders)?;
         let mut expected: BTreeMap<u64, BTreeSet<FileKind>> = BTreeMap::new();
-        for (&frame, kinds) in parts.iter().flat_map(|part| &part.journals.expected) {
+        for (&frame, kinds) in journals.iter().flat_map(|one| &one.expected) {
             expected.entry(frame).or_default().extend(kinds);
         }
         if expected.is_empty() {
@@ -43,11 +43,12 @@ impl RunCommand for MergeSettings {
         let (mut records, mut missing) = (Vec::new(), Vec::new());
         for (&frame, kinds) in &expected {
             let is_listed = |kind: &FileKind| {
-                let mut parts = parts.iter();
-                parts.any(|part| part.journals.lists_kind(frame, *kind))
+                let mut journals = journals.iter();
+                journals.any(|one| one.lists_kind(frame, *kind))
             };
-            let listing = parts.iter().filter(|part| part.journals.lists(frame));
-            let found = listing.map(|part| part.journals.all_unchanged(frame, part.folder));
+            let in_folders = self.folders.iter().zip(&journals);
+            let listing = in_folders.filter(|(_, one)| one.lists(frame));
+            let found = listing.map(|(folder, one)| one.all_unchanged(frame, folder));
             match found.collect::<Option<Vec<_>>>().as_deref() {
                 Some([record, ..]) if kinds.iter().all(is_listed) => {
                     records.push((*record).clone());
@@ -58,7 +59,7 @@ impl RunCommand for MergeSettings {
         if !missing.is_empty() {
             return Err(CliError::failed(absent(&missing, expected.len())));
         }
-        let stats = parts.iter().filter_map(|part| part.journals.stats.as_ref());
+        let stats = journals.iter().filter_map(|one| one.stats.as_ref());
         // Prefer statistics that name a device. Those of shards without frames do not.
         let stats = stats.max_by_key(|stats| stats["backend"].is_string());
         if let (Some(file), Some(stats)) = (&self.stats, stats) {
@@ -71,47 +72,33 @@ impl RunCommand for MergeSettings {
     }
 }
 
-/// The results of the shards in one folder.
-struct MergedFolder<'a> {
-    folder: &'a Path,
-    manifest: Manifest,
-    journals: JournalContents,
-}
-
-impl<'a> MergedFolder<'a> {
-    fn read(folder: &'a Path) -> Result<Self, CliError> {
-        let name = folder.display();
-        let why = if folder.is_dir() {
-            "it has no manifest"
-        } else {
-            "no such directory"
-        };
-        let no_manifest = || CliError::invalid(format!("{name} holds no run: {why}"));
-        let manifest = Manifest::in_folder(folder).map_err(CliError::invalid)?;
-        Ok(Self {
-            folder,
-            manifest: manifest.ok_or_else(no_manifest)?,
-            journals: JournalContents::in_folder(folder).map_err(CliError::invalid)?,
-        })
-    }
-}
-
-/// Reads folders, which must belong to one run.
-fn read(folders: &[PathBuf]) -> Result<Vec<MergedFolder<'_>>, CliError> {
-    let mut all: Vec<MergedFolder<'_>> = Vec::new();
-    for folder in folders {
-        let part = MergedFolder::read(folder)?;
-        if let Some(first) = all.first()
-            && let Some(difference) = part.manifest.difference(&first.manifest)
-        {
-            let [folder, first] = [folder, first.folder].map(Path::display);
+/// Reads the journals of folders, which must belong to one run.
+fn read(folders: &[PathBuf]) -> Result<Vec<JournalContents>, CliError> {
+    let manifests = folders.iter().map(|folder| manifest_of(folder));
+    let manifests: Vec<_> = manifests.collect::<Result<_, _>>()?;
+    for (folder, manifest) in folders.iter().zip(&manifests) {
+        if let Some(difference) = manifest.difference(&manifests[0]) {
+            let [folder, first] = [folder, &folders[0]].map(|folder| folder.display());
             return Err(CliError::invalid(format!(
                 "{folder} does not belong to the run in {first}: {difference} (in {first})"
             )));
         }
-        all.push(part);
     }
-    Ok(all)
+    let journals = folders.iter().map(|dir| JournalContents::in_folder(dir));
+    let journals = journals.collect::<Result<_, _>>();
+    journals.map_err(CliError::invalid)
+}
+
+/// Reads the manifest of a folder.
+fn manifest_of(folder: &Path) -> Result<Manifest, CliError> {
+    let name = folder.display();
+    let why = if folder.is_dir() {
+        "it has no manifest"
+    } else {
+        "no such directory"
+    };
+    let found = Manifest::in_folder(folder).map_err(CliError::invalid)?;
+    found.ok_or_else(|| CliError::invalid(format!("{name} holds no run: {why}")))
 }
 
 /// Returns the message about missing frames of a run with `of` frames.

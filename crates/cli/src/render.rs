@@ -23,7 +23,7 @@ use abvh::frames::{Frame, FrameRecord, OutputSelection};
 use clap::Args;
 use files::{FrameFiles, NewFolders};
 use frame_writer::{FrameContext, FrameLog, FrameWriter};
-use output::{SCHEMA, Video, VideoFiles};
+use output::{FileKind, SCHEMA, Video, VideoFiles};
 use resume::{DividedFrames, EarlierRun, RunPlan};
 use scene::Scene;
 use serde_json::{Value, json};
@@ -109,7 +109,7 @@ impl RunCommand for RenderSettings {
             shard: self.shard,
         };
         if frames.is_empty() {
-            return finish_empty_shard(self, earlier, &files, &scene, &plan);
+            return finish_empty_shard(self, &files, &scene, &plan);
         }
         let lit_camera = self.camera.aim(&scene)?;
         // Locals are dropped in reverse order. So `video`, declared later, removes its unfinished file before
@@ -133,8 +133,8 @@ impl RunCommand for RenderSettings {
         let Started { mut tracer, setup } =
             setup::start_tracer(&scene, &self.tracer, workload, opening)?;
         let mut wanted = OutputSelection {
-            hits: files.has_hits(),
-            pixels: files.has_pictures() || files.has_video,
+            hits: files.has(FileKind::Hits),
+            pixels: files.has(FileKind::Picture) || files.has_video,
         };
         let shades_on_device = tracer.prepare_frames(lit_camera.view(), wanted)?;
         // If the host shades, it needs the hits of each frame. They count towards the memory limit of the frame writer.
@@ -142,8 +142,10 @@ impl RunCommand for RenderSettings {
         files.create_folders(&mut new_folders)?;
         self.write_rays(&scene, &lit_camera)?;
         let DividedFrames { done, todo } = earlier.divide(frames, &files);
+        // Frees the contents of its journals before frames are rendered.
+        drop(earlier);
         let stats = statistics_of(self, &scene, &setup);
-        let mut journals = earlier.begin(self.overwrite, &plan, &stats)?;
+        let mut journals = plan.begin(&files, self.overwrite, &stats)?;
         signals::defer();
         let context = FrameContext {
             scene: &scene,
@@ -280,14 +282,13 @@ fn finish_complete(
 /// folders describe the run.
 fn finish_empty_shard(
     settings: &RenderSettings,
-    earlier: EarlierRun,
     files: &FrameFiles,
     scene: &Scene,
     plan: &RunPlan,
 ) -> Result<(), CliError> {
     let mut new_folders = NewFolders::default();
     files.create_folders(&mut new_folders)?;
-    earlier.begin(settings.overwrite, plan, &Value::Null)?;
+    plan.begin(files, settings.overwrite, &Value::Null)?;
     let scene = scene_source::scene_facts(scene);
     let stats = json!({ "schema": SCHEMA, "version": VERSION, "scene": scene });
     settings.write_stats(stats, &[])?;

@@ -18,7 +18,7 @@ use serde::Serialize;
 use std::sync::Arc;
 
 /// Device, threads and settings of a run.
-#[derive(Clone, Serialize)]
+#[derive(Clone, Default, Serialize)]
 pub(crate) struct Setup {
     pub(crate) backend: &'static str,
     pub(crate) adapter: String,
@@ -50,14 +50,11 @@ pub(crate) struct Started<T> {
 /// Starts to open the backend on another thread while the scene is read. Backends on the host open fast, so they are
 /// opened later.
 pub(crate) fn begin(settings: &TracerSettings) -> Opening {
-    if settings.device.no_cache {
-        abvh::backends::disable_kernel_cache();
-    }
-    let is_on_host = settings.device.backend.is_some_and(BackendName::is_on_host);
+    let is_on_host = settings.backend.is_some_and(BackendName::is_on_host);
     if is_on_host {
         Opening::default()
     } else {
-        Opening::begin(settings.device_to_open())
+        Opening::begin(settings.backend, settings.device_to_open())
     }
 }
 
@@ -120,9 +117,10 @@ fn start<T>(
         prepare(opened.value).map(|value| Selected { value, why })
     });
     // If a backend that `auto` chose fails here, try the backends again with the scene.
-    let is_auto = settings.device.backend.is_none();
+    let is_auto = settings.backend.is_none();
     let first = first.filter(|first| first.is_ok() || !is_auto);
-    let selected = first.unwrap_or_else(|| settings.device_to_open().open_and(prepare))?;
+    let open = || (settings.device_to_open()).open_and(settings.backend, prepare);
+    let selected = first.unwrap_or_else(open)?;
     let Started { tracer, mut setup } = selected.value;
     let choice = auto::choice("backend", setup.backend, selected.why);
     setup.auto.splice(0..0, choice);
@@ -157,11 +155,10 @@ fn resolve(
         let name = backend.device().backend.parse().ok();
         drop(backend);
         let reopened = DeviceSettings {
-            backend: name.or(settings.device.backend),
             threads: Some(threads.render),
             ..settings.device.clone()
         };
-        reopened.open()?
+        reopened.open(name.or(settings.backend))?
     };
     let (kind, rays) = (capabilities.device, workload.rays);
     let options = DriverOptions {

@@ -66,10 +66,10 @@ pub(crate) fn defer() {
     ARRIVED.store(RUN_HANDLES_SIGNAL, Ordering::Relaxed);
 }
 
-/// Returns [`CliError::Signal`] if a signal arrived.
+/// Fails if a signal arrived. The error has the exit code of the signal.
 pub(crate) fn check() -> Result<(), CliError> {
     match ARRIVED.load(Ordering::Relaxed) {
         RUN_HANDLES_SIGNAL | EXITS_AT_ONCE => Ok(()),
-        signal => Err(CliError::Signal(signal as u8)),
+        signal => Err(CliError::silent(128 + signal as u8)),
     }
 }

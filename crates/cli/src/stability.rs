@@ -6,7 +6,7 @@ use crate::error::CliError;
 use crate::file_checks::CommandFiles;
 use crate::parsers;
 use crate::table::{format_count, table};
-use crate::tested_backends::{OpenedBackends, TestSettings, TestedBackends};
+use crate::tested_backends::{TestSettings, TestedBackends};
 use backend::{Backend, Intersector};
 use clap::Args;
 use clap::builder::RangedU64ValueParser;
@@ -47,21 +47,18 @@ impl RunCommand for StabilitySettings {
     fn run(&self) -> Result<(), CliError> {
         let written = [("--json", &self.test.json), ("--record", &self.record)];
         CommandFiles::written(&written).check(&[])?;
-        let OpenedBackends {
-            mut backends,
-            tested,
-        } = self.test.open()?;
+        let mut tested = self.test.open()?;
         if let Some(file) = &self.record {
-            return self.record_rates(&mut backends, file);
+            return self.record_rates(&mut tested.backends, file);
         }
         let mut intersectors = Intersector::ALL.to_vec();
         intersectors.retain(|intersector| self.intersector.contains(intersector));
         let report = StabilityReport {
+            rows: self.measure(&intersectors, &mut tested.backends)?,
             tested,
             adapter_option: self.test.adapter_option(),
             seed: self.seed,
             rays: self.rays,
-            rows: self.measure(&intersectors, &mut backends)?,
         };
         if let Some(file) = &self.test.json {
             output::write_json(file, &report)?;
@@ -96,7 +93,7 @@ impl StabilitySettings {
         console::print(&format!("{rates} rates of {}\n", found.measured_on))
     }
 
-    /// Measures every family on every backend.
+    /// Measures every family on the selected backends.
     fn measure(
         &self,
         intersectors: &[Intersector],

@@ -3,7 +3,7 @@
 use crate::camera::CameraSettings;
 use crate::command::{Requirement, RunCommand};
 use crate::console::{self, ProgressLine};
-use crate::devices::{DeviceSettings, backend_name};
+use crate::devices::{BackendChoice, DeviceSettings, backend_name};
 use crate::error::CliError;
 use crate::file_checks::CommandFiles;
 use crate::machine::{self, VERSION};
@@ -71,7 +71,7 @@ impl RunCommand for StressSettings {
         let mut rows = Vec::new();
         for run in &runs {
             rows.push(run.measure(&motion, &expected, self.steps)?);
-            let backend = backend_name(run.device.backend);
+            let backend = backend_name(run.backend);
             progress.step(&[backend, run.update.name(), run.source.name()].join(" "));
         }
         drop(progress);
@@ -111,11 +111,12 @@ impl StressSettings {
         for &backend in &self.test.backend {
             let device = DeviceSettings {
                 adapter: self.test.adapter.clone(),
-                ..DeviceSettings::of(backend)
+                ..DeviceSettings::default()
             };
             for &update in &self.update {
                 let sources = [VertexSource::Copied, VertexSource::InPlace];
                 runs.extend(sources.map(|source| StressRun {
+                    backend,
                     device: device.clone(),
                     update,
                     source,
@@ -179,7 +180,7 @@ impl<'a> StreamedMotion<'a> {
     fn start(&self, run: &StressRun) -> Result<StreamedTracer<'_>, CliError> {
         let settings = TracerSettings {
             device: run.device.clone(),
-            ..TracerSettings::of(None, Intersector::Watertight, Some(run.update))
+            ..TracerSettings::of(run.backend, Intersector::Watertight, Some(run.update))
         };
         let builder = Tracer::builder()
             .update(run.update)
@@ -188,7 +189,7 @@ impl<'a> StreamedMotion<'a> {
         let mesh = scene.add(Mesh::streamed(&self.poses[0], self.animation.triangles())?);
         Ok(StreamedTracer {
             motion: self,
-            tracer: builder.build_on(settings.device_to_open().open()?, scene)?,
+            tracer: builder.build_on(settings.device_to_open().open(run.backend)?, scene)?,
             mesh,
             source: run.source,
         })
@@ -197,7 +198,8 @@ impl<'a> StreamedMotion<'a> {
     /// Returns the hits of the checked poses, traced on the host with a new tree for each pose.
     fn expected_hits(&self) -> Result<Vec<Vec<SceneHit>>, CliError> {
         let mut tracer = self.start(&StressRun {
-            device: DeviceSettings::of(Some(BackendName::Cpu)),
+            backend: Some(BackendName::Cpu),
+            device: DeviceSettings::default(),
             update: Policy::Rebuild,
             source: VertexSource::Copied,
         })?;
@@ -276,6 +278,7 @@ impl VertexSource {
 
 /// One combination of backend, update policy and vertex source.
 struct StressRun {
+    backend: BackendChoice,
     device: DeviceSettings,
     update: Policy,
     source: VertexSource,
@@ -345,7 +348,7 @@ impl StressRun {
         let Summary { median, worst, .. } =
             summary.ok_or_else(|| CliError::failed("no step is timed"))?;
         Ok(StressRow {
-            backend: backend_name(self.device.backend),
+            backend: backend_name(self.backend),
             device: tracer.tracer.device().to_owned(),
             update: self.update.name(),
             vertices: self.source.name(),
@@ -365,11 +368,12 @@ impl StressRun {
 #[cfg(all(test, target_os = "linux"))]
 mod tests {
     use super::*;
+    use crate::error::INVALID;
 
     #[test]
     fn poses_must_fit_in_memory() {
         assert!(check_poses(2, 3).is_ok());
         let refused = check_poses(100_000, 1 << 40).unwrap_err();
-        assert!(matches!(refused, CliError::InvalidRequest(why) if why.contains("--poses")));
+        assert!(refused.code == INVALID && refused.to_string().contains("--poses"));
     }
 }

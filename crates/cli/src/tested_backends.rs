@@ -27,15 +27,19 @@ pub(crate) struct TestSettings {
     pub(crate) quiet: bool,
 }
 
-/// The machine and the backends of a test report.
+/// The backends under test, and their description in a report.
 #[derive(Default, Serialize)]
 pub(crate) struct TestedBackends {
     schema: u32,
     version: &'static str,
     command_line: Vec<String>,
     machine: Value,
-    backends: Vec<Value>,
-    absent: Vec<AbsentBackend>,
+    #[serde(rename = "backends")]
+    devices: Vec<Value>,
+    /// Backends that cannot run, with the reasons.
+    absent: Vec<Value>,
+    #[serde(skip)]
+    pub(crate) backends: Vec<Box<dyn Backend>>,
     /// Names of the backends under test.
     #[serde(skip)]
     pub(crate) names: Vec<&'static str>,
@@ -45,54 +49,26 @@ pub(crate) struct TestedBackends {
 }
 
 impl TestedBackends {
-    fn new(opened: &[Box<dyn Backend>], absent: Vec<AbsentBackend>) -> Self {
-        let mut tested = Self {
-            schema: output::SCHEMA,
-            version: VERSION,
-            command_line: machine::command_line(),
-            machine: json!({
-                "cpu": machine::cpu_model(),
-                "cores": host::cores(),
-                "os": std::env::consts::OS,
-            }),
-            ..Self::default()
+    fn add(&mut self, backend: Box<dyn Backend>) {
+        let device = backend.device();
+        let name = device.backend;
+        let (adapter, own) = (&device.adapter, device.arithmetic.to_string());
+        let driver = match device.driver.trim() {
+            "" => String::new(),
+            driver => format!(" ({driver})"),
         };
-        for device in opened.iter().map(|backend| backend.device()) {
-            let name = device.backend;
-            let (adapter, own) = (&device.adapter, device.arithmetic.to_string());
-            let driver = match device.driver.trim() {
-                "" => String::new(),
-                driver => format!(" ({driver})"),
-            };
-            tested.text += &format!("{name}: {adapter}{driver}; arithmetic: {own}\n");
-            tested.names.push(name);
-            tested.backends.push(json!({
-                "backend": name,
-                "adapter": adapter,
-                "driver": device.driver,
-                "kind": device.kind.name(),
-                "threads": device.threads,
-                "arithmetic": own,
-            }));
-        }
-        for AbsentBackend { backend, reason } in &absent {
-            tested.text += &format!("{backend}: absent; {reason}\n");
-        }
-        Self { absent, ..tested }
+        self.text += &format!("{name}: {adapter}{driver}; arithmetic: {own}\n");
+        self.names.push(name);
+        self.devices.push(json!({
+            "backend": name,
+            "adapter": adapter,
+            "driver": device.driver,
+            "kind": device.kind.name(),
+            "threads": device.threads,
+            "arithmetic": own,
+        }));
+        self.backends.push(backend);
     }
-}
-
-/// A backend that cannot run.
-#[derive(Serialize)]
-struct AbsentBackend {
-    backend: &'static str,
-    reason: String,
-}
-
-/// Backends that are open, and their description.
-pub(crate) struct OpenedBackends {
-    pub(crate) backends: Vec<Box<dyn Backend>>,
-    pub(crate) tested: TestedBackends,
 }
 
 impl TestSettings {
@@ -103,32 +79,44 @@ impl TestSettings {
     }
 
     /// Opens the named backends. `auto` stands for all available backends except the reference.
-    pub(crate) fn open(&self) -> Result<OpenedBackends, CliError> {
-        let (mut backends, mut absent) = (Vec::new(), Vec::new());
+    pub(crate) fn open(&self) -> Result<TestedBackends, CliError> {
+        let mut tested = TestedBackends {
+            schema: output::SCHEMA,
+            version: VERSION,
+            command_line: machine::command_line(),
+            machine: json!({
+                "cpu": machine::cpu_model(),
+                "cores": host::cores(),
+                "os": std::env::consts::OS,
+            }),
+            ..TestedBackends::default()
+        };
+        let device = DeviceSettings {
+            adapter: self.adapter.clone(),
+            ..DeviceSettings::default()
+        };
+        let mut reasons = Vec::new();
         let takes_all = self.backend.contains(&None);
         for one in BackendName::ALL {
             let is_named = self.backend.contains(&Some(one));
             if !is_named && (!takes_all || one.is_reference()) {
                 continue;
             }
-            let device = DeviceSettings {
-                adapter: self.adapter.clone(),
-                ..DeviceSettings::of(Some(one))
-            };
-            match device.open() {
-                Ok(backend) => backends.push(backend),
+            match device.open(Some(one)) {
+                Ok(backend) => tested.add(backend),
                 Err(error) if is_named => return Err(error),
-                Err(error) => absent.push(AbsentBackend {
-                    backend: one.name(),
-                    reason: error.to_string(),
-                }),
+                Err(error) => {
+                    let (backend, reason) = (one.name(), error.to_string());
+                    tested.text += &format!("{backend}: absent; {reason}\n");
+                    let absent = json!({ "backend": backend, "reason": reason });
+                    tested.absent.push(absent);
+                    reasons.push(reason);
+                }
             }
         }
-        if backends.is_empty() {
-            let reasons: Vec<_> = absent.into_iter().map(|absent| absent.reason).collect();
+        if tested.backends.is_empty() {
             return Err(CliError::invalid(reasons.join("; ")));
         }
-        let tested = TestedBackends::new(&backends, absent);
-        Ok(OpenedBackends { backends, tested })
+        Ok(tested)
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::command::{Requirement, RunCommand};
 use crate::console;
-use crate::devices::DeviceSettings;
+use crate::devices::{BackendChoice, DeviceSettings};
 use crate::error::CliError;
 use crate::file_checks::CommandFiles;
 use crate::frame_list;
@@ -36,6 +36,9 @@ pub(crate) struct TraceSettings {
     /// Report only whether each ray hits any triangle
     #[arg(long)]
     any_hit: bool,
+    /// Backend
+    #[arg(long, value_name = "NAME", default_value = parsers::AUTO, value_parser = parsers::backend("The best available backend"))]
+    backend: BackendChoice,
     #[command(flatten)]
     device: DeviceSettings,
     /// How a ray is tested against a triangle
@@ -141,7 +144,7 @@ impl TraceSettings {
         let update = self.update.unwrap_or(Policy::Rebuild);
         TracerSettings {
             device: self.device.clone(),
-            ..TracerSettings::of(self.device.backend, self.intersector, Some(update))
+            ..TracerSettings::of(self.backend, self.intersector, Some(update))
         }
     }
 }

@@ -10,6 +10,9 @@ use pipeline::{Frame, Threads};
 /// Options that control tracing. [`crate::setup`] resolves the options that are `auto`.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct TracerSettings {
+    /// Backend
+    #[arg(long, value_name = "NAME", default_value = AUTO, value_parser = parsers::backend("The best available backend"))]
+    pub(crate) backend: BackendChoice,
     #[command(flatten)]
     pub(crate) device: DeviceSettings,
     /// How a ray is tested against a triangle
@@ -44,7 +47,8 @@ impl TracerSettings {
         update: PolicyChoice,
     ) -> Self {
         Self {
-            device: DeviceSettings::of(backend),
+            backend,
+            device: DeviceSettings::default(),
             intersector,
             update,
             lockstep: None,
@@ -77,7 +81,8 @@ impl TracerSettings {
         Threads::share(host::cores(), device, policy, requested)
     }
 
-    /// Returns the device to open. A backend on the host gets the rendering threads, not those of the builder.
+    /// Returns the settings of the device to open. A backend on the host gets the rendering threads, not those of the
+    /// builder.
     pub(crate) fn device_to_open(&self) -> DeviceSettings {
         let host = self.share(DeviceKind::Cpu, self.policy().value);
         DeviceSettings {

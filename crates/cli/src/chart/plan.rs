@@ -22,7 +22,7 @@ impl HitMethod {
     pub(super) fn of(contender: &Contender) -> Option<Self> {
         match contender {
             Contender::Ours(tracer) => Some(Self {
-                backend: tracer.device.backend,
+                backend: tracer.backend,
                 intersector: tracer.intersector,
             }),
             Contender::Rival(_) => None,
@@ -43,7 +43,7 @@ pub(super) fn contenders(settings: &ChartSettings) -> Result<Contenders, CliErro
             contenders.all.extend(all);
         }
     }
-    contenders.add_rivals(measure, &DeviceSettings::of(None));
+    contenders.add_rivals(measure, &DeviceSettings::default());
     if contenders.all.is_empty() {
         let why = contenders.skipped.join("; ");
         return Err(CliError::invalid(format!(

@@ -1,6 +1,7 @@
 //! Command lines that are accepted, and those that are rejected in one line.
 
 use super::*;
+use crate::error::INVALID;
 use crate::frame_list::FrameChoice;
 use backend::{Intersector, Policy};
 use std::path::PathBuf;
@@ -12,7 +13,7 @@ fn parse_line(line: &str) -> Result<CommandSettings, CliError> {
 
 fn refused(line: &str) -> String {
     match parse_line(line) {
-        Err(CliError::InvalidRequest(e)) => {
+        Err(e) if e.code == INVALID => {
             let text = e.to_string();
             assert!(!text.starts_with("error"), "{text}");
             text
@@ -176,7 +177,7 @@ fn accepts_valid_command_lines() {
         "render figures/* --fps 30",
         "render demo:hall+a.obj --recentre",
         "trace a.glb --time 0 --rays r --out o --fps 9 --update refit --tree-time 1",
-        "bench --backend cpu --rival embree,vulkan-rt --builder-threads 2",
+        "bench --backend cpu --rival embree,vulkan-rt --builder-threads 2 --no-cache",
         "bench --update async --builder-threads 2 --csv c",
         "conform --seed 2 --property hits_equal_the_reference --case 3",
     ] {

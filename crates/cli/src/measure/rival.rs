@@ -10,7 +10,7 @@ use backend::{
     Query,
 };
 use geom::Animation;
-use pipeline::{Frame, FrameRecord, FrameTreeStats, WarmUp, Warmed, inactive_and_degenerate_at};
+use pipeline::{Frame, FrameRecord, FrameTreeStats, WarmUp, inactive_and_degenerate_at};
 use rivals::{Rival, RivalName, TreeUpdate};
 use std::sync::Arc;
 use std::time::Instant;
@@ -83,11 +83,11 @@ impl RunningRival {
                 device_memory,
                 ..FrameRecord::default()
             });
-            if number == 0 && frames.len() > 1 {
-                let kind = self.rival.device().kind;
-                timed.warm_up = WarmUp::begin(plan.warm_up, kind)
-                    .map(|warm_up| self.warm_up(warm_up, frame.time, query))
-                    .transpose()?;
+            let warms_up = number == 0 && frames.len() > 1;
+            let kind = self.rival.device().kind;
+            if warms_up && let Some(mut warm_up) = WarmUp::begin(plan.warm_up, kind) {
+                while warm_up.goes_on(self.frame(frame.time, query)?.times.device_ms) {}
+                timed.warm_up = Some(warm_up.end());
             }
         }
         for frame in &mut timed.stats {
@@ -108,16 +108,6 @@ impl RunningRival {
         Ok(self.rival.frame(pose, query.rays, light)?)
     }
 
-    fn warm_up(
-        &mut self,
-        mut warm_up: WarmUp,
-        time: f64,
-        query: Query<'_>,
-    ) -> Result<Warmed, CliError> {
-        while warm_up.goes_on(self.frame(time, query)?.times.device_ms) {}
-        Ok(warm_up.end())
-    }
-
     /// Returns the facts about the tree of frame `number`.
     fn tree_stats(&self, number: usize) -> FrameTreeStats {
         let is_new = number == 0 || self.tree_update == TreeUpdate::Rebuild;
@@ -132,20 +122,14 @@ impl RunningRival {
 
     pub(super) fn setup(&self) -> Setup {
         let device = self.rival.device().clone();
-        let (backend, update) = (device.backend, self.tree_update.name());
         Setup {
-            caption: format!("{backend} ({}), {update}", device.adapter),
-            backend,
+            backend: device.backend,
             adapter: device.adapter,
             driver: Some(device.driver).filter(|driver| !driver.is_empty()),
             threads: device.threads,
-            builder_threads: 0,
-            update,
-            lockstep: None,
-            predict: None,
+            update: self.tree_update.name(),
             intersector: RIVAL_INTERSECTOR,
-            auto: Vec::new(),
-            memory: None,
+            ..Setup::default()
         }
     }
 

@@ -1,7 +1,7 @@
 //! Times and hits of frames that a driver traces.
 
 use crate::error::CliError;
-use backend::{DeviceBytes, Hits, Query};
+use backend::{Hits, Query};
 use pipeline::{Driver, Frame, FrameOutputs, FrameRecord, OutputSelection, Warmed};
 
 /// Frames to time.
@@ -18,18 +18,11 @@ pub(super) struct TimingPlan<'a> {
 pub(super) struct TimedFrames {
     pub(super) warm_up: Option<Warmed>,
     pub(super) stats: Vec<FrameRecord>,
-    /// Device memory of the frame that used the most.
-    pub(super) max_device_memory: Option<DeviceBytes>,
 }
 
 impl TimedFrames {
     /// Adds a frame, with the resident memory of the process.
     pub(super) fn add(&mut self, frame: FrameRecord) {
-        let both = self
-            .max_device_memory
-            .into_iter()
-            .chain(frame.device_memory);
-        self.max_device_memory = both.max_by_key(|bytes| bytes.total());
         self.stats.push(FrameRecord {
             host_bytes: host::resident(),
             ..frame

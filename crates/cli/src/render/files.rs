@@ -3,15 +3,21 @@
 use super::RenderSettings;
 use crate::error::CliError;
 use crate::file_checks::absolute;
-use output::{FileKind, HitArrays};
+use output::{FileKind, HitArrays, NamedDigest};
 use std::path::{Path, PathBuf};
 
 /// The output folders for the files of frames, and whether a video is written.
 #[derive(Debug)]
 pub(super) struct FrameFiles {
-    pictures: Option<PathBuf>,
-    hits: Option<PathBuf>,
+    pub(super) folders: Vec<OutputFolder>,
     pub(super) has_video: bool,
+}
+
+/// An output folder, and the kinds of files that each frame has in it.
+#[derive(Debug)]
+pub(super) struct OutputFolder {
+    pub(super) path: PathBuf,
+    pub(super) kinds: Vec<FileKind>,
 }
 
 /// Folders that the run created, each after its parent. Dropping them removes the empty ones, so that a run that fails
@@ -29,93 +35,71 @@ impl Drop for NewFolders {
 }
 
 impl FrameFiles {
-    /// Returns the outputs of a run. If the two folders are one folder under two names, both get the first name.
+    /// Returns the outputs of a run. If the two folders are one folder under two names, it is listed once, under the
+    /// first name.
     pub(super) fn of(settings: &RenderSettings) -> Self {
-        let pictures = (!settings.no_images).then(|| settings.out.clone());
-        let is_same = |hits: &PathBuf| pictures.as_deref().map(absolute) == Some(absolute(hits));
-        let hits = match &settings.hits {
-            Some(hits) if is_same(hits) => pictures.clone(),
-            hits => hits.clone(),
+        let folder = |path: &Path, kind| OutputFolder {
+            path: path.to_owned(),
+            kinds: vec![kind],
         };
+        let mut folders = Vec::new();
+        if !settings.no_images {
+            folders.push(folder(&settings.out, FileKind::Picture));
+        }
+        if let Some(hits) = &settings.hits {
+            match folders.first_mut() {
+                Some(first) if absolute(&first.path) == absolute(hits) => {
+                    first.kinds.push(FileKind::Hits);
+                }
+                _ => folders.push(folder(hits, FileKind::Hits)),
+            }
+        }
         Self {
-            pictures,
-            hits,
+            folders,
             has_video: settings.has_video(),
         }
     }
 
     /// Creates the folders and their parents, and adds those that did not exist to `new_folders`.
     pub(super) fn create_folders(&self, new_folders: &mut NewFolders) -> Result<(), CliError> {
-        for dir in self.folders() {
-            let above = dir.ancestors().filter(|d| !d.as_os_str().is_empty());
+        for OutputFolder { path, .. } in &self.folders {
+            let above = path.ancestors().filter(|d| !d.as_os_str().is_empty());
             let missing: Vec<_> = above.take_while(|d| !d.exists()).collect();
             let parents_first = missing.into_iter().rev().map(Path::to_owned);
             new_folders.0.extend(parents_first);
-            output::prepare_dir(&dir).map_err(CliError::invalid)?;
+            output::prepare_dir(path).map_err(CliError::invalid)?;
         }
         Ok(())
     }
 
-    pub(super) fn folders(&self) -> Vec<PathBuf> {
-        let mut all: Vec<_> = self.pictures.iter().chain(&self.hits).cloned().collect();
-        all.dedup();
-        all
+    /// Returns whether each frame has a file of this kind.
+    pub(super) fn has(&self, kind: FileKind) -> bool {
+        let mut folders = self.folders.iter();
+        folders.any(|folder| folder.kinds.contains(&kind))
     }
 
-    /// Returns the kinds of files that each frame has in one of the folders.
-    pub(super) fn kinds(&self, folder: &Path) -> Vec<FileKind> {
-        let pictures = (self.pictures.as_deref() == Some(folder)).then_some(FileKind::Picture);
-        let hits = (self.hits.as_deref() == Some(folder)).then_some(FileKind::Hits);
-        pictures.into_iter().chain(hits).collect()
-    }
-
-    /// Returns a frame's files in one of the folders.
-    pub(super) fn in_folder(&self, frame: u64, folder: &Path) -> Vec<PathBuf> {
-        let kinds = self.kinds(folder).into_iter();
-        kinds
-            .map(|kind| folder.join(kind.file_name(frame)))
-            .collect()
-    }
-
-    pub(super) fn has_pictures(&self) -> bool {
-        self.pictures.is_some()
-    }
-
-    pub(super) fn has_hits(&self) -> bool {
-        self.hits.is_some()
-    }
-
-    /// Returns whether any file is written per frame.
-    pub(super) fn any(&self) -> bool {
-        self.has_pictures() || self.has_hits()
-    }
-
-    /// Writes the files of a frame. `rgb` is empty if no picture is written.
+    /// Writes the files of a frame, and returns their digests for each folder. `rgb` is empty if no picture is written.
     pub(super) fn write(
         &self,
         frame: u64,
         size: [u32; 2],
         hits: &HitArrays<'_>,
         rgb: &[u8],
-    ) -> Result<(), CliError> {
-        if let Some(file) = self.hits(frame) {
-            output::remove_special_file(&file)?;
-            hits.write(&file)?;
+    ) -> Result<Vec<Vec<NamedDigest>>, CliError> {
+        let mut digests = Vec::new();
+        for folder in &self.folders {
+            let mut written = Vec::new();
+            for kind in &folder.kinds {
+                let file = folder.path.join(kind.file_name(frame));
+                output::remove_special_file(&file)?;
+                match kind {
+                    FileKind::Picture => output::write_png(&file, size, rgb)?,
+                    FileKind::Hits => hits.write(&file)?,
+                }
+                written.push(file);
+            }
+            digests.push(output::digests(&written)?);
         }
-        if let Some(file) = self.picture(frame) {
-            output::remove_special_file(&file)?;
-            output::write_png(&file, size, rgb)?;
-        }
-        Ok(())
-    }
-
-    fn picture(&self, frame: u64) -> Option<PathBuf> {
-        let dir = self.pictures.as_ref()?;
-        Some(dir.join(FileKind::Picture.file_name(frame)))
-    }
-
-    fn hits(&self, frame: u64) -> Option<PathBuf> {
-        let dir = self.hits.as_ref()?;
-        Some(dir.join(FileKind::Hits.file_name(frame)))
+        Ok(digests)
     }
 }

@@ -8,7 +8,7 @@ use crate::error::CliError;
 use crate::signals;
 use abvh::frames::{Frame, FrameOutputs, FrameRecord, OutputSelection};
 use geom::lock;
-use output::{HitArrays, Journal, Video, VideoPlanes};
+use output::{FileKind, HitArrays, Journal, Video, VideoPlanes};
 use rayon::Scope;
 use scene::Scene;
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -137,7 +137,7 @@ impl<'a> FrameWriter<'a> {
         // This thread is a rayon worker only if no other thread could be started. Spawned work would then run only at
         // the end of the run.
         let files = self.context.files;
-        let writes_any = files.any() || files.has_video;
+        let writes_any = !files.folders.is_empty() || files.has_video;
         if !writes_any || rayon::current_thread_index().is_some() {
             write();
             return self.check();
@@ -189,7 +189,7 @@ impl<'a> FrameWriter<'a> {
         } = self.context;
         let FrameOutputs { hits, pixels } = &buffers.outputs;
         let [width, height] = [lit_camera.camera.width, lit_camera.camera.height];
-        if files.has_pictures() {
+        if files.has(FileKind::Picture) {
             output::drop_alpha(pixels, &mut buffers.rgb);
         }
         if files.has_video {
@@ -202,12 +202,7 @@ impl<'a> FrameWriter<'a> {
             offset: scene.facts.offset,
             ..HitArrays::of(&hits.closest, &shape)
         };
-        files.write(index, [width, height], &hits, &buffers.rgb)?;
-        let folders = files.folders();
-        let digests = folders
-            .iter()
-            .map(|f| output::digests(&files.in_folder(index, f)));
-        let digests = digests.collect::<Result<Vec<_>, _>>()?;
+        let digests = files.write(index, [width, height], &hits, &buffers.rgb)?;
         let mut log = self.lock();
         for (journal, files) in log.journals.iter_mut().zip(digests) {
             journal.add(files, &record)?;

@@ -1,30 +1,23 @@
 //! Frames that an earlier run left in the output folders, and the frames that remain.
 
 use super::RenderSettings;
-use super::files::FrameFiles;
+use super::files::{FrameFiles, OutputFolder};
 use crate::devices::backend_name;
 use crate::error::CliError;
 use crate::frame_list::{self, EvenFrames, FrameChoice, Shard};
 use crate::machine::VERSION;
 use crate::scene_source::{is_demo, may_have_clip};
-use output::{FileKind, Journal, JournalContents, Manifest, SCHEMA, SceneId};
+use output::{Journal, JournalContents, Manifest, SCHEMA, SceneId};
 use pipeline::{Frame, FrameRecord};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// An earlier run in the output folders.
 pub(super) struct EarlierRun {
-    folders: Vec<OutputFolder>,
+    /// Contents of the journals of each output folder. They are read only if the run resumes.
+    journals: Vec<JournalContents>,
     manifest: Option<Manifest>,
-}
-
-/// An output folder, and what its journals list.
-struct OutputFolder {
-    path: PathBuf,
-    /// Kinds of files that each frame has in the folder.
-    kinds: Vec<FileKind>,
-    journals: JournalContents,
 }
 
 /// The manifest of a run, the numbers of all its frames in all shards, and the shard that is rendered.
@@ -34,14 +27,7 @@ pub(super) struct RunPlan {
     pub(super) shard: Option<Shard>,
 }
 
-/// An output folder whose existing journals are locked, so that a run can begin in it.
-struct LockedFolder {
-    path: PathBuf,
-    kinds: Vec<FileKind>,
-    journals: LockedJournals,
-}
-
-/// The locked journals of a folder.
+/// The locked journals of a folder in which a run can begin.
 enum LockedJournals {
     /// All journals of another run, which the new run replaces.
     Replaced(Vec<Journal>),
@@ -59,31 +45,25 @@ impl EarlierRun {
     /// Reads the output folders, before anything is loaded. Fails if a folder contains another or an unknown run, unless
     /// `--overwrite` is set.
     pub(super) fn find(settings: &RenderSettings, files: &FrameFiles) -> Result<Self, CliError> {
-        let (mut folders, mut earlier) = (Vec::new(), None);
-        for path in files.folders() {
+        let (mut journals, mut earlier) = (Vec::new(), None);
+        for OutputFolder { path, .. } in &files.folders {
             let found = if settings.overwrite {
                 None
             } else {
-                known_run(&path)?
+                known_run(path)?
             };
             if let Some(found) = &found {
-                check_same_run(&path, found, &manifest(settings, found.key_frames)?)?;
+                check_same_run(path, found, &manifest(settings, found.key_frames)?)?;
             }
-            let journals = if settings.resume && found.is_some() {
-                JournalContents::in_folder(&path).map_err(CliError::invalid)?
+            journals.push(if settings.resume && found.is_some() {
+                JournalContents::in_folder(path).map_err(CliError::invalid)?
             } else {
                 JournalContents::default()
-            };
-            earlier = found.or(earlier);
-            let kinds = files.kinds(&path);
-            folders.push(OutputFolder {
-                path,
-                kinds,
-                journals,
             });
+            earlier = found.or(earlier);
         }
         Ok(Self {
-            folders,
+            journals,
             manifest: earlier,
         })
     }
@@ -92,7 +72,8 @@ impl EarlierRun {
     pub(super) fn divide(&self, frames: Vec<Frame>, files: &FrameFiles) -> DividedFrames {
         let (mut done, mut todo) = (Vec::new(), Vec::new());
         for frame in frames {
-            match self.record(frame.index).filter(|_| !files.has_video) {
+            let record = self.record(frame.index, files);
+            match record.filter(|_| !files.has_video) {
                 Some(record) => done.push(record),
                 None => todo.push(frame),
             }
@@ -100,12 +81,12 @@ impl EarlierRun {
         DividedFrames { done, todo }
     }
 
-    fn record(&self, frame: u64) -> Option<FrameRecord> {
+    fn record(&self, frame: u64, files: &FrameFiles) -> Option<FrameRecord> {
         let mut record = None;
-        for folder in &self.folders {
+        for (folder, journals) in files.folders.iter().zip(&self.journals) {
             for kind in &folder.kinds {
                 let name = kind.file_name(frame);
-                record = Some(folder.journals.unchanged(frame, &folder.path, &name)?);
+                record = Some(journals.unchanged(frame, &folder.path, &name)?);
             }
         }
         record.cloned()
@@ -133,68 +114,65 @@ impl EarlierRun {
 
     /// Returns the statistics of the earlier run without its frames.
     pub(super) fn statistics(&self) -> Option<Value> {
-        self.folders.first()?.journals.stats.clone()
-    }
-
-    /// Writes the manifest to all folders, and begins a journal in each. Fails if another run has begun in a folder,
-    /// unless `overwrite` is set. No folder is changed before all are locked and checked.
-    pub(super) fn begin(
-        self,
-        overwrite: bool,
-        plan: &RunPlan,
-        stats: &Value,
-    ) -> Result<Vec<Journal>, CliError> {
-        let folders = self.folders.into_iter();
-        let locked = folders.map(|folder| LockedFolder::of(folder, overwrite, plan));
-        let locked: Vec<_> = locked.collect::<Result<_, _>>()?;
-        let folders = locked.into_iter();
-        folders.map(|folder| folder.begin(plan, stats)).collect()
+        self.journals.first()?.stats.clone()
     }
 }
 
-impl LockedFolder {
+impl RunPlan {
+    /// Writes the manifest to all folders, and begins a journal in each. Fails if another run has begun in a folder,
+    /// unless `overwrite` is set. No folder is changed before all are locked and checked.
+    pub(super) fn begin(
+        &self,
+        files: &FrameFiles,
+        overwrite: bool,
+        stats: &Value,
+    ) -> Result<Vec<Journal>, CliError> {
+        let folders = files.folders.iter();
+        let locked = folders.map(|folder| self.lock(&folder.path, overwrite));
+        let locked: Vec<_> = locked.collect::<Result<_, _>>()?;
+        let folders = files.folders.iter().zip(locked);
+        folders
+            .map(|(folder, journals)| self.begin_in(folder, journals, stats))
+            .collect()
+    }
+
     /// Locks the journals that the run replaces or continues. Fails if the folder contains another run, unless
     /// `overwrite` is set.
-    fn of(folder: OutputFolder, overwrite: bool, plan: &RunPlan) -> Result<Self, CliError> {
-        let OutputFolder { path, kinds, .. } = folder;
-        let found = Manifest::in_folder(&path).ok().flatten();
-        let journals = if overwrite && found.as_ref() != Some(&plan.manifest) {
-            let all = Journal::open_all(&path).map_err(CliError::invalid)?;
-            LockedJournals::Replaced(all)
-        } else {
-            let own = Journal::open_existing(&path, plan.shard());
-            let own = own.map_err(CliError::invalid)?;
-            plan.check(&path)?;
-            LockedJournals::Continued(own)
-        };
-        Ok(Self {
-            path,
-            kinds,
-            journals,
-        })
+    fn lock(&self, folder: &Path, overwrite: bool) -> Result<LockedJournals, CliError> {
+        let found = Manifest::in_folder(folder).ok().flatten();
+        if overwrite && found.as_ref() != Some(&self.manifest) {
+            let all = Journal::open_all(folder).map_err(CliError::invalid)?;
+            return Ok(LockedJournals::Replaced(all));
+        }
+        let own = Journal::open_existing(folder, self.shard()).map_err(CliError::invalid)?;
+        self.check(folder)?;
+        Ok(LockedJournals::Continued(own))
     }
 
     /// Removes the run that is replaced, if any. Writes the manifest and begins the journal.
-    fn begin(self, plan: &RunPlan, stats: &Value) -> Result<Journal, CliError> {
-        let path = &self.path;
-        let own = match self.journals {
+    fn begin_in(
+        &self,
+        folder: &OutputFolder,
+        journals: LockedJournals,
+        stats: &Value,
+    ) -> Result<Journal, CliError> {
+        let OutputFolder { path, kinds } = folder;
+        let own = match journals {
             LockedJournals::Replaced(all) => {
                 output::clear_run(path, &all).map_err(CliError::invalid)?;
                 None
             }
             LockedJournals::Continued(own) => own,
         };
-        let journal = own.map_or_else(|| Journal::open(path, plan.shard()), Ok);
+        let journal = own.map_or_else(|| Journal::open(path, self.shard()), Ok);
         let mut journal = journal.map_err(CliError::invalid)?;
-        plan.manifest.write_new(path)?;
+        self.manifest.write_new(path)?;
         // Another run may have begun since the first check.
-        plan.check(path)?;
-        journal.begin(plan.list.clone(), self.kinds, stats.clone())?;
+        self.check(path)?;
+        journal.begin(self.list.clone(), kinds.clone(), stats.clone())?;
         Ok(journal)
     }
-}
 
-impl RunPlan {
     /// Returns the number of the shard and the number of all shards.
     fn shard(&self) -> Option<[usize; 2]> {
         self.shard.map(|shard| [shard.number, shard.of])
@@ -298,7 +276,7 @@ fn other_options(settings: &RenderSettings, key_frames: usize) -> BTreeMap<Strin
     }
     // The hits of these intersectors depend on the device.
     if !tracer.intersector.is_equal_across_backends() {
-        all.push(("backend", json!(backend_name(tracer.device.backend))));
+        all.push(("backend", json!(backend_name(tracer.backend))));
         all.push(("adapter", json!(tracer.device.adapter)));
     }
     let owned = |(name, value): (&str, Value)| (name.to_owned(), value);
