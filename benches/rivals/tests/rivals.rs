@@ -4,12 +4,11 @@
 //! absence into a failure. The Vulkan driver runs under the validation layers where they are installed, and any message
 //! is a failure.
 
-use backend::{Backend, FrameReport, Generation, Hits, Intersector, Query, QueryKind, Rays};
-use conformance::stage;
-use cpu_ref::CpuBackend;
+use backend::{FrameReport, Hits, Intersector, Query, QueryKind, Rays};
+use conformance::stage::open;
 use geom::{Animation, Camera, CameraPose, Point, Pose, Ray};
 use gpu_common::{Options, Validation};
-use integration::program;
+use integration::{program, stage};
 use rivals::vulkan_rt::VulkanRt;
 use rivals::{Rival, RivalName, TreeUpdate};
 use scene::Viewpoint;
@@ -109,14 +108,9 @@ impl Shot {
 
     /// Returns our hits, those of `watertight` on the host.
     fn ours(&self, time: f64) -> Hits {
-        let mut host = CpuBackend::new(Some(2)).unwrap();
-        host.load(Arc::clone(&self.animation), Intersector::Watertight)
-            .unwrap();
-        let tree = stage::tree_over(&self.animation, &stage::vertices(&self.animation, time));
-        host.adopt(&tree, Generation(1)).unwrap();
-        stage::interpolate_and_refit(&mut host, &self.animation, time).unwrap();
-        let Query { rays, kind } = self.query();
-        stage::trace_and_wait(&mut host, rays, kind).unwrap().hits
+        let mut host = stage::host();
+        open(&mut host, &self.animation, time, Intersector::Watertight).unwrap();
+        stage::trace(&mut host, &self.animation, time, self.query())
     }
 }
 

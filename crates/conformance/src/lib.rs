@@ -17,7 +17,7 @@ pub mod stage;
 pub use generate::cases::{Case, nth_case};
 pub use generate::rays::{RayKind, Target, aimed};
 pub use generate::strategies::seed_bytes;
-pub use generate::topologies::{topology_from_splits, uneven_tree};
+pub use generate::topologies::uneven_tree;
 pub use properties::{PROPERTIES, Property};
 pub use reference::Reference;
 

@@ -75,7 +75,10 @@ pub fn tree_at(animation: &Animation, time: f64) -> Topology {
 }
 
 /// Loads the scene and adopts a first tree, built at `time`.
-pub(crate) fn open(
+///
+/// # Errors
+/// The backend failed.
+pub fn open(
     backend: &mut dyn Backend,
     animation: &Arc<Animation>,
     time: f64,

@@ -5,9 +5,8 @@
 use backend::{Backend, Generation, Hits, Inspect, Intersector, Query, QueryKind, Rays, Ticket};
 use bvh_layout::Topology;
 use conformance::stage::{interpolate_and_refit, trace_and_wait, tree_at, triangles};
-use conformance::{Case, nth_case, topology_from_splits};
+use conformance::{Case, nth_case, uneven_tree};
 use cpu_ref::CpuBackend;
-use fastrand::Rng;
 use geom::{Aabb, Animation, KeyFrameError, Ray};
 use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -21,17 +20,11 @@ fn broken() -> Case {
     case
 }
 
-/// Returns a tree that ignores the positions of triangles, with many overlaps and leaves at every depth.
+/// Returns a tree that ignores the positions of triangles, with a leaf at each of the upper depths.
 fn senseless_tree(animation: &Animation) -> Topology {
-    let mut rng = Rng::with_seed(6);
     let all = 0..animation.triangle_count() as u32;
-    let mut leaves: Vec<u32> = all.filter(|&t| animation.is_live(t)).collect();
-    rng.shuffle(&mut leaves);
-    let uneven = |depth, leaves| match depth {
-        0..20 => rng.usize(1..leaves),
-        _ => leaves / 2,
-    };
-    topology_from_splits(animation.triangle_count(), &leaves, uneven)
+    let leaves: Vec<u32> = all.rev().filter(|&t| animation.is_live(t)).collect();
+    uneven_tree(animation.triangle_count(), &leaves, 20)
 }
 
 /// Returns a backend that has interpolated, preprocessed and refitted.
@@ -146,7 +139,7 @@ fn zero_threads_are_refused() {
 fn misuse_panics_with_a_reason() {
     type Misuse = fn(&mut CpuBackend);
     let stale = "the tree is stale";
-    let table: [(&str, Misuse); 6] = [
+    let table: [(&str, Misuse); 7] = [
         (stale, |b| {
             b.adopt(&senseless_tree(&broken().animation), Generation(2))
                 .unwrap();
@@ -160,6 +153,12 @@ fn misuse_panics_with_a_reason() {
         }),
         ("is not greater than the current generation", |b| {
             drop(b.evaluate(&senseless_tree(&broken().animation), Generation(0)));
+        }),
+        // The first tree has no predecessor, but its generation must be above 0 too.
+        ("is not greater than the current generation 0", |b| {
+            let animation = broken().animation;
+            (b.load(Arc::clone(&animation), Intersector::Watertight)).unwrap();
+            drop(b.adopt(&senseless_tree(&animation), Generation(0)));
         }),
         ("was not issued", |b| drop(b.wait(Ticket(77)))),
     ];
@@ -176,15 +175,6 @@ fn misuse_panics_with_a_reason() {
         let text = text.or(said.downcast_ref::<&str>().copied());
         assert!(text.is_some_and(|t| t.contains(why)), "{text:?}");
     }
-}
-
-/// The first tree has no predecessor, but its generation must be above 0 too.
-#[test]
-#[should_panic(expected = "is not greater than the current generation")]
-fn first_generation_is_positive() {
-    let (animation, mut backend) = (broken().animation, CpuBackend::new(Some(1)).unwrap());
-    (backend.load(Arc::clone(&animation), Intersector::Watertight)).unwrap();
-    drop(backend.adopt(&tree_at(&animation, 0.0), Generation(0)));
 }
 
 #[test]

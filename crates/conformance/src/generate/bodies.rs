@@ -29,20 +29,13 @@ pub(crate) struct BodyRayKind {
 }
 
 impl BodyRayKind {
-    /// All kinds, which are used in rotation.
-    pub(crate) const ALL: [Self; 6] = {
-        const fn of(target: BodyTarget, is_inside: bool) -> BodyRayKind {
-            BodyRayKind { target, is_inside }
+    /// Returns kind `i` of a rotation of six: each target from inside, then each from outside.
+    pub(crate) fn nth(i: usize) -> Self {
+        Self {
+            target: [BodyTarget::Edge, BodyTarget::Vertex, BodyTarget::Random][i % 3],
+            is_inside: (i / 3).is_multiple_of(2),
         }
-        [
-            of(BodyTarget::Edge, true),
-            of(BodyTarget::Vertex, true),
-            of(BodyTarget::Random, true),
-            of(BodyTarget::Edge, false),
-            of(BodyTarget::Vertex, false),
-            of(BodyTarget::Random, false),
-        ]
-    };
+    }
 }
 
 /// A closed body around the origin.

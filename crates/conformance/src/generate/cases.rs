@@ -2,7 +2,7 @@
 
 use super::bodies::{BODIES, BodyRay, BodyRayKind, PlacedBody, body_rays, placed_body};
 use super::commands::{BackendCommand, commands};
-use super::rays::{RayDescription, RayKind, TargetTriangles, nth_ray};
+use super::rays::{RayKind, TargetTriangles, nth_ray};
 use super::scenes::{KEYS, MovingMesh, SceneKind, grid_point, scenes};
 use super::strategies::{Precision, last_of, precision, runner, shrinking_list, value_tree};
 use super::topologies::TreeDescription;
@@ -92,28 +92,6 @@ const BODY_OFFSETS: [f32; 4] = [0.0, 10.0, 1e3, 1e5];
 /// Maximum number of triangles of a scene.
 const TRIANGLES: u32 = 2400;
 
-/// Description of a case. It shrinks, and a [`Case`] is computed from it.
-#[derive(Clone, Debug)]
-struct CaseDescription {
-    scene: MovingMesh,
-    /// Indices below [`TRIANGLES`] of the triangles that are kept. Indices that the scene does not have are ignored.
-    kept: Vec<u32>,
-    /// Number of key frames that are kept.
-    keys: usize,
-    precision: Precision,
-    place: ScenePlacement,
-    times: VisitTimes,
-    rays: Vec<RayDescription>,
-    /// Random point from which the eye is computed, and the light if it is not placed at a triangle.
-    anywhere: Point,
-    light: LightDescription,
-    trees: Vec<TreeDescription>,
-    random_bits: u64,
-    commands: Vec<BackendCommand>,
-    body: PlacedBody,
-    body_rays: Vec<BodyRay>,
-}
-
 /// Cases with this number, which selects the kind of scene.
 ///
 /// Shrinking removes triangles, key frames and rays, and then simplifies the rest. Rays do not change while triangles
@@ -134,30 +112,44 @@ pub(crate) fn cases(number: u32) -> impl Strategy<Value = Case> {
         any::<u64>().no_shrink(),
         commands(),
         bodies(),
-        shrinking_list(
-            (0..BODY_RAYS).map(|i| body_rays(BodyRayKind::ALL[i % BodyRayKind::ALL.len()])),
-        ),
+        shrinking_list((0..BODY_RAYS).map(|i| body_rays(BodyRayKind::nth(i)))),
     );
     (scene, rays, rest).prop_map(move |(scene, rays, rest)| {
-        let ((kept, keys), place, precision, scene) = scene;
+        // `kept` contains indices below `TRIANGLES`. Indices that the scene does not have are ignored.
+        let ((kept, key_count), place, precision, (mut keys, triangles)) = scene;
+        // The eye is computed from the random point `anywhere`, and so is the light if it is not placed at a triangle.
         let (times, light, trees, anywhere, random_bits, commands, body, body_rays) = rest;
-        let description = CaseDescription {
-            scene,
-            kept,
-            keys,
-            precision,
-            place,
-            times,
-            rays,
-            anywhere,
-            light,
+        for p in keys.iter_mut().flatten() {
+            *p = precision.point(*p);
+        }
+        keys.truncate(key_count);
+        let end = (keys.len() - 1) as f64;
+        let times = times.map(|time| time.min(end));
+        let whole = place.animation((keys.clone(), triangles.clone()));
+        let targets = TargetTriangles::of(&whole, times[1]);
+        let light = light.at_triangle(&whole, times[1]);
+        Case {
+            number,
+            about: format!("{kind}, {place:?}"),
+            rays: rays
+                .iter()
+                .map(|ray| TargetTriangles::pick(&targets, ray))
+                .collect(),
+            kinds: rays.iter().map(|ray| ray.kind).collect(),
+            camera: place.camera(anywhere),
+            light: light.unwrap_or_else(|| place.put(anywhere.map(|x| 3.0 * x))),
+            animation: if kept.len() < TRIANGLES as usize {
+                place.animation(keep_triangles((keys, triangles), &kept))
+            } else {
+                whole
+            },
+            times: times.to_vec(),
             trees,
-            random_bits,
             commands,
+            random_bits,
             body,
             body_rays,
-        };
-        description.case(number, kind)
+        }
     })
 }
 
@@ -172,46 +164,6 @@ fn bodies() -> impl Strategy<Value = PlacedBody> {
 /// Returns case `number` of a seed.
 pub fn nth_case(seed: u64, number: u32) -> Case {
     value_tree(&cases(number), &mut runner(seed, number, 0)).current()
-}
-
-impl CaseDescription {
-    fn case(self, number: u32, kind: SceneKind) -> Case {
-        let Self {
-            place, precision, ..
-        } = self;
-        let (mut keys, triangles) = self.scene;
-        for p in keys.iter_mut().flatten() {
-            *p = precision.point(*p);
-        }
-        keys.truncate(self.keys);
-        let times = self.times.up_to(keys.len() - 1);
-        let whole = place.animation((keys.clone(), triangles.clone()));
-        let targets = TargetTriangles::of(&whole, times[1]);
-        let light = self.light.at_triangle(&whole, times[1]);
-        Case {
-            number,
-            about: format!("{kind}, {place:?}"),
-            rays: self
-                .rays
-                .iter()
-                .map(|ray| TargetTriangles::pick(&targets, ray))
-                .collect(),
-            kinds: self.rays.iter().map(|ray| ray.kind).collect(),
-            camera: place.camera(self.anywhere),
-            light: light.unwrap_or_else(|| place.put(self.anywhere.map(|x| 3.0 * x))),
-            animation: if self.kept.len() < TRIANGLES as usize {
-                place.animation(keep_triangles((keys, triangles), &self.kept))
-            } else {
-                whole
-            },
-            times: times.to_vec(),
-            trees: self.trees,
-            commands: self.commands,
-            random_bits: self.random_bits,
-            body: self.body,
-            body_rays: self.body_rays,
-        }
-    }
 }
 
 /// Returns the `kept` triangles of a scene, with only the vertices that they use.
@@ -231,42 +183,25 @@ fn keep_triangles((keys, triangles): MovingMesh, kept: &[u32]) -> MovingMesh {
     )
 }
 
-/// Three random times, one of which may be replaced by a key frame.
-#[derive(Clone, Copy, Debug)]
-struct VisitTimes {
-    all: [f64; 3],
-    /// Index of the time that is replaced, and the key frame that replaces it.
-    whole: Option<(usize, u8)>,
-    precision: Precision,
-}
-
-fn times() -> impl Strategy<Value = VisitTimes> {
+/// Three random times, one of which may be replaced by a key frame. They may be beyond the last key frame of the case.
+fn times() -> impl Strategy<Value = [f64; 3]> {
     let end = (KEYS - 1) as f64;
     let numbers = (
         [0.0..end, 0.0..end, 0.0..end],
         proptest::option::of((0..3_usize, 0..KEYS as u8)),
     );
-    (precision(), numbers.no_shrink()).prop_map(|(precision, (all, whole))| VisitTimes {
-        all,
-        whole,
-        precision,
-    })
-}
-
-impl VisitTimes {
-    /// Returns the times, but not beyond key frame `end`.
-    fn up_to(self, end: usize) -> [f64; 3] {
+    (precision(), numbers.no_shrink()).prop_map(|(precision, (all, replacement))| {
         // Times are rounded differently from coordinates: `Eighths` rounds to key frames, `ThreeBits` to eighths.
-        let mut times = self.all.map(|time| match self.precision {
+        let mut times = all.map(|time| match precision {
             Precision::Eighths => time.round(),
             Precision::ThreeBits => (8.0 * time).round() / 8.0,
             Precision::Full => time,
         });
-        if let Some((i, key)) = self.whole {
+        if let Some((i, key)) = replacement {
             times[i] = key.into();
         }
-        times.map(|time| time.min(end as f64))
-    }
+        times
+    })
 }
 
 /// Description of a light, which may be at a triangle: in its plane but outside it, or at its first vertex.

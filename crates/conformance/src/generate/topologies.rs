@@ -84,7 +84,7 @@ pub(crate) fn split_tree(
 ///
 /// # Panics
 /// If `split` leaves a child without leaves, or if the tree exceeds the maximum depth.
-pub fn topology_from_splits(
+fn topology_from_splits(
     triangles: usize,
     leaves: &[u32],
     mut split: impl FnMut(u32, usize) -> usize,

@@ -1,6 +1,6 @@
 //! Intersection of one ray and one triangle in integers: every finite `f32` is `m * 2^e`.
 
-use super::nearest::{is_nearest_above, is_nearest_below};
+use super::nearest::nearest;
 use geom::{Ray, Triangle};
 use num_bigint::{BigInt, Sign};
 use num_rational::BigRational;
@@ -11,8 +11,8 @@ use num_traits::{Float, Signed};
 pub(super) struct Crossing {
     /// Exact distance in multiples of the direction; not reduced.
     pub(super) t: BigRational,
-    /// Exact weights of the second and the third corner; not reduced.
-    pub(super) weights: [BigRational; 2],
+    /// The exact distance and the exact weights of the second and the third corner, each rounded once.
+    pub(super) rounded: [f32; 3],
 }
 
 type ExactVector = [BigInt; 3];
@@ -41,9 +41,13 @@ pub(super) fn cross(ray: &Ray, [a, b, c]: &Triangle) -> Option<Crossing> {
     let [_, v, w] = weights;
     let exponent = point_exponent - direction_exponent;
     let t = quotient(dot(&a, &b_c), divisor.clone(), exponent);
-    let weights = [v, w].map(|weight| quotient(weight, divisor.clone(), 0));
-    let is_within = is_nearest_above(&t, ray.t_min) && is_nearest_below(&t, ray.t_max);
-    is_within.then_some(Crossing { t, weights })
+    let rounded = nearest(&t);
+    let is_within = ray.t_min < rounded && rounded < ray.t_max;
+    is_within.then(|| {
+        let [v, w] = [v, w].map(|weight| nearest(&quotient(weight, divisor.clone(), 0)));
+        let rounded = [rounded, v, w];
+        Crossing { t, rounded }
+    })
 }
 
 fn cross_product(a: &ExactVector, b: &ExactVector) -> ExactVector {

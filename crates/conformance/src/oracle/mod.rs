@@ -25,7 +25,6 @@ use cull::CullTree;
 use exact::{Crossing, cross};
 use filter::{HitBounds, bound_hit};
 use geom::{Moment, Ray, Triangle};
-use nearest::nearest;
 
 /// One exact hit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -123,7 +122,7 @@ impl Oracle {
         hits.sort_by(|(i, a), (j, b)| a.t.cmp(&b.t).then(i.cmp(j)));
         let exact = |(triangle, crossing): &(u32, Crossing)| ExactHit {
             triangle: *triangle,
-            rounded: [&crossing.t, &crossing.weights[0], &crossing.weights[1]].map(nearest),
+            rounded: crossing.rounded,
         };
         hits.iter().map(exact).collect()
     }

@@ -1,5 +1,6 @@
 //! Hand-written cases, and random ones compared with a naive implementation.
 
+use super::nearest::nearest;
 use super::*;
 use crate::{nth_case, stage};
 use num_traits::ToPrimitive;

@@ -13,7 +13,7 @@ use crate::stage::{
 use anyhow::{Context, Result, ensure};
 use backend::{Generation, Query, QueryKind, Rays, Ticket};
 use fastrand::Rng;
-use geom::{Animation, Point, PointBuffer, Pose, Ray};
+use geom::{Animation, Point, PointBuffer, Ray};
 use std::sync::Arc;
 
 /// Maximum number of key frames that are pushed.
@@ -155,14 +155,7 @@ pub(super) fn measured(c: &mut Check<'_>) -> Result<()> {
         let is_fixed = vec![false; first.len()];
         let triangles = c.case.animation.triangles().to_vec();
         let streamed = Animation::streamed(first.clone(), &is_fixed, triangles).map(Arc::new)?;
-        if is_known {
-            // The host computes the range of each key frame before the device does.
-            play(c, &streamed, &frames, |pose| {
-                streamed.range(pose);
-            })
-        } else {
-            play(c, &streamed, &frames, |_| ())
-        }
+        play(c, &streamed, &frames, is_known)
     });
     for ((found, expected), frame) in unseen?.iter().zip(&seen?).zip(&frames) {
         same(found, expected).context(frame.about)?;
@@ -182,18 +175,20 @@ fn same(found: &[Traced; 2], expected: &[Traced; 2]) -> Result<()> {
 }
 
 /// Returns the results of a closest-hit and an any-hit query at each key frame. Both trace the same rays: rays of the case
-/// and rays from near the origin. Calls `prepare` before the backend gets the key frame.
+/// and rays from near the origin. If `is_known`, the host computes the range of each key frame before the device does.
 fn play(
     c: &mut Check<'_>,
     streamed: &Arc<Animation>,
     frames: &[BoundFrame],
-    prepare: impl Fn(Pose),
+    is_known: bool,
 ) -> Result<Vec<[Traced; 2]>> {
     let subject = &mut *c.subject;
     open(subject, streamed, 0.0, c.intersector)?;
     let play = |frame: &BoundFrame| {
         let time = streamed.push(frame.points.clone())?;
-        prepare(streamed.pose(time));
+        if is_known {
+            streamed.range(streamed.pose(time));
+        }
         interpolate_and_refit(subject, streamed, time)?;
         let some = c.case.rays.iter().copied().take(RAYS);
         let rays: Vec<Ray> = some.chain(from_the_middle(&frame.points)).collect();

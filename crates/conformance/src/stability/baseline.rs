@@ -21,7 +21,6 @@ const FILES: [&str; 2] = [
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Baseline {
     /// The arithmetic.
-    #[serde(with = "OwnArithmetic")]
     pub arithmetic: Arithmetic,
     /// Device, driver and settings of the measurement.
     #[serde(rename = "ground")]
@@ -45,14 +44,6 @@ pub struct RateEntry {
     pub of: u64,
     /// Variance of the rate among seeds, divided by that of independent rays; at least 1.
     pub spread: f64,
-}
-
-/// Serialization of [`Arithmetic`].
-#[derive(Serialize, Deserialize)]
-#[serde(remote = "Arithmetic")]
-struct OwnArithmetic {
-    rounds_division: bool,
-    fuses: bool,
 }
 
 static BASELINES: LazyLock<Vec<Baseline>> = LazyLock::new(|| {

@@ -101,7 +101,7 @@ fn closed(
     kinds: impl Iterator<Item = usize>,
     rng: &mut Rng,
 ) -> StabilityScene {
-    let mut wanted = BodyRayKind::ALL.to_vec();
+    let mut wanted: Vec<_> = (0..6).map(BodyRayKind::nth).collect();
     wanted.retain(|kind| target.is_none_or(|target| target == kind.target));
     let ray = |i: usize| {
         let kind = wanted[i % wanted.len()];
