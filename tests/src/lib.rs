@@ -11,8 +11,8 @@ pub mod stage;
 use abvh::{Device, Scene, Tracer};
 use libtest_mimic::{Arguments, Trial};
 
-/// Returns whether `ABVH_FULL=1` requests the full tier: more cases, more files, and more runs in the tests that kill
-/// the program.
+/// Returns whether `ABVH_FULL=1` requests the full tier: more cases, files, rays and devices, and more runs in the tests
+/// that kill the program.
 pub fn is_full() -> bool {
     std::env::var("ABVH_FULL").is_ok_and(|v| v == "1")
 }
@@ -73,6 +73,12 @@ pub fn ignored_if(trial: Trial, reason: Option<impl Into<String>>) -> Trial {
         Some(reason) => trial.with_kind(reason).with_ignored_flag(true),
         None => trial,
     }
+}
+
+/// Names tests by their paths: returns a slice of pairs of a path and the function.
+#[macro_export]
+macro_rules! named {
+    ($($path:path),* $(,)?) => { &[$((stringify!($path), $path)),*] };
 }
 
 /// Creates a test that fails if `body` panics.

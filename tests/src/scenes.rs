@@ -3,14 +3,14 @@
 //! Real scenes are packed. The folder is `ABVH_SCENES`, or a default next to the workspace. Packs are unpacked once
 //! into the target directory. Tests that need an absent pack show as ignored, with the reason.
 
-use geom::Animation;
+use geom::{Animation, lock};
 use libtest_mimic::Trial;
 use scene::Scene;
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 /// A scene and its name.
 #[derive(Clone, Copy, Debug)]
@@ -73,7 +73,7 @@ impl Source {
     /// Returns the animation. It is opened once per process.
     pub fn animation(&self) -> Arc<Animation> {
         static OPEN: Mutex<BTreeMap<&str, Arc<Animation>>> = Mutex::new(BTreeMap::new());
-        let mut open = OPEN.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut open = lock(&OPEN);
         let known = open.entry(self.spec);
         Arc::clone(known.or_insert_with(|| self.open().animation))
     }

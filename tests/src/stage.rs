@@ -1,67 +1,40 @@
-//! A backend with one scene. Its tree can be built from the vertices at any time of the animation.
+//! Traces of an animation on a backend, scenes, cameras, and a wgpu device that the caller opened.
 
 use crate::is_full;
 use abvh::own_device::{OwnDevice, wgpu};
-use backend::{Backend, Generation, Hits, Intersector, QueryKind, Rays};
-use conformance::stage::{interpolate_and_refit, trace_and_wait, tree_at};
-use geom::{Animation, Camera, CameraPose, Point, Ray};
+use backend::{Backend, Hits, Query, QueryKind, Rays};
+use conformance::stage::{interpolate_and_refit, trace_and_wait};
+use cpu_ref::CpuBackend;
+use geom::{Animation, Camera, CameraPose, Hit, Point, Ray};
 use scene::Viewpoint;
 use std::sync::{Arc, LazyLock};
 
-/// A backend that traces one animation.
-pub struct LoadedBackend {
-    backend: Box<dyn Backend>,
-    animation: Arc<Animation>,
-    generation: Generation,
+/// Creates backend `cpu-ref` with two threads.
+pub fn host() -> CpuBackend {
+    CpuBackend::new(Some(2)).expect("threads are available")
 }
 
-impl LoadedBackend {
-    /// Creates backend `cpu-ref` with `threads` threads, and loads the animation.
-    pub fn new(animation: &Arc<Animation>, intersector: Intersector, threads: usize) -> Self {
-        let backend = cpu_ref::CpuBackend::new(Some(threads)).expect("threads are available");
-        Self::over(Box::new(backend), animation, intersector)
-    }
+/// Traces a query at `time` with the current tree.
+pub fn trace(
+    backend: &mut dyn Backend,
+    animation: &Animation,
+    time: f64,
+    query: Query<'_>,
+) -> Hits {
+    let done = interpolate_and_refit(backend, animation, time)
+        .and_then(|()| trace_and_wait(backend, query.rays, query.kind));
+    done.expect("the device does not fail").hits
+}
 
-    /// Loads the animation on any backend.
-    pub fn over(
-        mut backend: Box<dyn Backend>,
-        animation: &Arc<Animation>,
-        intersector: Intersector,
-    ) -> Self {
-        let loaded = backend.load(Arc::clone(animation), intersector);
-        loaded.expect("the scene fits");
-        Self {
-            backend,
-            animation: Arc::clone(animation),
-            generation: Generation(0),
-        }
-    }
-
-    /// Returns the backend, for another scene.
-    pub fn into_backend(self) -> Box<dyn Backend> {
-        self.backend
-    }
-
-    /// Adopts a tree built from the vertices at `time`.
-    pub fn adopt_tree_at(&mut self, time: f64) {
-        self.generation.0 += 1;
-        let tree = tree_at(&self.animation, time);
-        let adopted = self.backend.adopt(&tree, self.generation);
-        adopted.expect("the tree fits");
-    }
-
-    /// Returns the closest hits of rays at `time`, with the current tree.
-    pub fn closest(&mut self, time: f64, rays: &[Ray]) -> Hits {
-        self.trace(time, Rays::List(rays), QueryKind::Closest)
-    }
-
-    /// Traces any rays at `time`.
-    pub fn trace(&mut self, time: f64, rays: Rays<'_>, kind: QueryKind) -> Hits {
-        let backend = self.backend.as_mut();
-        let done = interpolate_and_refit(backend, &self.animation, time)
-            .and_then(|()| trace_and_wait(backend, rays, kind));
-        done.expect("the device does not fail").hits
-    }
+/// Returns the closest hits of rays at `time` with the current tree.
+pub fn closest(
+    backend: &mut dyn Backend,
+    animation: &Animation,
+    time: f64,
+    rays: &[Ray],
+) -> Vec<Hit> {
+    let (rays, kind) = (Rays::List(rays), QueryKind::Closest);
+    trace(backend, animation, time, Query { rays, kind }).closest
 }
 
 /// Creates triangles without shared vertices, from key frames with three vertices per triangle.

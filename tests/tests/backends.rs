@@ -13,11 +13,12 @@
 use backend::Inspect;
 use conformance::{Cases, Disagreement, PROPERTIES, Property, Reference, check_property, nth_case};
 use cpu_ref::CpuBackend;
+use geom::lock;
 use gpu_common::{Options, Validation};
 use integration::regressions::{Regressions, StoredCase};
 use integration::{is_full, is_required, number};
 use libtest_mimic::Trial;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 type Open = fn() -> backend::Result<Box<dyn Inspect>>;
 
@@ -120,7 +121,7 @@ fn trials_of((name, requirement, open): (&'static str, &str, Open)) -> Vec<Trial
             *property
         };
         let trial = Trial::test(format!("{name}::{}", property.name), move || {
-            let mut shared = shared.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut shared = lock(&shared);
             let (subject, reference, seen_messages) = &mut *shared;
             let subject = subject.as_mut().map_err(|e| format!("absent: {e}"))?;
             let seed = number("ABVH_SEED", 1);

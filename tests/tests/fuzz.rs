@@ -5,6 +5,7 @@
 
 use cap::Cap;
 use integration::fuzz::{COMMAND, Format, GLB, GLTF, Mutator, NPY, OBJ, PLY};
+use integration::is_full;
 use std::alloc::System;
 use std::panic;
 use std::path::Path;
@@ -20,14 +21,10 @@ const TIME_LIMIT: Duration = Duration::from_secs(2);
 /// Files of each format in the full tier.
 const FILES: usize = 20_000;
 
-/// Returns the number of cases, not counting the seeds.
-fn count(short: usize, full: usize) -> usize {
-    if integration::is_full() { full } else { short }
-}
-
-/// Returns the seeds, then files generated from them.
+/// Returns the seeds, then `count` files generated from them.
 fn cases(format: Format, count: usize) -> impl Iterator<Item = Vec<u8>> {
-    let seeds: Vec<_> = format.seeds().into_iter().map(|(_, bytes)| bytes).collect();
+    let read = |path| std::fs::read(path).expect("seeds can be read");
+    let seeds: Vec<_> = format.seeds().into_iter().map(read).collect();
     let mut mutator = Mutator::new(seeds.clone(), 0x5eed);
     let mutated = std::iter::repeat_with(move || mutator.case());
     seeds.into_iter().chain(mutated.take(count))
@@ -36,25 +33,32 @@ fn cases(format: Format, count: usize) -> impl Iterator<Item = Vec<u8>> {
 /// Formats that are read without starting a process.
 const READ: [Format; 5] = [OBJ, PLY, GLTF, GLB, NPY];
 
-fn load_mutated(format: Format, full: usize) {
+/// Loads the seeds and files generated from them: `full` in the full tier, else `full / 40`. Returns the share of files
+/// that are valid.
+fn load_mutated(format: Format, full: usize) -> f64 {
     let name = format!("{}-failed.{}", format.name, format.extension);
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
-    for bytes in cases(format, count(500.min(full / 40), full)) {
+    let count = if is_full() { full } else { full / 40 };
+    let (mut valid, mut all) = (0_u32, 0_u32);
+    for bytes in cases(format, count) {
         let start = Instant::now();
         std::fs::write(&path, bytes).unwrap();
-        let returned = panic::catch_unwind(|| format.load(&path)).is_ok();
-        assert!(returned, "a panic over {}", path.display());
+        let returned = panic::catch_unwind(|| format.load(&path));
+        let loaded = returned.unwrap_or_else(|_| panic!("a panic over {}", path.display()));
+        valid += u32::from(loaded.is_ok());
+        all += 1;
         let took = start.elapsed();
         assert!(took < TIME_LIMIT, "{took:?} over {}", path.display());
     }
     std::fs::remove_file(path).expect("the last case is there");
+    f64::from(valid) / f64::from(all)
 }
 
 /// Regressions are loaded or refused with a message. All other seeds are loaded.
 #[test]
 fn seeds_are_valid() {
     for format in READ.into_iter().chain([COMMAND]) {
-        for (path, _) in format.seeds() {
+        for path in format.seeds() {
             let shown = path.display();
             // A file with another extension would be refused before it is parsed.
             let is_of_format = path.extension().is_some_and(|e| e == format.extension);
@@ -67,24 +71,13 @@ fn seeds_are_valid() {
     }
 }
 
-#[test]
-fn some_mutations_remain_loadable() {
-    for format in READ {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("case").with_extension(format.extension);
-        let taken = cases(format, 300).filter(|bytes| {
-            std::fs::write(&path, bytes).unwrap();
-            format.load(&path).is_ok()
-        });
-        let taken = taken.count();
-        assert!((10..=280).contains(&taken), "{}: {taken}", format.name);
-    }
-}
-
+/// Also checks that some damaged files are valid and some are not.
 #[test]
 fn damaged_files_do_not_panic() {
-    READ.into_iter()
-        .for_each(|format| load_mutated(format, FILES));
+    for format in READ {
+        let valid = load_mutated(format, FILES);
+        assert!((0.02..0.96).contains(&valid), "{}: {valid}", format.name);
+    }
 }
 
 /// Tests command lines. Each case starts a process.

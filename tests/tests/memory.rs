@@ -3,12 +3,13 @@
 //! Tests run one at a time, because they share the process. `ABVH_FULL=1` takes 20,000 steps.
 
 use abvh::{Device, Mesh, MeshId, Query, Ray, Scene, Source, Tracer};
+use host::resident;
 use integration::stage::vast_camera;
 use integration::{device_trial, ignored_if, is_full};
 use libtest_mimic::Arguments;
 
 /// Bytes by which the process may grow, because allocators and drivers keep some memory for reuse.
-const SLACK: usize = 12 << 20;
+const SLACK: u64 = 12 << 20;
 /// Rays of a query. A leaked result would take 16 bytes per ray.
 const RAYS: usize = 4_000;
 const SHEET: [[f32; 3]; 3] = [[-1.0, 0.0, -1.0], [1.0, 0.0, -1.0], [0.0, 0.0, 1.0]];
@@ -76,16 +77,6 @@ impl Moving {
         }
         Ok(())
     }
-}
-
-/// Returns the resident bytes of the process, or `None` if the operating system does not report them.
-fn resident() -> Option<usize> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status
-        .lines()
-        .find_map(|line| line.strip_prefix("VmRSS:"))?;
-    let kilobytes: usize = line.trim().strip_suffix(" kB")?.parse().ok()?;
-    Some(kilobytes << 10)
 }
 
 fn stays_flat(device: &Device) {

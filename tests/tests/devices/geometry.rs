@@ -1,4 +1,4 @@
-//! Tests trees of maximal depth and large trees, repeated stages, static geometry, and costs.
+//! Tests large trees, repeated stages, static geometry, and costs.
 
 use crate::Subject;
 use crate::scenes::{
@@ -6,69 +6,38 @@ use crate::scenes::{
 };
 use backend::{FrameReport, Generation, Inspect, Intersector, QueryKind, Rays};
 use bvh_layout::Topology;
-use conformance::topology_from_splits;
-use cpu_ref::CpuBackend;
 use geom::{Aabb, Animation};
 use integration::share;
-use integration::stage::separate_triangles;
-use std::sync::{Arc, LazyLock};
-
-/// Number of leaves of the longest possible chain: a tree has 65 levels at most.
-const LEAVES: u32 = 65;
-
-/// Creates large triangles behind one another. The last is the farthest from the eye.
-fn stack() -> Arc<Animation> {
-    let corners = |t: u32| {
-        let z = -(t as f32);
-        [[-9.0, -9.0, z], [9.0, -9.0, z], [0.0, 9.0, z]]
-    };
-    separate_triangles(vec![(0..LEAVES).flat_map(corners).collect()])
-}
-
-/// Creates a tree in which each inner node has a leaf on the left and the next inner node on the right.
-fn chain() -> Topology {
-    let order: Vec<_> = (0..LEAVES).collect();
-    topology_from_splits(LEAVES as usize, &order, |_, _| 1)
-}
+use integration::stage::host;
+use std::sync::Arc;
 
 pub(crate) fn submission_accepts_many_stages(backend: &mut dyn Subject) {
-    let animation = stack();
-    let intersector = Intersector::Watertight;
-    backend.load(Arc::clone(&animation), intersector).unwrap();
-    backend.adopt(&chain(), Generation(1)).unwrap();
-    for _ in 0..9 {
-        interpolate_and_refit(backend, &animation, 0.0);
+    let (animation, camera) = (swarm(1000), camera());
+    open(backend, &animation);
+    for i in 0..9 {
+        interpolate_and_refit(backend, &animation, 0.1 * f64::from(i));
     }
-    let camera = camera();
     let ticket = submit_trace(backend, Rays::Camera(&camera), QueryKind::Closest);
     let times = backend.wait(ticket).unwrap().times;
     assert!(times.refit_ms.unwrap() < times.device_ms);
     assert!(hits(backend, ticket).closest.iter().any(|h| h.is_hit()));
 }
 
-/// Also tests counts, which last until the next preprocess. A scene that was just loaded has no cost.
+/// Also tests counts, which last until the next preprocess. A scene that was just loaded has no cost. Both key frames
+/// are equal, so the last refit has no treelet to process.
 pub(crate) fn cost_persists_until_next_refit(backend: &mut dyn Subject) {
-    let animation = swarm(300);
+    let moving = swarm(1000);
+    let key = moving.first().to_vec();
+    let animation = Animation::new(vec![key.clone(), key], moving.triangles().to_vec());
+    let animation = Arc::new(animation.unwrap());
     open(backend, &animation);
     assert_eq!(report(backend).sah_cost, None);
     interpolate_and_refit(backend, &animation, 0.0);
     let told = |r: &FrameReport| (r.sah_cost, r.inactive, r.degenerate);
     let first = report(backend);
     assert!(first.sah_cost.is_some() && told(&report(backend)) == told(&first));
-}
-
-/// The second refit has no treelet to process.
-pub(crate) fn cost_persists_between_equal_key_frames(backend: &mut dyn Subject) {
-    let moving = swarm(1000);
-    let key = moving.all_keys().unwrap()[0].to_vec();
-    let animation = Animation::new(vec![key.clone(), key], moving.triangles().to_vec());
-    let animation = Arc::new(animation.unwrap());
-    open(backend, &animation);
-    let [first, second] = [0.0, 0.5].map(|time| {
-        interpolate_and_refit(backend, &animation, time);
-        report(backend).sah_cost
-    });
-    assert!(first.is_some() && second == first, "{first:?} {second:?}");
+    interpolate_and_refit(backend, &animation, 0.5);
+    assert_eq!(report(backend).sah_cost, first.sah_cost);
 }
 
 /// The swarm without motion, except for a few of its triangles, which are close together.
@@ -143,7 +112,7 @@ fn same_cost(found: &FrameReport, expected: &FrameReport) -> bool {
 pub(crate) fn trees_of_any_shape_have_the_references_hits_and_boxes(backend: &mut dyn Subject) {
     let (animation, camera) = (swarm(60_000), camera());
     let trees = [0.0, 2.0].map(|time| tree_at(&animation, time));
-    let mut reference = CpuBackend::new(Some(2)).unwrap();
+    let mut reference = host();
     let mut seen = Vec::new();
     for backend in [&mut reference as &mut dyn Inspect, backend] {
         open(backend, &animation);
@@ -166,7 +135,8 @@ pub(crate) fn trees_of_any_shape_have_the_references_hits_and_boxes(backend: &mu
 /// Returns the report and the boxes of a refitted tree.
 fn refitted(
     backend: &mut dyn Inspect,
-    (animation, tree): &(Arc<Animation>, Topology),
+    animation: &Arc<Animation>,
+    tree: &Topology,
 ) -> (FrameReport, Vec<Aabb>) {
     let intersector = Intersector::Watertight;
     backend.load(Arc::clone(animation), intersector).unwrap();
@@ -177,21 +147,17 @@ fn refitted(
 
 /// Tests a scene so large that `preprocess` waits for positions.
 pub(crate) fn large_trees_match_reference_boxes(backend: &mut dyn Subject) {
-    static LARGE: LazyLock<(Arc<Animation>, Topology)> = LazyLock::new(|| {
-        let animation = swarm(540_000);
-        let tree = tree_at(&animation, 0.4);
-        (animation, tree)
-    });
-    static RIGHT: LazyLock<(FrameReport, Vec<Aabb>)> =
-        LazyLock::new(|| refitted(&mut CpuBackend::new(Some(2)).unwrap(), &LARGE));
-    assert!(LARGE.1.binary().leaf_count() > 1 << 19);
-    let ((seen, boxes), (right, right_boxes)) = (refitted(backend, &LARGE), &*RIGHT);
+    let animation = swarm(540_000);
+    let tree = tree_at(&animation, 0.4);
+    assert!(tree.binary().leaf_count() > 1 << 19);
+    let (right, right_boxes) = refitted(&mut host(), &animation, &tree);
+    let (seen, boxes) = refitted(backend, &animation, &tree);
     let times = seen.times;
     assert!(
         times.interpolate_ms.is_some() || times.preprocess_ms.is_none(),
         "it did not wait"
     );
     let counts = |r: &FrameReport| (r.inactive, r.degenerate);
-    assert!(counts(&seen) == counts(right) && boxes == *right_boxes);
-    assert!(same_cost(&seen, right), "{seen:?} {right:?}");
+    assert!(counts(&seen) == counts(&right) && boxes == right_boxes);
+    assert!(same_cost(&seen, &right), "{seen:?} {right:?}");
 }

@@ -30,7 +30,7 @@ use backend::Inspect;
 use geom::lock;
 use gpu_common::{ComputeBackend, GpuDevice, Options, Validation};
 use gpu_vulkan::VulkanBackend;
-use integration::{device_trial, ignored_if, is_required, trial};
+use integration::{device_trial, ignored_if, is_full, is_required, named, trial};
 use shaders::BufferName;
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex};
@@ -77,11 +77,6 @@ type Test = (&'static str, fn(&mut dyn Subject));
 /// A name and a test that closes the device.
 type LastTest = (&'static str, fn(Box<dyn Subject>));
 
-/// Names tests by their paths.
-macro_rules! named {
-    ($($path:path),* $(,)?) => { &[$((stringify!($path), $path)),*] };
-}
-
 /// Tests of every device. Each loads its own scenes.
 const SHARED: &[Test] = named![
     frames::stages_are_timed_in_milliseconds,
@@ -94,10 +89,11 @@ const SHARED: &[Test] = named![
     frames::shading_requires_a_palette,
     geometry::submission_accepts_many_stages,
     geometry::cost_persists_until_next_refit,
-    geometry::cost_persists_between_equal_key_frames,
     geometry::trees_of_any_shape_have_the_references_hits_and_boxes,
-    geometry::large_trees_match_reference_boxes,
 ];
+
+/// Tests that take long. By default they run on Vulkan only.
+const LONG: &[Test] = named![geometry::large_trees_match_reference_boxes];
 
 /// Tests of kernels, for which one device suffices.
 const OF_KERNELS: &[Test] = named![
@@ -197,10 +193,11 @@ fn main() -> ExitCode {
         ("wgpu", &no_wgpu, wgpu, open_wgpu),
     ] {
         let own = if name == "vulkan" { OF_KERNELS } else { &[] };
+        let long = LONG.iter().filter(|_| name == "vulkan" || is_full());
         let trial = |property, body: Box<dyn FnOnce() + Send>| {
             device_trial(format!("{name}::{property}"), name, absent.clone(), body)
         };
-        for &(property, body) in SHARED.iter().chain(own) {
+        for &(property, body) in SHARED.iter().chain(own).chain(long) {
             let device = Arc::clone(device);
             trials.push(trial(property, Box::new(move || watch(&device, body))));
         }

@@ -5,11 +5,12 @@
 
 use ash::vk;
 use gpu_common::{Options, Validation};
-use gpu_vulkan::adapters_of;
 use gpu_vulkan::external::ExternalMemory;
 use gpu_vulkan::gpu::Gpu;
 use gpu_vulkan::instance::VulkanInstance;
 use gpu_vulkan::memory::{Buffer, BufferUse};
+use gpu_vulkan::transfer::BufferCopy;
+use gpu_vulkan::{VulkanDevice, adapters_of};
 use std::cell::RefCell;
 use std::os::fd::{IntoRawFd, OwnedFd};
 use std::sync::Arc;
@@ -38,8 +39,7 @@ pub(crate) trait Importer {
 }
 
 pub(crate) struct OtherDevice {
-    queue: vk::Queue,
-    pool: vk::CommandPool,
+    device: RefCell<VulkanDevice>,
     /// Destroyed when the device is dropped.
     imported: RefCell<Vec<(vk::Buffer, vk::DeviceMemory)>>,
     gpu: Arc<Gpu>,
@@ -50,22 +50,10 @@ impl OtherDevice {
         Buffer::new(&self.gpu, "staging", bytes as u64, place).unwrap()
     }
 
-    fn copy(&self, [from, to]: [vk::Buffer; 2], region: vk::BufferCopy) {
-        let (vk, begin) = (&self.gpu.vk, vk::CommandBufferBeginInfo::default());
-        let new = vk::CommandBufferAllocateInfo::default()
-            .command_pool(self.pool)
-            .command_buffer_count(1);
-        // SAFETY: both buffers are large enough and outlive the wait for the queue. No other thread uses the queue.
-        unsafe {
-            let commands = vk.allocate_command_buffers(&new).unwrap();
-            vk.begin_command_buffer(commands[0], &begin).unwrap();
-            vk.cmd_copy_buffer(commands[0], from, to, &[region]);
-            vk.end_command_buffer(commands[0]).unwrap();
-            let info = vk::SubmitInfo::default().command_buffers(&commands);
-            let none = vk::Fence::null();
-            vk.queue_submit(self.queue, &[info], none).unwrap();
-            vk.queue_wait_idle(self.queue).unwrap();
-        }
+    fn copy(&self, copy: &BufferCopy) {
+        let mut device = self.device.borrow_mut();
+        device.readback.start(copy, &[]).unwrap();
+        device.readback.wait().unwrap();
     }
 }
 
@@ -78,16 +66,10 @@ impl Importer for OtherDevice {
         let gpu = Gpu::open(instance, &list, &Options::default(), false).unwrap();
         let own = ExternalMemory::new(&gpu, 16).unwrap();
         assert_eq!(own.device_uuid(), uuid, "both take the first GPU");
-        let family = gpu.families[0];
-        let pool = vk::CommandPoolCreateInfo::default().queue_family_index(family);
-        // SAFETY: the device has a queue of this family.
-        unsafe {
-            Self {
-                queue: gpu.vk.get_device_queue(family, 0),
-                pool: gpu.vk.create_command_pool(&pool, None).unwrap(),
-                imported: RefCell::default(),
-                gpu,
-            }
+        Self {
+            device: RefCell::new(VulkanDevice::over(&gpu).unwrap()),
+            imported: RefCell::default(),
+            gpu,
         }
     }
 
@@ -125,14 +107,12 @@ impl Importer for OtherDevice {
     fn write(&self, to: vk::Buffer, at: u64, bytes: &[u8]) {
         let mut from = self.staging(bytes.len(), BufferUse::Upload);
         from.write(0, bytes);
-        let region = vk::BufferCopy::default().dst_offset(at);
-        self.copy([from.vk, to], region.size(bytes.len() as u64));
+        self.copy(&BufferCopy::between(from.vk, to).range(0..bytes.len() as u64, at));
     }
 
     fn read(&self, from: vk::Buffer, bytes: usize) -> Vec<u8> {
         let to = self.staging(bytes, BufferUse::Readback);
-        let region = vk::BufferCopy::default().size(bytes as u64);
-        self.copy([from, to.vk], region);
+        self.copy(&BufferCopy::between(from, to.vk).range(0..bytes as u64, 0));
         to.read(bytes).to_vec()
     }
 }
@@ -140,13 +120,12 @@ impl Importer for OtherDevice {
 impl Drop for OtherDevice {
     fn drop(&mut self) {
         let vk = &self.gpu.vk;
-        // SAFETY: the queue is idle, and this device created all of these objects.
+        // SAFETY: all copies have finished, and this device created all of these objects.
         unsafe {
             for (buffer, memory) in self.imported.take() {
                 vk.destroy_buffer(buffer, None);
                 vk.free_memory(memory, None);
             }
-            vk.destroy_command_pool(self.pool, None);
         }
     }
 }

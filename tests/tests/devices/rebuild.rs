@@ -4,9 +4,8 @@ use crate::Subject;
 use crate::scenes::{interpolate_and_refit, numbers, report, swarm, tree_at};
 use backend::{Backend, Generation, Inspect, Intersector, check_tree};
 use bvh_layout::Topology;
-use cpu_ref::CpuBackend;
 use geom::{Animation, Point};
-use integration::stage::separate_triangles;
+use integration::stage::{host, separate_triangles};
 use shaders::{BufferName, Shape};
 use std::sync::Arc;
 
@@ -30,7 +29,7 @@ fn made(backend: &mut dyn Subject, animation: &Arc<Animation>, time: f64) -> (To
 
 /// Checks that boxes and costs equal those of a refit of the same tree.
 pub(crate) fn trees_of_any_size_are_valid(backend: &mut dyn Subject) {
-    let mut reference = CpuBackend::new(Some(2)).unwrap();
+    let mut reference = host();
     let sizes = [0, 1, 2, 3, 128, 129, 511, 512, 513, 769, 2048, 2049, 9000];
     for (triangles, time) in sizes.into_iter().zip([1.3, 0.0].into_iter().cycle()) {
         let animation = swarm(triangles);

@@ -1,8 +1,6 @@
 //! Small scenes and helper functions for tests.
 
-use backend::{
-    Backend, FrameReport, Generation, Hits, Intersector, QueryKind, Rays, Snapshot, Ticket,
-};
+use backend::{Backend, FrameReport, Hits, Intersector, QueryKind, Rays, Snapshot, Ticket};
 use conformance::stage::{self, next_positions};
 use geom::{Animation, Camera, CameraPose, Point, Ray};
 use integration::stage::separate_triangles;
@@ -67,10 +65,7 @@ pub(crate) const SHADOWED: QueryKind = QueryKind::ClosestAndShadow {
 
 /// Loads the scene, with a tree of its first key frame.
 pub(crate) fn open(backend: &mut dyn Backend, animation: &Arc<Animation>) {
-    let intersector = Intersector::Watertight;
-    backend.load(Arc::clone(animation), intersector).unwrap();
-    let tree = tree_at(animation, 0.0);
-    backend.adopt(&tree, Generation(1)).unwrap();
+    stage::open(backend, animation, 0.0, Intersector::Watertight).unwrap();
 }
 
 /// Records all stages that precede a trace.

@@ -6,8 +6,10 @@ use crate::scenes::{
 };
 use backend::{Generation, Intersector, Rays};
 use bvh_layout::Topology;
+use conformance::stage::open;
 use conformance::uneven_tree;
 use geom::{Animation, Point};
+use integration::is_full;
 use integration::stage::separate_triangles;
 use shaders::BufferName;
 use std::sync::Arc;
@@ -36,12 +38,6 @@ fn comb(animation: &Animation) -> Topology {
     uneven_tree(animation.triangle_count(), tree.binary().order(), 40)
 }
 
-fn open_by(backend: &mut dyn Subject, animation: &Arc<Animation>, intersector: Intersector) {
-    backend.load(Arc::clone(animation), intersector).unwrap();
-    let tree = tree_at(animation, 0.0);
-    backend.adopt(&tree, Generation(1)).unwrap();
-}
-
 pub(crate) fn packets_match_single_rays(backend: &mut dyn Subject) {
     for intersector in Intersector::ALL {
         check_packets(backend, intersector);
@@ -59,8 +55,15 @@ fn check_packets(backend: &mut dyn Subject, intersector: Intersector) {
             };
             backend.adopt(&tree, Generation(generation)).unwrap();
             let before = backend.memory().held.unwrap().tree;
-            for camera in cameras() {
-                check_picture(backend, (&animation, time), &camera);
+            // By default, each intersector traces later trees from two cameras. All intersectors together use all cameras.
+            let uses_all = generation == 1 || is_full();
+            let (first, count) = if uses_all {
+                (0, 5)
+            } else {
+                (2 * intersector as usize, 2)
+            };
+            for camera in cameras().iter().cycle().skip(first).take(count) {
+                check_picture(backend, (&animation, time), camera);
             }
             // The memory of packets is allocated on first use, so packets were used.
             let grown = backend.memory().held.unwrap().tree - before;
@@ -157,7 +160,7 @@ pub(crate) fn rasterization_matches_single_rays(backend: &mut dyn Subject) {
 
 fn check_rasterization(backend: &mut dyn Subject, intersector: Intersector) {
     let dust = dust_for(intersector);
-    open_by(backend, &dust, intersector);
+    open(backend, &dust, 0.0, intersector).unwrap();
     let before = backend.memory().held.unwrap().tree;
     for camera in cameras() {
         check_picture(backend, (&dust, 0.0), &camera);
@@ -176,7 +179,7 @@ fn check_rasterization(backend: &mut dyn Subject, intersector: Intersector) {
     assert!((16 * tiles..17 * (tiles + 4096)).contains(&(grown as usize)));
     // A refitted swarm that moves, with triangles that are inactive at times.
     let swarm = swarm(2250);
-    open_by(backend, &swarm, intersector);
+    open(backend, &swarm, 0.0, intersector).unwrap();
     let far = look([2.0, 8.0, 30.0], [0.0; 3], (50.0, PICTURE_SIZE));
     for (time, camera) in [0.0, 0.3, 1.0].into_iter().zip([&far, &far, &cameras()[0]]) {
         check_picture(backend, (&swarm, time), camera);
@@ -195,7 +198,7 @@ fn check_fallback_to_rays(backend: &mut dyn Subject, intersector: Intersector) {
     let tests = [sheets(4), panes(500, 0.4), panes(9000, 0.08)];
     let others = [splinters(400), sheets(5000)];
     for animation in tests.into_iter().chain(others) {
-        open_by(backend, &animation, intersector);
+        open(backend, &animation, 0.0, intersector).unwrap();
         check_picture(backend, (&animation, 0.0), &cameras()[0]);
         let triangles = animation.triangle_count();
         assert!(
@@ -203,17 +206,19 @@ fn check_fallback_to_rays(backend: &mut dyn Subject, intersector: Intersector) {
             "{intersector:?}, {triangles} triangles"
         );
     }
-    // Rasterization is retried after a while. This camera looks away from the triangles, so the retry succeeds.
-    let away = look([0.0, 0.0, 3.0], [0.0, 0.0, 9.0], (50.0, PICTURE_SIZE));
-    let mut tried = (0..1000).map(|_| {
-        trace(backend, Rays::Camera(&away), SHADOWED);
-        is_rasterization_complete(backend, intersector)
-    });
-    assert_eq!(tried.position(|told| told), Some(63));
-    drop(tried);
+    // Rasterization is retried after a while, which does not depend on the intersector. This camera looks away from the
+    // triangles, so the retry succeeds.
+    if intersector == Intersector::Watertight || is_full() {
+        let away = look([0.0, 0.0, 3.0], [0.0, 0.0, 9.0], (50.0, PICTURE_SIZE));
+        let mut tried = (0..1000).map(|_| {
+            trace(backend, Rays::Camera(&away), SHADOWED);
+            is_rasterization_complete(backend, intersector)
+        });
+        assert_eq!(tried.position(|told| told), Some(63));
+    }
     // In another scene it is used at once.
     let dust = dust_for(intersector);
-    open_by(backend, &dust, intersector);
+    open(backend, &dust, 0.0, intersector).unwrap();
     check_picture(backend, (&dust, 0.0), &cameras()[0]);
     assert!(is_rasterization_complete(backend, intersector));
 }

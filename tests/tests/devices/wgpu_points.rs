@@ -95,11 +95,12 @@ pub(crate) fn unsuitable_vertex_buffer_is_an_error() {
         .unwrap();
     step.trace(&camera(), Query::Closest).unwrap();
     step.submit().unwrap();
+    let other = own_device(caller.device.device.limits());
     for usage in USAGES {
-        let foreign = SheetsOnCallerDevice::open(Update::Async).buffer(&sheet(0.0), usage);
+        let foreign = filled(&other, bytemuck::cast_slice(&sheet(0.0)), usage);
         // The trace or the submission detects another device's buffer. Later steps are not affected.
         let mut step = caller.tracer.step(0.0);
-        let said = step.vertices(mesh, Source::Wgpu(foreign.slice(12..)));
+        let said = step.vertices(mesh, Source::Wgpu(foreign.slice(..)));
         let traced = step.trace(&camera(), Query::Closest);
         let submitted = traced.and_then(|_| step.submit());
         assert!(said.is_err() || submitted.is_err());

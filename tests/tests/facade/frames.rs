@@ -1,11 +1,12 @@
 //! Tests frames of an animation, and key frames that are read during playback.
 
-use crate::pictures::{LAMP, Shown, shown};
+use crate::pictures::{Shown, lit, shown};
 use crate::pool::{self, Pooled};
 use crate::{Demo, demo, hits_after, hits_at, of_keys, scene_of};
-use abvh::frames::{Frame, LitView, OutputSelection};
-use abvh::{Device, Error, Mesh, Point, Query, Source, Tracer, Update};
-use integration::stage::{camera, colours};
+use abvh::frames::{Frame, OutputSelection};
+use abvh::{Device, Error, Mesh, Point, Query, Ray, Source, Tracer, Update};
+use integration::is_full;
+use integration::stage::{camera, colours, host};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -39,13 +40,10 @@ fn triangle_at(height: f32) -> [Point; 3] {
 }
 
 /// Compares frames with steps, with and without a mesh that steps move. Also tests frames after a run ended early.
-pub(crate) fn as_steps(device: &Device) {
+pub(crate) fn frames_match_step_pictures(device: &Device) {
     let demo = demo("demo:twist:2000");
     let camera = camera(&demo.animation, [40, 30]);
-    let view = LitView {
-        camera: &camera,
-        light: LAMP,
-    };
+    let view = lit(&camera);
     let wanted = OutputSelection {
         hits: true,
         pixels: true,
@@ -83,6 +81,7 @@ pub(crate) fn as_steps(device: &Device) {
                 found.push(Shown {
                     rgba: std::mem::take(&mut answers.pixels),
                     triangles: hit.collect(),
+                    blocked: answers.hits.blocked.clone(),
                 });
                 match found.len() {
                     count if count == most => no_device.clone(),
@@ -99,7 +98,7 @@ pub(crate) fn as_steps(device: &Device) {
 }
 
 /// Tests key frames that are read, alone and with another mesh, which is replaced.
-pub(crate) fn read(device: &Device) {
+pub(crate) fn paged_key_frames_match_resident_ones(device: &Device) {
     let demo = demo("demo:collide:3000");
     let mut held = of_keys(&demo, device);
     let mut alone = pool::tracer(scene_of([sequence(&demo)]).0, device);
@@ -115,6 +114,18 @@ pub(crate) fn read(device: &Device) {
             beside.commit(replacement).unwrap();
         }
     }
+}
+
+/// Creates a mesh whose key frames after `last` cannot be read while `fails` is set.
+fn unreliable(demo: &Demo, last: usize, fails: &Arc<AtomicBool>) -> Mesh {
+    let (keys, fails) = (demo.keys.clone(), Arc::clone(fails));
+    let read = move |key: usize| {
+        if key > last && fails.load(Ordering::Relaxed) {
+            return Err(format!("key frame {key} is gone"));
+        }
+        Ok(keys[key].clone())
+    };
+    Mesh::sequence(demo.keys.len(), 4, read, &demo.triangles).unwrap()
 }
 
 /// Checks that a tracer recovers when an unreadable key frame becomes readable again.
@@ -136,32 +147,20 @@ fn fail_and_go_on(demo: &Demo, mut tracer: Pooled, fails: &AtomicBool, device: &
 }
 
 /// Tests a reader that fails, or that returns fewer vertices than before.
-pub(crate) fn unreadable(device: &Device) {
+pub(crate) fn unreadable_key_frames_are_errors(device: &Device) {
     let demo = demo("demo:collide:300");
     for is_alone in [true, false] {
         let fails = Arc::new(AtomicBool::new(false));
-        let (keys, heard) = (demo.keys.clone(), Arc::clone(&fails));
-        let read = move |key: usize| match key > 8 && heard.load(Ordering::Relaxed) {
-            true => Err(format!("key frame {key} is gone")),
-            false => Ok(keys[key].clone()),
-        };
-        let mesh = Mesh::sequence(demo.keys.len(), 4, read, &demo.triangles);
-        let (mut scene, _) = scene_of([mesh.unwrap()]);
+        let (mut scene, _) = scene_of([unreliable(&demo, 8, &fails)]);
         if !is_alone {
             scene.add(Mesh::fixed(&triangle_at(-900.0), &[[0, 1, 2]]).unwrap());
         }
         fail_and_go_on(&demo, pool::tracer(scene, device), &fails, device);
     }
     // The first tree is built for later times, but this frame needs only the first key frame.
-    let is_gone = Arc::new(AtomicBool::new(false));
-    let (keys, gone) = (demo.keys.clone(), Arc::clone(&is_gone));
-    let read = move |key: usize| match key > 0 && gone.load(Ordering::Relaxed) {
-        true => Err("it is gone"),
-        false => Ok(keys[key].clone()),
-    };
-    let mesh = Mesh::sequence(demo.keys.len(), 4, read, &demo.triangles);
-    let mut tracer = pool::tracer(scene_of([mesh.unwrap()]).0, device);
-    is_gone.store(true, Ordering::Relaxed);
+    let fails = Arc::new(AtomicBool::new(false));
+    let mut tracer = pool::tracer(scene_of([unreliable(&demo, 0, &fails)]).0, device);
+    fails.store(true, Ordering::Relaxed);
     let traced = tracer.step(0.0).trace(&demo.rays, Query::Closest);
     assert!(traced.is_ok(), "{traced:?}");
     let shrinks = |key: usize| Ok::<_, Error>(vec![[0.0; 3]; 5 - key]);
@@ -181,16 +180,16 @@ pub(crate) fn unreadable(device: &Device) {
 
 /// Checks that no update policy with trees from the host changes a hit, for any time range. Nothing moves beyond the
 /// ends of the animation.
-pub(crate) fn policies(device: &Device) {
+pub(crate) fn update_policies_do_not_change_hits(device: &Device) {
     let demo = demo("demo:twist:2000");
     let camera = camera(&demo.animation, [40, 30]);
-    let view = LitView {
-        camera: &camera,
-        light: LAMP,
-    };
+    let view = lit(&camera);
+    // A wrong tree or time changes most hits.
+    let stride = if is_full() { 1 } else { 7 };
+    let rays: Vec<Ray> = demo.rays.iter().copied().step_by(stride).collect();
     let mut usual = of_keys(&demo, device);
     let within = TIMES.map(|time| time.clamp(0.0, demo.animation.end()));
-    let expected = within.map(|time| hits_at(&mut usual, time, &demo.rays));
+    let expected = within.map(|time| hits_at(&mut usual, time, &rays));
     let pictures = within.map(|time| shown(&mut usual, time, view));
     for update in [
         Update::Lockstep(0),
@@ -214,7 +213,7 @@ pub(crate) fn policies(device: &Device) {
             let mut tracer = pool::build(builder, scene, device);
             for (time, expected) in TIMES.into_iter().zip(&expected) {
                 let moved = triangle_at(-901.0);
-                let found = hits_after(&mut tracer, time, &demo.rays, |step| {
+                let found = hits_after(&mut tracer, time, &rays, |step| {
                     streamed_id.map_or(Ok(()), |id| step.vertices(id, Source::Host(&moved)))
                 });
                 assert!(found == *expected, "{update:?} at {time}");
@@ -236,11 +235,11 @@ pub(crate) fn policies(device: &Device) {
 }
 
 /// Tests a tracer on a backend that the caller created.
-pub(crate) fn on_backend(device: &Device) {
+pub(crate) fn traces_on_a_caller_backend(device: &Device) {
     let demo = demo("demo:twist:2000");
     let mut usual = of_keys(&demo, device);
     let (scene, _) = scene_of([Mesh::open("demo:twist:2000").unwrap()]);
-    let backend = Box::new(cpu_ref::CpuBackend::new(Some(2)).unwrap());
-    let mut tracer = Tracer::builder().build_on(backend, scene).unwrap();
+    let tracer = Tracer::builder().build_on(Box::new(host()), scene);
+    let mut tracer = tracer.unwrap();
     assert!(hits_at(&mut tracer, 1.5, &demo.rays) == hits_at(&mut usual, 1.5, &demo.rays));
 }

@@ -18,63 +18,57 @@ use abvh::{
 };
 use geom::Animation;
 use integration::stage::{picture_rays, vast_camera};
-use integration::{device_trial, is_full};
+use integration::{device_trial, is_full, named};
 use pool::{Pooled, tracer};
 use std::sync::Arc;
 
-type Property = fn(&Device);
+type Test = (&'static str, fn(&Device));
 
-const PROPERTIES: [(&str, Property); 29] = [
-    ("streamed_steps_match_key_frames", streamed),
-    ("unmoved_meshes_keep_their_positions", unmoved_meshes),
-    ("long_lists_match_separate_queries", long_list),
-    ("batched_cameras_match_separate_steps", pictures::together),
-    (
-        "rigid_meshes_equal_transformed_vertices",
-        rigid::as_transformed,
-    ),
-    ("pictures_match_host_bytes", pictures::shaded),
-    ("pictures_match_host_at_any_scale", pictures::of_any_size),
-    ("meshes_keep_their_colours", pictures::replaced),
-    ("odd_pictures_do_not_panic", pictures::odd),
-    ("frames_match_step_pictures", frames::as_steps),
-    ("paged_key_frames_match_resident_ones", frames::read),
-    ("unreadable_key_frames_are_errors", frames::unreadable),
-    ("update_policies_do_not_change_hits", frames::policies),
-    ("misuse_is_an_error", misuse),
-    ("replaced_mesh_matches_new_scene", replace::anew),
-    ("replacement_may_change_motion_kind", replace::motions),
-    ("results_survive_steps_and_commits", replace::results),
-    ("dropped_replacements_change_nothing", replace::dropped),
-    (
-        "supports_two_concurrent_replacements",
-        replace::two_at_a_time,
-    ),
-    ("invalid_replacements_are_errors", replace::misuse),
-    ("rayon_tasks_own_tracers", runtimes::tasks_own_tracers),
-    ("calls_do_not_run_other_tasks", runtimes::no_other_task),
-    ("works_with_busy_global_pool", runtimes::no_global_pool),
-    ("key_frame_readers_may_trace", runtimes::readers_trace),
-    (
-        "key_frame_reader_panic_is_reported",
-        runtimes::readers_panic,
-    ),
-    ("held_results_survive_later_steps", results::held),
-    ("dropped_steps_have_no_effect", results::dropped),
-    ("refused_queries_change_nothing", results::refused),
-    ("results_can_be_polled", results::polled),
+/// Tests of every device.
+const TESTS: &[Test] = named![
+    streamed_steps_match_key_frames,
+    unmoved_meshes_keep_their_positions,
+    long_lists_match_separate_queries,
+    pictures::batched_cameras_match_separate_steps,
+    rigid::rigid_meshes_equal_transformed_vertices,
+    pictures::pictures_match_host_bytes,
+    pictures::pictures_match_host_at_any_scale,
+    pictures::meshes_keep_their_colours,
+    pictures::odd_pictures_do_not_panic,
+    frames::frames_match_step_pictures,
+    frames::paged_key_frames_match_resident_ones,
+    frames::unreadable_key_frames_are_errors,
+    frames::update_policies_do_not_change_hits,
+    misuse_is_an_error,
+    replace::replaced_mesh_matches_new_scene,
+    replace::replacement_may_change_motion_kind,
+    replace::results_survive_steps_and_commits,
+    replace::dropped_replacements_change_nothing,
+    replace::supports_two_concurrent_replacements,
+    replace::invalid_replacements_are_errors,
+    runtimes::rayon_tasks_own_tracers,
+    runtimes::calls_do_not_run_other_tasks,
+    runtimes::works_with_busy_global_pool,
+    runtimes::key_frame_readers_may_trace,
+    results::held_results_survive_later_steps,
+    results::dropped_steps_have_no_effect,
+    results::refused_queries_change_nothing,
+    results::results_can_be_polled,
 ];
 
-/// Tests on a backend or a wgpu device that the caller opened, and tests of one device only.
-const OWN: &[(&str, (&str, Property))] = &[
-    ("cpu", ("traces_on_a_caller_backend", frames::on_backend)),
-    ("wgpu", ("replaces_meshes_on_caller_device", replace::own)),
+/// Tests of one device only.
+const OWN: &[(&str, &[Test])] = &[
     (
         "cpu",
-        ("replaces_meshes_after_build_in_place", replace::in_place),
+        named![
+            frames::traces_on_a_caller_backend,
+            replace::replaces_meshes_after_build_in_place,
+            runtimes::key_frame_reader_panic_is_reported,
+        ],
     ),
     #[cfg(target_os = "linux")]
-    ("cpu", ("scene_beyond_memory_is_refused", memory::refused)),
+    ("cpu", named![memory::scene_beyond_memory_is_refused]),
+    ("wgpu", named![replace::replaces_meshes_on_caller_device]),
 ];
 
 /// Types that can be sent to other threads or shared between them.
@@ -91,7 +85,7 @@ fn main() {
     let mut trials = Vec::new();
     for (name, device, absent) in integration::devices() {
         let own = OWN.iter().filter(|(of, _)| *of == name);
-        for &(property, check) in PROPERTIES.iter().chain(own.map(|(_, property)| property)) {
+        for &(property, check) in TESTS.iter().chain(own.flat_map(|(_, tests)| *tests)) {
             let (device, full_name) = (device.clone(), format!("{name}::{property}"));
             trials.push(device_trial(full_name, name, absent.clone(), move || {
                 check(&device);
@@ -174,7 +168,7 @@ const LEAPS: [(usize, Point); 4] = [
     (12, [f32::NEG_INFINITY, 0.0, 1.0]),
 ];
 
-fn streamed(device: &Device) {
+fn streamed_steps_match_key_frames(device: &Device) {
     for (name, update) in [
         ("demo:collide:3000", Update::Async),
         ("demo:twist:2000", Update::Rebuild),
@@ -236,7 +230,7 @@ fn streamed(device: &Device) {
 }
 
 /// Tests a static mesh and two streamed meshes. Each step moves at most one mesh.
-fn unmoved_meshes(device: &Device) {
+fn unmoved_meshes_keep_their_positions(device: &Device) {
     let demo = demo("demo:twist:2000");
     let lifted = |key: usize, by: f32| -> Vec<Point> {
         let vertices = demo.keys[key].iter();
@@ -264,7 +258,7 @@ fn unmoved_meshes(device: &Device) {
 }
 
 /// Tests a list that is uploaded and read back in several parts. Most of its rays cannot hit anything.
-fn long_list(device: &Device) {
+fn long_lists_match_separate_queries(device: &Device) {
     let demo = demo("demo:collide:3000");
     let mut live = of_keys(&demo, device);
     let mut rays = vec![Ray::new([0.0; 3], [0.0; 3]); 1_100_000];
@@ -279,7 +273,7 @@ fn long_list(device: &Device) {
     }
 }
 
-fn misuse(device: &Device) {
+fn misuse_is_an_error(device: &Device) {
     let (points, triangle) = ([[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [[0, 1, 2]]);
     let made = [
         Mesh::fixed(&points, &triangle),

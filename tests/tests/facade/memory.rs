@@ -43,7 +43,7 @@ pub(crate) fn child() {
 }
 
 /// Checks that a process with little address space gets an error. An unhandled failed allocation would abort it.
-pub(crate) fn refused(_: &Device) {
+pub(crate) fn scene_beyond_memory_is_refused(_: &Device) {
     for kind in KINDS {
         let mut shell = Command::new("sh");
         shell.args(["-c", "ulimit -v 700000 && exec \"$0\""]);

@@ -3,50 +3,45 @@
 use crate::{Demo, Found, bits, demo, of_keys, pool, scene_of};
 use abvh::frames::LitView;
 use abvh::{
-    Camera, CameraPose, Device, Error, Hits, Intersector, Mesh, Point, Query, Scene, Source, Tracer,
+    Camera, CameraPose, Device, Error, Hits, Mesh, Point, Query, Scene, SceneHit, Source, Tracer,
 };
-use cpu_ref::CpuBackend;
-use geom::Animation;
-use integration::stage::{LoadedBackend, camera, colours};
-use std::sync::Arc;
+use integration::stage::{camera, colours, host};
 
 const FLOOR: [Point; 3] = [[-5.0, -0.6, -5.0], [5.0, -0.6, -5.0], [0.0, -0.6, 5.0]];
 const FLOOR_COLOUR: [u8; 3] = [200, 20, 90];
-pub(crate) const LAMP: Point = [2.0, 4.0, 1.5];
+const LAMP: Point = [2.0, 4.0, 1.5];
+
+/// Returns a camera's view under the lamp.
+pub(crate) fn lit(camera: &Camera) -> LitView<'_> {
+    LitView {
+        camera,
+        light: LAMP,
+    }
+}
 
 /// Renders a single-coloured floor under a mesh of many colours, on the host.
 fn expected(cloth: &Demo, vertices: &[Point], camera: &Camera) -> Vec<u8> {
     let all = [&FLOOR, vertices].concat();
     let triangles = cloth.triangles.iter().map(|t| t.map(|v| v + 3));
-    let triangles = std::iter::once([0, 1, 2]).chain(triangles).collect();
-    let animation = Animation::new(vec![all], triangles).unwrap();
+    let triangles: Vec<_> = std::iter::once([0, 1, 2]).chain(triangles).collect();
     let own = colours(cloth.triangles.len());
     let own = [&[FLOOR_COLOUR][..], &own].concat();
-    let view = LitView {
-        camera,
-        light: LAMP,
-    };
-    let blocked = hits_by_reference(&Arc::new(animation.clone()), view).blocked;
-    assert!(blocked.contains(&1) && blocked.contains(&0));
-    by_reference(&animation, &own, view)
+    let mesh = Mesh::fixed(&all, &triangles).unwrap();
+    let shown = by_reference(mesh.with_colours(&own).unwrap(), lit(camera));
+    assert!(shown.blocked.contains(&1) && shown.blocked.contains(&0));
+    shown.rgba
 }
 
-/// Traces a picture of an animation at time 0 with the scalar reference.
-fn hits_by_reference(animation: &Arc<Animation>, view: LitView<'_>) -> backend::Hits {
-    let mut stage = LoadedBackend::new(animation, Intersector::Watertight, 1);
-    stage.adopt_tree_at(0.0);
-    let query = backend::Query::picture(view.camera, view.light);
-    stage.trace(0.0, query.rays, query.kind)
+/// Traces a mesh with the scalar reference, and shades the hits.
+fn by_reference(mesh: Mesh, view: LitView<'_>) -> Shown {
+    let tracer = Tracer::builder().build_on(Box::new(host()), scene_of([mesh]).0);
+    shown(&mut tracer.unwrap(), 0.0, view)
 }
 
-/// Traces an animation of one key frame as a single mesh with the scalar reference, and shades the hits.
-fn by_reference(animation: &Animation, colours: &[[u8; 3]], view: LitView<'_>) -> Vec<u8> {
-    let reference = CpuBackend::new(Some(1)).unwrap();
-    let keys = animation.all_keys().unwrap();
-    let mesh = Mesh::fixed(&keys[0], animation.triangles()).unwrap();
-    let scene = scene_of([mesh.with_colours(colours).unwrap()]).0;
-    let builder = Tracer::builder().build_on(Box::new(reference), scene);
-    shown(&mut builder.unwrap(), 0.0, view).rgba
+/// Creates a static mesh of many colours.
+fn coloured(vertices: &[Point], triangles: &[[u32; 3]]) -> Mesh {
+    let mesh = Mesh::fixed(vertices, triangles).unwrap();
+    mesh.with_colours(&colours(triangles.len())).unwrap()
 }
 
 fn floor() -> Mesh {
@@ -56,7 +51,7 @@ fn floor() -> Mesh {
 
 /// Checks pictures of streamed and key-framed meshes, in steps with other queries. Results last until two more steps
 /// are submitted.
-pub(crate) fn shaded(device: &Device) {
+pub(crate) fn pictures_match_host_bytes(device: &Device) {
     let demo = demo("demo:twist:2000");
     let own = colours(demo.triangles.len());
     let sizes = [[40, 30], [33, 20], [64, 50]];
@@ -102,30 +97,27 @@ pub(crate) fn shaded(device: &Device) {
 }
 
 /// Tests scenes of any size and triangles that no single scale suits, with lamps at any distance.
-pub(crate) fn of_any_size(device: &Device) {
+pub(crate) fn pictures_match_host_at_any_scale(device: &Device) {
     let demo = demo("demo:twist:300");
     let [looks, amid] = [([0.3, 0.2, 3.0], 50.0), ([0.1, 0.0, -0.1], 120.0)];
     for by in [1e-36, 1e-12, 1.0, 1e9, 1e30] {
         let scaled = |p: Point| p.map(|x| x * by);
-        let vertices = demo.keys[1].iter().map(|&p| scaled(p)).collect();
+        let vertices: Vec<Point> = demo.keys[1].iter().map(|&p| scaled(p)).collect();
         let lights = [scaled(looks.0), [f32::MAX, 0.0, 1.0], [1e-40, -1e-38, 0.0]];
         let shots = [looks, amid].map(|(eye, fov)| lights.map(|light| (scaled(eye), fov, light)));
-        still(device, (vertices, &demo.triangles), &shots.concat());
+        let mesh = coloured(&vertices, &demo.triangles);
+        still(device, &mesh, &shots.concat());
     }
     let corners = |s: f32| [[-s, -s, -s], [s, -s, 0.5 * s], [0.1 * s, s, -s]];
     let mixed = [1.0, 1e-30, 1e30, 1e-3].map(corners).concat();
     let shots = [3e-30, 3.0, 3e3, 3e30].map(|far| ([0.0, 0.1 * far, far], 60.0, LAMP));
     let triangles = [[0, 1, 2], [3, 4, 5], [6, 7, 8], [9, 10, 11]];
-    still(device, (mixed, &triangles), &shots);
+    still(device, &coloured(&mixed, &triangles), &shots);
 }
 
 /// Tests a static mesh, for several eyes, fields of view and lamps.
-fn still(device: &Device, mesh: (Vec<Point>, &[[u32; 3]]), shots: &[(Point, f32, Point)]) {
-    let (vertices, triangles) = mesh;
-    let own = colours(triangles.len());
-    let mesh = Mesh::fixed(&vertices, triangles).unwrap();
-    let mut tracer = pool::tracer(scene_of([mesh.with_colours(&own).unwrap()]).0, device);
-    let animation = Arc::new(Animation::new(vec![vertices], triangles.to_vec()).unwrap());
+fn still(device: &Device, mesh: &Mesh, shots: &[(Point, f32, Point)]) {
+    let mut tracer = pool::tracer(scene_of([mesh.clone()]).0, device);
     for &(eye, fov, light) in shots {
         let camera =
             Camera::look_at(CameraPose::new(eye, [0.0; 3]).with_fov(fov), [66, 62]).unwrap();
@@ -133,45 +125,39 @@ fn still(device: &Device, mesh: (Vec<Point>, &[[u32; 3]]), shots: &[(Point, f32,
             camera: &camera,
             light,
         };
-        let hits = hits_by_reference(&animation, view).closest;
-        assert!(hits.iter().any(|hit| hit.is_hit()), "{eye:?}");
-        let found = shown(&mut tracer, 0.0, view).rgba;
-        assert!(
-            found == by_reference(&animation, &own, view),
-            "from {eye:?} under {light:?}"
-        );
+        let expected = by_reference(mesh.clone(), view);
+        let is_hit = |&triangle: &u32| triangle != SceneHit::MISS.triangle;
+        assert!(expected.triangles.iter().any(is_hit), "{eye:?}");
+        let found = shown(&mut tracer, 0.0, view);
+        assert!(found == expected, "from {eye:?} under {light:?}");
     }
 }
 
 /// Checks that colours stay with a mesh when others are replaced, and that a new mesh brings its own.
-pub(crate) fn replaced(device: &Device) {
+pub(crate) fn meshes_keep_their_colours(device: &Device) {
     let demo = demo("demo:twist:300");
-    let own = colours(demo.triangles.len());
-    let mesh = Mesh::fixed(&demo.keys[1], &demo.triangles).unwrap();
+    let mesh = coloured(&demo.keys[1], &demo.triangles);
     let (scene, [_, id]) = scene_of([floor(), Mesh::fixed(&FLOOR, &[]).unwrap()]);
     let mut tracer = pool::tracer(scene, device);
     let camera = camera(&demo.animation, [40, 30]);
     let before = picture(&mut tracer, &camera);
-    let replacement = tracer.replace(id, mesh.with_colours(&own).unwrap());
-    tracer.commit(replacement.unwrap()).unwrap();
+    let replacement = tracer.replace(id, mesh).unwrap();
+    tracer.commit(replacement).unwrap();
     let after = picture(&mut tracer, &camera);
     assert!(after == expected(&demo, &demo.keys[1], &camera));
     assert!(before != after);
 }
 
 fn picture(tracer: &mut Tracer, camera: &Camera) -> Vec<u8> {
-    let view = LitView {
-        camera,
-        light: LAMP,
-    };
-    shown(tracer, 0.0, view).rgba
+    shown(tracer, 0.0, lit(camera)).rgba
 }
 
-/// A picture, and the triangle that each pixel shows.
+/// A picture, and for each pixel the triangle that it shows and whether that point is in shadow.
 #[derive(Debug, PartialEq)]
 pub(crate) struct Shown {
     pub(crate) rgba: Vec<u8>,
     pub(crate) triangles: Vec<u32>,
+    pub(crate) blocked: Vec<u8>,
 }
 
 /// Returns the picture of a step.
@@ -186,6 +172,7 @@ pub(crate) fn shown(tracer: &mut Tracer, time: f64, view: LitView<'_>) -> Shown 
     Shown {
         rgba,
         triangles: triangles.collect(),
+        blocked: hits.any().to_vec(),
     }
 }
 
@@ -197,7 +184,7 @@ fn all_results(hits: Hits) -> (Vec<bool>, Found) {
 
 /// Tests cameras in one submission, together with a list of rays. Steps have different numbers of cameras. Results
 /// last until two more steps are submitted.
-pub(crate) fn together(device: &Device) {
+pub(crate) fn batched_cameras_match_separate_steps(device: &Device) {
     let demo = demo("demo:collide:3000");
     let [mut together, mut alone] = [0; 2].map(|_| of_keys(&demo, device));
     let sizes = [[40, 30], [1, 1], [64, 3], [40, 30], [17, 90]];
@@ -234,7 +221,7 @@ pub(crate) fn together(device: &Device) {
 }
 
 /// Tests pictures of the sky alone, pictures without pixels, and colours that are too few.
-pub(crate) fn odd(device: &Device) {
+pub(crate) fn odd_pictures_do_not_panic(device: &Device) {
     let pose = CameraPose::new([0.0, 1.0, 4.0], [0.0; 3]).with_fov(50.0);
     let look = |size| Camera::look_at(pose, size);
     let camera = look([8, 6]).unwrap();

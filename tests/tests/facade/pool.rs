@@ -1,15 +1,12 @@
 //! A pool of tracers, so that a device stays open for later tests: its driver compiles kernels only once.
 
 use abvh::{Device, Scene, Tracer, TracerBuilder};
+use geom::lock;
 use std::ops::{Deref, DerefMut};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::Mutex;
 use std::thread;
 
 static IDLE: Mutex<Vec<(Device, Tracer)>> = Mutex::new(Vec::new());
-
-fn idle() -> MutexGuard<'static, Vec<(Device, Tracer)>> {
-    IDLE.lock().unwrap_or_else(PoisonError::into_inner)
-}
 
 /// A tracer that returns to the pool when dropped, unless its test has failed.
 pub(crate) struct Pooled {
@@ -27,7 +24,7 @@ pub(crate) fn tracer(scene: Scene, device: &Device) -> Pooled {
 pub(crate) fn build(builder: TracerBuilder, scene: Scene, device: &Device) -> Pooled {
     let builder = builder.threads(2).device(device.clone());
     let former = {
-        let mut idle = idle();
+        let mut idle = lock(&IDLE);
         let found = idle.iter().position(|(d, _)| d == device);
         found.map(|at| idle.swap_remove(at).1)
     };
@@ -43,7 +40,7 @@ pub(crate) fn build(builder: TracerBuilder, scene: Scene, device: &Device) -> Po
 
 /// Closes all unused tracers.
 pub(crate) fn close() {
-    idle().clear();
+    lock(&IDLE).clear();
 }
 
 impl Deref for Pooled {
@@ -63,6 +60,6 @@ impl DerefMut for Pooled {
 impl Drop for Pooled {
     fn drop(&mut self) {
         let tracer = self.tracer.take().filter(|_| !thread::panicking());
-        idle().extend(tracer.map(|tracer| (self.device.clone(), tracer)));
+        lock(&IDLE).extend(tracer.map(|tracer| (self.device.clone(), tracer)));
     }
 }

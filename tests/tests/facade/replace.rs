@@ -150,7 +150,7 @@ fn exchange(tracer: &mut Tracer, mesh: MeshId, with: Mesh) {
 }
 
 /// Tests replacement in a scene of meshes of all kinds, which move until the commit.
-pub(crate) fn anew(device: &Device) {
+pub(crate) fn replaced_mesh_matches_new_scene(device: &Device) {
     let sources = MeshSources::new();
     for (before, after, update) in [
         (Kind::Streamed, Kind::Streamed, Update::Async),
@@ -201,7 +201,7 @@ pub(crate) fn anew(device: &Device) {
 }
 
 /// Tests one tracer after replacements that change which kinds of motion the scene has.
-pub(crate) fn motions(device: &Device) {
+pub(crate) fn replacement_may_change_motion_kind(device: &Device) {
     let sources = MeshSources::new();
     let fixed = |by| {
         Mesh::fixed(
@@ -243,7 +243,7 @@ pub(crate) fn motions(device: &Device) {
     }
 }
 
-pub(crate) fn results(device: &Device) {
+pub(crate) fn results_survive_steps_and_commits(device: &Device) {
     let sources = MeshSources::new();
     let (scene, ids) = sources.scene(sources.target(false, Kind::Fixed));
     let mut twin = tracer(scene.clone(), device);
@@ -274,12 +274,12 @@ pub(crate) fn results(device: &Device) {
 }
 
 /// Tests on a device of the caller. All scenes share it, and its hit buffers stay valid as long as results do.
-pub(crate) fn own(_: &Device) {
+pub(crate) fn replaces_meshes_on_caller_device(_: &Device) {
     let sources = MeshSources::new();
     let (scene, ids) = sources.scene(sources.target(false, Kind::Fixed));
     let limits = required_limits(&scene, sources.original.rays.len()).unwrap();
     let device = own_device_with(required_features(), limits);
-    anew(&Device::from(device.clone()));
+    replaced_mesh_matches_new_scene(&Device::from(device.clone()));
     let mut live = tracer(scene, &Device::from(device));
     let before = sources.advance(&mut live, ids, 0);
     let mesh = sources.target(true, Kind::Streamed);
@@ -295,7 +295,7 @@ pub(crate) fn own(_: &Device) {
 }
 
 /// The second tracer keeps the device of the first one and ignores that of its own builder.
-pub(crate) fn in_place(_: &Device) {
+pub(crate) fn replaces_meshes_after_build_in_place(_: &Device) {
     let points = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
     let mesh = || Mesh::fixed(&points, &[[0, 1, 2]]).unwrap();
     let mut scene = Scene::new();
@@ -307,7 +307,7 @@ pub(crate) fn in_place(_: &Device) {
     tracer.commit(replacement).unwrap();
 }
 
-pub(crate) fn dropped(device: &Device) {
+pub(crate) fn dropped_replacements_change_nothing(device: &Device) {
     let sources = MeshSources::new();
     let (scene, ids) = sources.scene(sources.target(false, Kind::Keys));
     let (mut live, mut twin) = (tracer(scene.clone(), device), tracer(scene, device));
@@ -335,7 +335,7 @@ pub(crate) fn dropped(device: &Device) {
 }
 
 /// Tests two replacements at a time, in either order, while a third mesh moves.
-pub(crate) fn two_at_a_time(device: &Device) {
+pub(crate) fn supports_two_concurrent_replacements(device: &Device) {
     let [low, other] = ["demo:twist:1000", "demo:twist:300"].map(demo);
     let at = |of: &Demo, by: f32| raised(&of.keys[0], by);
     let fixed = |of: &Demo, by: f32| Mesh::fixed(&at(of, by), &of.triangles).unwrap();
@@ -360,7 +360,7 @@ pub(crate) fn two_at_a_time(device: &Device) {
     }
 }
 
-pub(crate) fn misuse(device: &Device) {
+pub(crate) fn invalid_replacements_are_errors(device: &Device) {
     let (points, triangles) = ([[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [[0, 1, 2]]);
     let mesh = || Mesh::fixed(&points, &triangles).unwrap();
     let (scene, [one, two]) = scene_of([mesh(), mesh()]);

@@ -5,7 +5,7 @@ use crate::{demo, hits_after, scene_of};
 use abvh::{Device, Matrix, Mesh, Point, Source};
 
 /// Compares a mesh of two rigid parts with a streamed mesh whose vertices the test transforms by the same operations.
-pub(crate) fn as_transformed(device: &Device) {
+pub(crate) fn rigid_meshes_equal_transformed_vertices(device: &Device) {
     let demo = demo("demo:twist:2000");
     let rest = &demo.keys[0];
     let parts: Vec<u32> = (0..rest.len())

@@ -2,6 +2,7 @@
 
 use crate::{demo, hits_at, scene_of};
 use abvh::{Camera, CameraPose, Device, Mesh, Point, Query, Ray, Source, Tracer};
+use integration::is_full;
 use rayon::ThreadPool;
 use rayon::prelude::*;
 use std::panic::resume_unwind;
@@ -53,10 +54,11 @@ fn within<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> T {
 }
 
 /// Tests rayon tasks that each build, use and drop a tracer.
-pub(crate) fn tasks_own_tracers(device: &Device) {
+pub(crate) fn rayon_tasks_own_tracers(device: &Device) {
     let device = device.clone();
     // GPUs take long to open.
-    let count = if device == Device::Cpu { 20 } else { 6 };
+    let on_gpu = if is_full() { 6 } else { 3 };
+    let count = if device == Device::Cpu { 20 } else { on_gpu };
     let hits = within(move || {
         let each = (0..count).into_par_iter().with_max_len(1);
         workers(2).install(|| each.map(|_| step(&mut world(&device))).sum::<usize>())
@@ -127,7 +129,7 @@ fn tour(device: &Device, between: &dyn Fn()) {
 }
 
 /// Checks that no other task runs when a pool's only worker calls the library.
-pub(crate) fn no_other_task(device: &Device) {
+pub(crate) fn calls_do_not_run_other_tasks(device: &Device) {
     let device = device.clone();
     within(move || {
         let is_inside = Arc::new(AtomicBool::new(true));
@@ -164,7 +166,7 @@ fn occupy_the_global_pool() -> Receiver<()> {
 
 /// Tests with a busy global pool. Tasks of that pool may wait for a tracer that is in use, so the library must not wait
 /// for the pool.
-pub(crate) fn no_global_pool(device: &Device) {
+pub(crate) fn works_with_busy_global_pool(device: &Device) {
     let device = device.clone();
     let held = occupy_the_global_pool();
     within(move || tour(&device, &|| ()));
@@ -172,7 +174,7 @@ pub(crate) fn no_global_pool(device: &Device) {
 }
 
 /// Tests key-frame readers that trace rays, on the tested device and on the host.
-pub(crate) fn readers_trace(device: &Device) {
+pub(crate) fn key_frame_readers_may_trace(device: &Device) {
     let demo = Arc::new(demo("demo:collide:300"));
     let (keys, shared) = (Arc::clone(&demo), Arc::new(Mutex::new(world(device))));
     let other = Mutex::new(world(&Device::Cpu));
@@ -201,7 +203,7 @@ pub(crate) fn readers_trace(device: &Device) {
 }
 
 /// Checks that a panic of a reader is reported as an error, for either key frame.
-pub(crate) fn readers_panic(_: &Device) {
+pub(crate) fn key_frame_reader_panic_is_reported(_: &Device) {
     for bad in [0, 1] {
         let read = move |key: usize| match key == bad {
             true => panic!("planted"),

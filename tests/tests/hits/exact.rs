@@ -1,14 +1,14 @@
 //! Compares `exact` with the oracle, which shares no code with it, on every ray. Also tests `t_min` and `t_max` with
 //! every intersector that rounds.
 
-use backend::{Intersector, QueryKind, Rays};
+use backend::{Backend, Intersector, Query, QueryKind, Rays};
 use conformance::oracle::{ExactHit, Oracle};
-use conformance::stage::triangles;
+use conformance::stage::{open, triangles};
 use conformance::{Target, aimed, nth_case};
 use geom::{Aabb, Animation, Hit, Point, Ray, Triangle, is_active, is_degenerate};
 use integration::scenes::Source;
 use integration::share;
-use integration::stage::{LoadedBackend, camera, light, picture_rays};
+use integration::stage::{camera, closest, host, light, picture_rays, trace};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -21,7 +21,7 @@ const T_ERROR: f64 = 16.0 * f32::EPSILON as f64;
 pub(crate) fn rays(source: Source) {
     let animation = source.animation();
     let middle = 0.618 * animation.end();
-    let mut exact = LoadedBackend::new(&animation, Intersector::Exact, 2);
+    let mut host = host();
     for time in [0.0, middle] {
         let rays = picture_rays(&animation);
         let mut all = rays.clone();
@@ -30,11 +30,9 @@ pub(crate) fn rays(source: Source) {
                 all.extend(aimed(&animation, time, target, distance, share(750)));
             }
         }
-        let oracle = Oracle::new(triangles(&animation, time));
-        let expected = check(&mut exact, &oracle, time, &all);
-        let mut stage = LoadedBackend::new(&animation, Intersector::Watertight, 2);
-        stage.adopt_tree_at(time);
-        let found = stage.closest(time, &rays).closest;
+        let expected = check(&mut host, &animation, time, &all);
+        open(&mut host, &animation, time, Intersector::Watertight).unwrap();
+        let found = closest(&mut host, &animation, time, &rays);
         let off = |(hit, expected): &(&Hit, &Option<ExactHit>)| match expected {
             Some(e) => {
                 let [found, t] = [hit.t, e.rounded[0]].map(f64::from);
@@ -47,26 +45,29 @@ pub(crate) fn rays(source: Source) {
     }
 }
 
-/// Checks the closest hit and the any-hit answer of every ray. Returns the oracle's answers.
+/// Loads the scene with `exact`, and checks the closest hit and the any-hit answer of every ray. Returns the oracle's
+/// answers.
 pub(crate) fn check(
-    stage: &mut LoadedBackend,
-    oracle: &Oracle,
+    backend: &mut dyn Backend,
+    animation: &Arc<Animation>,
     time: f64,
-    rays: &[Ray],
+    list: &[Ray],
 ) -> Vec<Option<ExactHit>> {
-    stage.adopt_tree_at(time);
-    let closest = stage.closest(time, rays).closest;
-    let any = stage.trace(time, Rays::List(rays), QueryKind::Any).blocked;
+    let oracle = Oracle::new(triangles(animation, time));
+    open(backend, animation, time, Intersector::Exact).unwrap();
+    let closest = closest(backend, animation, time, list);
+    let (rays, kind) = (Rays::List(list), QueryKind::Any);
+    let any = trace(backend, animation, time, Query { rays, kind }).blocked;
     let bits = |values: [f32; 3]| values.map(f32::to_bits);
-    let answered = (0..rays.len()).into_par_iter().map(|i| {
-        let expected = oracle.closest(&rays[i]);
+    let answered = (0..list.len()).into_par_iter().map(|i| {
+        let expected = oracle.closest(&list[i]);
         let miss = (Hit::MISS.triangle, [f32::INFINITY, 0.0, 0.0]);
         let (triangle, values) = expected.map_or(miss, |e| (e.triangle, e.rounded));
         let hit = closest[i];
         let same = hit.triangle == triangle
             && bits([hit.t, hit.u, hit.v]) == bits(values)
             && (any[i] == 1) == expected.is_some();
-        let (ray, found, any) = (rays[i], closest[i], any[i]);
+        let (ray, found, any) = (list[i], closest[i], any[i]);
         assert!(
             same,
             "at {time}: {ray:?} finds {found:?} (any: {any}), expected {expected:?}"
@@ -78,11 +79,10 @@ pub(crate) fn check(
 
 /// Tests slivers, stacks, far and tiny scenes, with rays along axes, through edges, and with limits.
 pub(crate) fn odd_scenes() {
+    let mut host = host();
     for case in (0..share(280) as u32).map(|number| nth_case(7, number)) {
-        let mut stage = LoadedBackend::new(&case.animation, Intersector::Exact, 2);
         for &time in &case.times[..2] {
-            let oracle = Oracle::new(triangles(&case.animation, time));
-            check(&mut stage, &oracle, time, &case.rays);
+            check(&mut host, &case.animation, time, &case.rays);
         }
     }
 }
@@ -92,21 +92,22 @@ pub(crate) fn shadows(source: Source) {
     let animation: Arc<Animation> = source.animation();
     let scale = animation.scale_exponent();
     assert_eq!(scale, 0, "`shadow_ray` supports only unscaled scenes");
-    let rays = camera(&animation, [120, 80]).rays().collect::<Vec<_>>();
+    let list = camera(&animation, [120, 80]).rays().collect::<Vec<_>>();
     let light = light(&animation);
     let time = 0.618 * animation.end();
     let corners = triangles(&animation, time);
     let oracle = Oracle::new(corners.clone());
-    let mut stage = LoadedBackend::new(&animation, Intersector::Exact, 2);
-    stage.adopt_tree_at(time);
+    let mut host = host();
+    open(&mut host, &animation, time, Intersector::Exact).unwrap();
     let kind = QueryKind::ClosestAndShadow { light };
-    let hits = stage.trace(time, Rays::List(&rays), kind);
+    let rays = Rays::List(&list);
+    let hits = trace(&mut host, &animation, time, Query { rays, kind });
     let all = corners.iter().filter(|c| is_active(c) && !is_degenerate(c));
     let bounds = all.map(Aabb::of_triangle).fold(Aabb::EMPTY, Aabb::union);
     let longest = bounds.extent().into_iter().fold(0.0, f32::max);
     for (i, (hit, &blocked)) in hits.closest.iter().zip(&hits.blocked).enumerate() {
         let corners = corners.get(hit.triangle as usize);
-        let ray = corners.map(|c| shadow_ray(hit, c, rays[i].origin, light, longest));
+        let ray = corners.map(|c| shadow_ray(hit, c, list[i].origin, light, longest));
         let blocks = |ray: &Ray| oracle.all(ray).iter().any(|h| h.triangle != hit.triangle);
         let expected = ray.as_ref().is_some_and(blocks);
         let same = (blocked == 1) == expected;
@@ -155,24 +156,25 @@ pub(crate) fn check_ray_limits(source: Source) {
 /// Any-hit must agree with closest-hit.
 fn cut(animation: &Arc<Animation>, by: Intersector) {
     let time = 0.5 * animation.end();
-    let mut stage = LoadedBackend::new(animation, by, 2);
-    stage.adopt_tree_at(time);
-    let mut rays = camera(animation, [64, 48]).rays().collect::<Vec<_>>();
+    let mut host = host();
+    open(&mut host, animation, time, by).unwrap();
+    let mut list = camera(animation, [64, 48]).rays().collect::<Vec<_>>();
     for target in Target::ALL {
-        rays.extend(aimed(animation, time, target, 1.5, 333));
-        rays.extend(aimed(animation, time, target, 30.0, 333));
+        list.extend(aimed(animation, time, target, 1.5, 333));
+        list.extend(aimed(animation, time, target, 30.0, 333));
     }
-    let hits = stage.closest(time, &rays).closest;
+    let hits = closest(&mut host, animation, time, &list);
     let met: Vec<u8> = hits.iter().map(|h| u8::from(h.is_hit())).collect();
     let count = met.iter().filter(|&&m| m == 1).count();
-    assert!(count * 50 >= rays.len(), "{by}: only {count} rays hit");
-    let any = stage.trace(time, Rays::List(&rays), QueryKind::Any).blocked;
+    assert!(count * 50 >= list.len(), "{by}: only {count} rays hit");
+    let (rays, kind) = (Rays::List(&list), QueryKind::Any);
+    let any = trace(&mut host, animation, time, Query { rays, kind }).blocked;
     assert!(any == met, "{by}: any-hit disagrees with closest-hit");
     let mut changed = |change: fn(&mut Ray, f32)| {
-        let mut cut = rays.clone();
+        let mut cut = list.clone();
         let hit = cut.iter_mut().zip(&hits).filter(|(_, h)| h.is_hit());
         hit.for_each(|(ray, hit)| change(ray, hit.t));
-        stage.closest(time, &cut).closest
+        closest(&mut host, animation, time, &cut)
     };
     let before = changed(|ray, t| ray.t_max = t);
     let none = !before.iter().any(Hit::is_hit);

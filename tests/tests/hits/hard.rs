@@ -2,23 +2,16 @@
 //! open (docs/design/exact-arithmetic.md).
 
 use crate::exact::check;
-use backend::{Backend, Hits, Intersector, QueryKind, Rays};
-use conformance::oracle::Oracle;
-use conformance::stage::triangles;
+use backend::{Backend, Hits, Intersector, Query};
+use conformance::stage::open;
 use conformance::{Target, aimed};
 use geom::{Animation, Camera, CameraPose, Hit, Point, Ray};
-use integration::stage::{LoadedBackend, camera, light, separate_triangles};
+use integration::stage::{camera, closest, host, light, separate_triangles, trace};
 use std::f32::consts::TAU;
 use std::sync::Arc;
 
-/// Tests hard rays, and hard pictures against the host.
-pub(crate) fn rays(backend: Box<dyn Backend>) -> Box<dyn Backend> {
-    let backend = against_the_oracle(backend);
-    against_the_host(watertight(backend))
-}
-
-fn open(demo: &str) -> Arc<Animation> {
-    let scene = scene::open(demo, &scene::SceneOptions::default());
+fn demo(name: &str) -> Arc<Animation> {
+    let scene = scene::open(name, &scene::SceneOptions::default());
     scene.unwrap().animation
 }
 
@@ -118,9 +111,9 @@ fn down() -> Vec<Ray> {
     vec![down(0.5), down(9.0)]
 }
 
-fn against_the_oracle(mut backend: Box<dyn Backend>) -> Box<dyn Backend> {
+pub(crate) fn rays_match_the_oracle(backend: &mut dyn Backend) {
     // From these distances, every triangle is a candidate or rounded arithmetic decides nothing.
-    let cloth = open("demo:twist:1500");
+    let cloth = demo("demo:twist:1500");
     let far = [1e6, 1e22, 1e25].map(|far| aimed(&cloth, 0.0, Target::Vertex, far, 60));
     for (animation, rays) in [
         (cloth, far.concat()),
@@ -130,26 +123,19 @@ fn against_the_oracle(mut backend: Box<dyn Backend>) -> Box<dyn Backend> {
         (sliver(), vec![AT_SLIVER]),
         (tiny_offsets(), at_tiny_offsets()),
     ] {
-        let mut stage = LoadedBackend::over(backend, &animation, Intersector::Exact);
-        let oracle = Oracle::new(triangles(&animation, 0.0));
-        check(&mut stage, &oracle, 0.0, &rays);
-        backend = stage.into_backend();
+        check(backend, &animation, 0.0, &rays);
     }
-    backend
 }
 
-fn watertight(mut backend: Box<dyn Backend>) -> Box<dyn Backend> {
+pub(crate) fn watertight_finds_stacks_and_slivers(backend: &mut dyn Backend) {
     for (animation, rays, expected) in [
         (stack(TALL), down(), vec![0, Hit::MISS.triangle]),
         (sliver(), vec![AT_SLIVER], vec![0]),
     ] {
-        let mut stage = LoadedBackend::over(backend, &animation, Intersector::Watertight);
-        stage.adopt_tree_at(0.0);
-        let hits = stage.closest(0.0, &rays).closest;
+        open(backend, &animation, 0.0, Intersector::Watertight).unwrap();
+        let hits = closest(backend, &animation, 0.0, &rays);
         assert!(hits.iter().map(|h| h.triangle).eq(expected), "{hits:?}");
-        backend = stage.into_backend();
     }
-    backend
 }
 
 /// A triangle with edges of `3.3e-13` and `1.1e-16`. Without scaling, the numerator of `t` would be below `1e-40`, and
@@ -181,34 +167,27 @@ struct Picture {
 }
 
 /// Checks that the device's hits equal the host's, bit for bit.
-fn against_the_host(mut backend: Box<dyn Backend>) -> Box<dyn Backend> {
+pub(crate) fn pictures_match_the_host(backend: &mut dyn Backend) {
+    let mut host = host();
     for picture in pictures() {
-        let light = picture.light;
-        let kind = QueryKind::ClosestAndShadow { light };
-        let ask = |stage: &mut LoadedBackend| {
-            stage.adopt_tree_at(0.0);
-            stage.trace(picture.time, Rays::Camera(&picture.camera), kind)
+        let (animation, time) = (&picture.animation, picture.time);
+        let query = Query::picture(&picture.camera, picture.light);
+        let ask = |backend: &mut dyn Backend| {
+            open(backend, animation, 0.0, Intersector::Exact).unwrap();
+            trace(backend, animation, time, query)
         };
-        let mut device = LoadedBackend::over(backend, &picture.animation, Intersector::Exact);
-        let expected = ask(&mut LoadedBackend::new(
-            &picture.animation,
-            Intersector::Exact,
-            2,
-        ));
-        let found = ask(&mut device);
+        let (expected, found) = (ask(&mut host), ask(backend));
         let tells = (picture.tells)(&expected);
         assert!(tells, "too few to tell: {:?}", picture.camera);
         let pixels = |hits: Hits| hits.closest.into_iter().zip(hits.blocked);
         let mut pairs = pixels(expected).zip(pixels(found)).enumerate();
         let other = pairs.find(|(_, (a, b))| a != b);
         assert!(other.is_none(), "{other:?} by {:?}", picture.camera);
-        backend = device.into_backend();
     }
-    backend
 }
 
 fn pictures() -> Vec<Picture> {
-    let cloth = open("demo:twist:1500");
+    let cloth = demo("demo:twist:1500");
     let far = |(distance, light): (f32, f32)| Picture {
         animation: Arc::clone(&cloth),
         time: 0.0,
@@ -217,7 +196,7 @@ fn pictures() -> Vec<Picture> {
         tells: |hits| hits.closest.iter().any(|h| h.is_hit()),
     };
     let mut all: Vec<_> = [(3.0, 1e6), (1e6, 3.0), (1e25, 1e7)].map(far).into();
-    let doubled = twice(&open("demo:collide:2000"));
+    let doubled = twice(&demo("demo:collide:2000"));
     all.push(Picture {
         time: 0.4 * doubled.end(),
         // Single rays trace this picture: it has too many pixels for packets and rasterization on software drivers, and

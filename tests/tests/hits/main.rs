@@ -9,7 +9,7 @@ use backend::Backend;
 use cpu_ref::CpuBackend;
 use geom::lock;
 use integration::scenes::{DEMOS, REAL};
-use integration::{device_trial, trial};
+use integration::{device_trial, named, trial};
 use libtest_mimic::Trial;
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex};
@@ -27,45 +27,25 @@ fn main() -> ExitCode {
     libtest_mimic::run(&arguments, trials).exit_code()
 }
 
-type Test = (&'static str, fn(Box<dyn Backend>) -> Box<dyn Backend>);
+type Test = (&'static str, fn(&mut dyn Backend));
 
-/// Tests of every device. Each returns the backend for the next test.
-const OF_DEVICES: [Test; 8] = [
-    (
-        "hits_of_extreme_rays_are_lit_by_infinite_lights",
-        rounding::infinite_light,
-    ),
-    (
-        "distances_that_underflow_are_plus_zero",
-        rounding::underflowing_distances,
-    ),
-    (
-        "shadow_rays_start_finite_if_edges_overflow",
-        rounding::overflowing_edges,
-    ),
-    (
-        "overflow_by_scaling_loses_no_hit",
-        rounding::overflow_by_scaling,
-    ),
-    (
-        "boxes_near_the_origin_lose_no_exact_hit",
-        rounding::near_the_origin,
-    ),
-    (
-        "underflowing_determinants_leave_limits_exact",
-        rounding::small_determinants,
-    ),
-    (
-        "ties_at_zero_go_to_the_lowest_triangle",
-        rounding::ties_at_zero,
-    ),
-    (
-        "camera_hits_on_needles_match_single_rays",
-        rounding::needles_in_a_picture,
-    ),
+/// Tests of every device.
+const OF_DEVICES: &[Test] = named![
+    rounding::hits_of_extreme_rays_are_lit_by_infinite_lights,
+    rounding::distances_that_underflow_are_plus_zero,
+    rounding::shadow_rays_start_finite_if_edges_overflow,
+    rounding::overflow_by_scaling_loses_no_hit,
+    rounding::boxes_near_the_origin_lose_no_exact_hit,
+    rounding::underflowing_determinants_leave_limits_exact,
+    rounding::ties_at_zero_go_to_the_lowest_triangle,
+    rounding::camera_hits_on_needles_match_single_rays,
 ];
 /// Tests of GPUs.
-const OF_GPUS: [Test; 1] = [("hard_rays", hard::rays)];
+const OF_GPUS: &[Test] = named![
+    hard::rays_match_the_oracle,
+    hard::watertight_finds_stacks_and_slivers,
+    hard::pictures_match_the_host,
+];
 
 type Open = fn() -> backend::Result<Box<dyn Backend>>;
 
@@ -76,26 +56,24 @@ fn device_trials() -> Vec<Trial> {
         (
             "vulkan",
             || Ok(Box::new(gpu_vulkan::open(&Default::default())?)),
-            &OF_GPUS,
+            OF_GPUS,
         ),
         (
             "wgpu",
             || Ok(Box::new(gpu_wgpu::open(&Default::default())?)),
-            &OF_GPUS,
+            OF_GPUS,
         ),
     ];
     let mut trials = Vec::new();
     for (name, open, own) in devices {
         let opened = open();
         let absent = opened.as_ref().err().map(|e| e.to_string());
-        let idle = Arc::new(Mutex::new(opened.ok()));
+        let opened = Arc::new(Mutex::new(opened));
         for &(property, test) in OF_DEVICES.iter().chain(own) {
-            let (idle, full_name) = (Arc::clone(&idle), format!("{property}_on_{name}"));
+            let (opened, full_name) = (Arc::clone(&opened), format!("{name}::{property}"));
             trials.push(device_trial(full_name, name, absent.clone(), move || {
-                let mut idle = lock(&idle);
-                // A failed test has dropped its backend.
-                let backend = idle.take().map_or_else(open, Ok).unwrap();
-                *idle = Some(test(backend));
+                let mut opened = lock(&opened);
+                test(&mut **opened.as_mut().unwrap());
             }));
         }
     }

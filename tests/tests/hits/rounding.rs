@@ -1,16 +1,15 @@
 //! Rays and triangles at which an error bound decides whether a hit is found: "What a hit is", `docs/design/hits.md`.
 
 use crate::exact::check;
-use backend::{Backend, Intersector, QueryKind, Rays};
-use conformance::oracle::Oracle;
-use conformance::stage::triangles;
+use backend::{Backend, Intersector, Query, QueryKind, Rays};
+use conformance::stage::open;
 use geom::{Animation, Camera, Point, Ray};
-use integration::stage::{LoadedBackend, separate_triangles};
+use integration::stage::{closest, host, separate_triangles, trace};
 use std::sync::Arc;
 
 /// A triangle just before the start (`t < 0`) of equal rays, which a host traces as a packet. The distance underflows
 /// to zero.
-pub(crate) fn underflowing_distances(backend: Box<dyn Backend>) -> Box<dyn Backend> {
+pub(crate) fn distances_that_underflow_are_plus_zero(backend: &mut dyn Backend) {
     let (size, depth) = ((-60_f32).exp2(), (-91_f32).exp2());
     let corners = [
         [-size, -size, -depth],
@@ -24,33 +23,30 @@ pub(crate) fn underflowing_distances(backend: Box<dyn Backend>) -> Box<dyn Backe
         direction: [0.0, 0.0, 60_f32.exp2()],
         t_max: 1.0,
     };
-    let mut stage = LoadedBackend::over(backend, &animation, Intersector::Watertight);
-    stage.adopt_tree_at(0.0);
-    for hit in stage.closest(0.0, &[ray; 16]).closest {
+    open(backend, &animation, 0.0, Intersector::Watertight).unwrap();
+    for hit in closest(backend, &animation, 0.0, &[ray; 16]) {
         assert_eq!((hit.triangle, hit.t.to_bits()), (0, 0));
     }
-    stage.into_backend()
 }
 
 /// An infinite light above two triangles. The ray is extreme, because it starts far away.
-pub(crate) fn infinite_light(backend: Box<dyn Backend>) -> Box<dyn Backend> {
+pub(crate) fn hits_of_extreme_rays_are_lit_by_infinite_lights(backend: &mut dyn Backend) {
     let wall = [[0.0, -1.0, -1.0], [0.0, 2.0, -1.0], [0.0, 0.5, 3.0]];
     let ceiling = [[-1.0, 2.5, -1.0], [1.0, 2.5, -1.0], [0.0, 2.5, 3.0]];
     let animation = separate_triangles(vec![[wall, ceiling].concat()]);
-    let ray = Ray::new([2e12, 0.5, 0.0], [-1.0, 0.0, 0.0]);
-    let mut stage = LoadedBackend::over(backend, &animation, Intersector::Watertight);
-    stage.adopt_tree_at(0.0);
+    let list = [Ray::new([2e12, 0.5, 0.0], [-1.0, 0.0, 0.0])];
+    let rays = Rays::List(&list);
+    open(backend, &animation, 0.0, Intersector::Watertight).unwrap();
     for y in [f32::INFINITY, f32::NAN] {
         let light = [0.0, y, 0.0];
         let kind = QueryKind::ClosestAndShadow { light };
-        let hits = stage.trace(0.0, Rays::List(&[ray]), kind);
+        let hits = trace(backend, &animation, 0.0, Query { rays, kind });
         assert_eq!((hits.closest[0].triangle, hits.blocked[0]), (0, 0));
     }
-    stage.into_backend()
 }
 
 /// The edges of the first triangle overflow. The second triangle blocks the light, but not the ray.
-pub(crate) fn overflowing_edges(backend: Box<dyn Backend>) -> Box<dyn Backend> {
+pub(crate) fn shadow_rays_start_finite_if_edges_overflow(backend: &mut dyn Backend) {
     let wall = [[3e38, -3e38, -1e38], [3e38, 3e38, -1e38], [3e38, 0.0, 2e38]];
     // An overflowing edge is replaced by the largest float (hits.md, extreme rays). The hit computed from such edges
     // has this `y`.
@@ -65,61 +61,50 @@ pub(crate) fn overflowing_edges(backend: Box<dyn Backend>) -> Box<dyn Backend> {
     corners.extend([FAR; 40]);
     let animation = separate_triangles(vec![corners.concat()]);
     // The distance overflows too, so the hit is computed from the corners.
-    let ray = Ray::new([-3e38, 0.0, 0.0], [1e10, 0.0, 0.0]);
+    let list = [Ray::new([-3e38, 0.0, 0.0], [1e10, 0.0, 0.0])];
+    let rays = Rays::List(&list);
     let kind = QueryKind::ClosestAndShadow {
         light: [-3e38, y, 0.0],
     };
-    let mut stage = LoadedBackend::over(backend, &animation, Intersector::Exact);
-    stage.adopt_tree_at(0.0);
-    let hits = stage.trace(0.0, Rays::List(&[ray]), kind);
+    open(backend, &animation, 0.0, Intersector::Exact).unwrap();
+    let hits = trace(backend, &animation, 0.0, Query { rays, kind });
     assert_eq!((hits.closest[0].triangle, hits.blocked[0]), (0, 1));
-    stage.into_backend()
 }
 
 /// The first key frame is so small that scaled coordinates of the second one are infinite.
-pub(crate) fn overflow_by_scaling(mut backend: Box<dyn Backend>) -> Box<dyn Backend> {
+pub(crate) fn overflow_by_scaling_loses_no_hit(backend: &mut dyn Backend) {
     for signs in [vec![1.0], vec![-1.0], vec![1.0, -1.0]] {
         let triangles: Vec<_> = [[0, 1, 2], [3, 4, 5]][..signs.len()].to_vec();
         let count = 3 * signs.len();
         let first = vec![[1e-40, 0.0, 0.0]; count];
         let animation = Animation::streamed(first, &vec![false; count], triangles);
         let animation = Arc::new(animation.unwrap());
-        let mut stage = LoadedBackend::over(backend, &animation, Intersector::Watertight);
-        stage.adopt_tree_at(0.0);
+        open(backend, &animation, 0.0, Intersector::Watertight).unwrap();
         let corners =
             |sign: &f32| [[8.0, 0.0], [9.0, 0.0], [8.0, 1.0]].map(|[x, y]| [sign * x, y, 0.0]);
         let second: Vec<Point> = signs.iter().flat_map(corners).collect();
         let time = animation.push(second).unwrap();
         let ray = |sign: &f32| Ray::new([sign * 8.25, 0.25, -1.0], [0.0, 0.0, 1.0]);
         let rays: Vec<Ray> = signs.iter().map(ray).collect();
-        for hit in stage.closest(time, &rays).closest {
+        for hit in closest(backend, &animation, time, &rays) {
             assert_eq!([hit.t, hit.u, hit.v], [1.0, 0.25, 0.25], "{signs:?}");
         }
-        backend = stage.into_backend();
     }
-    backend
 }
 
 /// Keeps the scene's scale at 1, away from all rays.
 const FAR: [Point; 3] = [[1.0, 5.0, 5.0], [1.0, 6.0, 5.0], [1.0, 5.0, 6.0]];
 
-fn against_the_oracle(
-    backend: Box<dyn Backend>,
-    corners: &[[Point; 3]],
-    rays: &[Ray],
-) -> Box<dyn Backend> {
+fn against_the_oracle(backend: &mut dyn Backend, corners: &[[Point; 3]], rays: &[Ray]) {
     let animation = separate_triangles(vec![corners.concat()]);
-    let oracle = Oracle::new(triangles(&animation, 0.0));
-    let mut stage = LoadedBackend::over(backend, &animation, Intersector::Exact);
-    let expected = check(&mut stage, &oracle, 0.0, rays);
+    let expected = check(backend, &animation, 0.0, rays);
     assert!(expected.iter().any(Option::is_some), "no ray hits anything");
-    stage.into_backend()
 }
 
 /// This triangle's box is very near to the ray's start. The box test pads the box in proportion to `D`, its distance
 /// from the ray's start, but as if `D` were at least `2^-38` (hits.md, box test). Otherwise the padding would be
 /// smaller than the error of replacing tiny coordinates by zero.
-pub(crate) fn near_the_origin(backend: Box<dyn Backend>) -> Box<dyn Backend> {
+pub(crate) fn boxes_near_the_origin_lose_no_exact_hit(backend: &mut dyn Backend) {
     let (step, width) = ((-47_f32).exp2(), (-64_f32).exp2());
     let x = (-24_f32).exp2() + step;
     let near = [
@@ -128,11 +113,11 @@ pub(crate) fn near_the_origin(backend: Box<dyn Backend>) -> Box<dyn Backend> {
         [x, -0.9 * width, 0.0],
     ];
     let ray = Ray::new([x - step, 0.0, 0.0], [1.0, 0.95 * (-17_f32).exp2(), 0.0]);
-    against_the_oracle(backend, &[FAR, near], &[ray])
+    against_the_oracle(backend, &[FAR, near], &[ray]);
 }
 
 /// Products of this triangle's edge functions and depths underflow. The rays end or begin just before its plane.
-pub(crate) fn small_determinants(backend: Box<dyn Backend>) -> Box<dyn Backend> {
+pub(crate) fn underflowing_determinants_leave_limits_exact(backend: &mut dyn Backend) {
     let (size, start) = ((-50_f32).exp2(), (-16_f32).exp2());
     let depth = start * (-23_f32).exp2();
     let z = start + depth;
@@ -156,12 +141,12 @@ pub(crate) fn small_determinants(backend: Box<dyn Backend>) -> Box<dyn Backend> 
             t_max,
         }
     });
-    against_the_oracle(backend, &[FAR, near], &rays.collect::<Vec<_>>())
+    against_the_oracle(backend, &[FAR, near], &rays.collect::<Vec<_>>());
 }
 
 /// A ray that starts in two triangles and hits both at `t = 0`. The first one's box begins beyond the ray's start, at a
 /// distance that rounds to zero.
-pub(crate) fn ties_at_zero(mut backend: Box<dyn Backend>) -> Box<dyn Backend> {
+pub(crate) fn ties_at_zero_go_to_the_lowest_triangle(backend: &mut dyn Backend) {
     let first = [
         [-2.052_907_2e-19, 1.577_45e-19, 1.084_211e-19],
         [8.673_617e-19, 3.835_551_2e-19, 2.997_596e-19],
@@ -181,13 +166,10 @@ pub(crate) fn ties_at_zero(mut backend: Box<dyn Backend>) -> Box<dyn Backend> {
         [second, first, FAR],
     ] {
         let animation = separate_triangles(vec![corners.concat()]);
-        let mut stage = LoadedBackend::over(backend, &animation, Intersector::MollerTrumbore);
-        stage.adopt_tree_at(0.0);
-        let hit = stage.closest(0.0, &[ray]).closest[0];
+        open(backend, &animation, 0.0, Intersector::MollerTrumbore).unwrap();
+        let hit = closest(backend, &animation, 0.0, &[ray])[0];
         assert_eq!((hit.triangle, hit.t), (0, 0.0), "{corners:?}");
-        backend = stage.into_backend();
     }
-    backend
 }
 
 const EYE: Point = [0.3, 0.2, 0.1];
@@ -242,26 +224,23 @@ fn needles(camera: &Camera) -> Arc<Animation> {
     separate_triangles(vec![corners.concat()])
 }
 
-pub(crate) fn needles_in_a_picture(backend: Box<dyn Backend>) -> Box<dyn Backend> {
+pub(crate) fn camera_hits_on_needles_match_single_rays(backend: &mut dyn Backend) {
     let camera = askew();
     let animation = needles(&camera);
     let rays: Vec<Ray> = camera.rays().collect();
-    let mut reference = LoadedBackend::new(&animation, Intersector::Watertight, 2);
-    reference.adopt_tree_at(0.0);
-    let expected = reference.closest(0.0, &rays).closest;
+    let mut host = host();
+    open(&mut host, &animation, 0.0, Intersector::Watertight).unwrap();
+    let expected = closest(&mut host, &animation, 0.0, &rays);
     let needles = expected.iter().filter(|h| h.is_hit() && h.triangle > 1);
     let count = needles.count();
     assert!(count > 100, "only {count} needles are hit");
-    let mut stage = LoadedBackend::over(backend, &animation, Intersector::Watertight);
-    let light = [0.0, 5.0, 0.0];
-    stage.adopt_tree_at(0.0);
-    let kind = QueryKind::ClosestAndShadow { light };
-    let found = stage.trace(0.0, Rays::Camera(&camera), kind).closest;
+    open(backend, &animation, 0.0, Intersector::Watertight).unwrap();
+    let query = Query::picture(&camera, [0.0, 5.0, 0.0]);
+    let found = trace(backend, &animation, 0.0, query).closest;
     let other = expected.iter().zip(&found).position(|(a, b)| a != b);
     assert!(
         other.is_none(),
         "pixel {other:?}: {:?}",
         other.map(|i| (expected[i], found[i]))
     );
-    stage.into_backend()
 }

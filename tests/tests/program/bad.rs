@@ -1,7 +1,8 @@
 //! Invalid usage and input: exit code 2, one line, no output files.
 
-use crate::devices::BACKENDS;
+use crate::devices::{BACKENDS, backend_trial};
 use crate::sandbox::{SQUARE, Sandbox, trial};
+use integration::is_full;
 use integration::scenes::REAL;
 use libtest_mimic::Trial;
 
@@ -75,6 +76,15 @@ const OTHERS: &str = "
 paint demo:twist | paint
 bench demo:twist:500 --backend cpu --update device-rebuild --rival embree | nothing is left to measure | embree with device-rebuild
 render demo:twist:100 --backend vulkan --adapter none | vulkan
+render demo:twist:100 --frames 1 --size 8x8 --no-images --backend cpu --update device-rebuild | cpu does not support tree builds on the device
+render demo:twist:100 --frames 1 --size 8x8 --no-images --adapter voodoo | backend has an adapter 'voodoo' | cpu 0: host
+chart --backend cpu --quiet no/such/scene | no/such/scene
+chart --backend cpu --quiet demo:twist:100 --out a.obj/below | a.obj
+conform --backend cpu --quiet --adapter nowhere | cpu
+conform --backend cpu --quiet --json no/such/file | no/such/file
+stability --backend cpu --quiet --adapter nowhere | nowhere
+stability --backend cpu --quiet --json no/such/file | no/such/file
+stability --backend cpu --quiet --record no/such/file | no/such/file
 inspect a.obj+ | a.obj+ | no name
 inspect + | no name
 render --size \u{1b}[31m8x | '\\u{1b}[31m8x'
@@ -91,13 +101,17 @@ pub(crate) fn trials() -> Vec<Trial> {
             Sandbox::new().assert_refused(&words, &["gallop", "Dance", "Idle"]);
         })
     });
-    let beside = BACKENDS.into_iter().map(|on| {
-        let option = format!(" --backend {}", on.0);
-        on.trial("bad::invalid_input_is_refused", move |s, _| {
-            refused(s, CASES, &option)
+    let name = "bad::invalid_input_is_refused";
+    // The program handles all GPU backends alike.
+    let gpus = BACKENDS
+        .into_iter()
+        .filter(|&on| on == "vulkan" || is_full());
+    let beside = gpus.map(|on| {
+        backend_trial(name, on, |s, on| {
+            refused(s, CASES, &format!(" --backend {on}"));
         })
     });
-    let auto = trial("bad::invalid_input_is_refused", |s| {
+    let auto = trial(name, |s| {
         refused(s, &[CASES, OTHERS].concat(), "");
     });
     clip.chain(beside).chain([auto]).collect()
@@ -111,7 +125,8 @@ fn refused(sandbox: &Sandbox, cases: &str, options: &str) {
         let says: Vec<&str> = says.split(" | ").collect();
         sandbox.assert_refused(&format!("{words}{options}"), &says);
         let after = sandbox.files();
-        let is_as_before = before == after && !sandbox.path().join("abvh-out").exists();
+        let folders = ["abvh-out", "abvh-chart"].map(|name| sandbox.path().join(name));
+        let is_as_before = before == after && !folders.iter().any(|folder| folder.exists());
         assert!(is_as_before, "{words} left {after:?}");
     }
 }

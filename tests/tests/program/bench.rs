@@ -1,14 +1,14 @@
 //! `bench`: a table for people, and a file with every frame of every run for programs.
 
-use crate::devices::{BACKENDS, HOST, Subject};
+use crate::devices::{BACKENDS, HOST, backend_trial};
 use crate::sandbox::{Sandbox, assert_contains, list, trial};
 use crate::stats::{FRAME, has_all};
 use libtest_mimic::Trial;
 use serde_json::Value;
 
 pub(crate) fn trials() -> Vec<Trial> {
-    let warm = |b: Subject| b.trial("bench::warm_up_does_not_affect_frames", warm_up);
-    let memory = |b: Subject| b.trial("bench::memory_is_listed_by_purpose", memory);
+    let warm = |b| backend_trial("bench::warm_up_does_not_affect_frames", b, warm_up);
+    let memory = |b| backend_trial("bench::memory_is_listed_by_purpose", b, memory);
     let mut all = vec![
         trial("bench::file_describes_frames_and_machine", file),
         trial("bench::counts_moving_triangles_of_joined_inputs", moving),

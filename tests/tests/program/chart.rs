@@ -1,22 +1,20 @@
 //! `chart`: four files with the same content, and counts of wrong answers. `bench --csv`: a table over sizes.
 
-use crate::devices::Subject;
+use crate::devices::backend_trial;
 use crate::sandbox::{Run, SQUARE, Sandbox, assert_contains, list, trial};
 use libtest_mimic::Trial;
 use serde_json::Value;
 
 pub(crate) fn trials() -> Vec<Trial> {
-    // Backend `wgpu` uses the same kernels, which a software driver would compile again.
-    let vulkan = Subject("vulkan");
     vec![
         trial("chart::files_list_every_method_once", files),
         trial("chart::only_exact_has_no_errors", only_exact_has_no_errors),
         trial("chart::failed_method_reports_its_reason", failed),
         trial("chart::scenes_have_different_titles", titles),
         trial("chart::results_are_reproducible", repeated),
-        trial("chart::invalid_options_are_refused", refused),
         trial("bench::each_scene_size_has_rows", sizes),
-        vulkan.trial("chart::robust_hits_match_the_host", robust),
+        // Backend `wgpu` uses the same kernels, which a software driver would compile again.
+        backend_trial("chart::robust_hits_match_the_host", "vulkan", robust),
     ]
 }
 
@@ -150,20 +148,6 @@ fn repeated(sandbox: &Sandbox) {
     });
     assert_eq!(first.len(), 1);
     assert_eq!(first, again);
-}
-
-fn refused(sandbox: &Sandbox) {
-    sandbox.write("file", "");
-    for (words, says) in [
-        ("no/such/scene", "no/such/scene"),
-        ("demo:twist:100 --out file/below", "file"),
-    ] {
-        sandbox.assert_refused(&format!("chart --backend cpu --quiet {words}"), &[says]);
-    }
-    let files = sandbox.files();
-    assert!(files.len() == 1, "{files:?}");
-    let folder = sandbox.path().join("abvh-chart");
-    assert!(!folder.exists(), "an empty folder is left");
 }
 
 fn sizes(sandbox: &Sandbox) {

@@ -1,7 +1,7 @@
 //! Output of successful runs: pictures and a table, hits.
 
 use crate::bad::npy;
-use crate::devices::{BACKENDS, HOST, Subject};
+use crate::devices::{BACKENDS, HOST, backend_trial};
 use crate::sandbox::{Sandbox, assert_contains, trial};
 use libtest_mimic::Trial;
 use serde_json::json;
@@ -12,12 +12,8 @@ use std::process::Stdio;
 use zip::ZipArchive;
 
 pub(crate) fn trials() -> Vec<Trial> {
-    let memory = |on: Subject| {
-        on.trial(
-            "files::memory_estimate_is_accurate",
-            memory_estimate_is_accurate,
-        )
-    };
+    let name = "files::memory_estimate_is_accurate";
+    let memory = |on| backend_trial(name, on, memory_estimate_is_accurate);
     let backends = BACKENDS.into_iter().chain([HOST]).map(memory);
     let others = [
         trial("files::render_writes_frames_and_table", table),
