@@ -2,11 +2,11 @@
 //!
 //! If the filter cannot decide the hit of a ray, `cpu-ref` traces the ray again.
 
-use crate::intersect::AnyHits;
+use crate::intersect::{AnyHitTest, AnyHits};
 use crate::leaf::{BlockTriangles, BroadcastTriangle, TriangleRay, Triangles, edges, solve};
 use crate::packet::{self, PacketHits, PacketSearch, RayPacket};
 use crate::rays::{MOST_RAYS, OneRay};
-use crate::search::LaneSearch;
+use crate::search::ClosestSearch;
 use crate::simd::{Isa, Lanes, PlaneVector, SetLanes};
 use crate::single::PlacedHit;
 use crate::tree::{Bvh8, LANES, NOWHERE, place};
@@ -18,9 +18,7 @@ use geom::Hit;
 /// Intersector `exact` in lanes.
 pub(crate) struct ExactFilter;
 
-impl LaneSearch for ExactFilter {
-    const IS_FILTER: bool = true;
-
+impl AnyHitTest for ExactFilter {
     #[inline(always)]
     fn any_hit<L: Lanes>(ray: &TriangleRay<L>, triangles: &impl Triangles<L>) -> AnyHits {
         match filter(ray, triangles, ray.t_max) {
@@ -31,6 +29,10 @@ impl LaneSearch for ExactFilter {
             None => AnyHits::default(),
         }
     }
+}
+
+impl ClosestSearch for ExactFilter {
+    const IS_FILTER: bool = true;
 
     #[inline(always)]
     fn closest_of_ray<I: Isa>(

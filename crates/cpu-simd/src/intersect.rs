@@ -14,11 +14,28 @@ pub(crate) trait LaneTest: Sync {
     ) -> Option<TriangleHits<L>>;
 }
 
+/// A test that any-hit searches use.
+pub(crate) trait AnyHitTest: Sync {
+    /// Returns the lanes that hit within the ray's limits. Must be `#[inline(always)]`.
+    fn any_hit<L: Lanes>(ray: &TriangleRay<L>, triangles: &impl Triangles<L>) -> AnyHits;
+}
+
 /// Lanes that certainly hit, and open lanes, which the filter of `exact` cannot decide.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct AnyHits {
     pub(crate) hit: u32,
     pub(crate) open: u32,
+}
+
+impl<T: LaneTest> AnyHitTest for T {
+    #[inline(always)]
+    fn any_hit<L: Lanes>(ray: &TriangleRay<L>, triangles: &impl Triangles<L>) -> AnyHits {
+        let hit = match T::intersect(ray, triangles, ray.t_max) {
+            Some(hits) => hits.lanes,
+            None => 0,
+        };
+        AnyHits { hit, open: 0 }
+    }
 }
 
 impl LaneTest for Watertight {

@@ -5,10 +5,9 @@
 //! the padding `q`, rounding included. So limits of these values limit the entry and the exit of every ray. If they
 //! exclude a box, each ray's own test excludes it too.
 
-use crate::intersect::{AnyHits, LaneTest};
+use crate::intersect::{AnyHitTest, AnyHits, LaneTest};
 use crate::leaf::{BroadcastTriangle, TriangleRay};
 use crate::rays::{MOST_RAYS, PreparedRays};
-use crate::search::LaneSearch;
 use crate::simd::{Halves, Isa, Lanes, PlaneVector, SetLanes, each};
 use crate::tree::{BoxPlanes, Bvh8, LANES, NOWHERE, TriangleBlock, place};
 use crate::walk::{BoxTest, MetBoxes, TraversalStack, Visitor, walk};
@@ -214,7 +213,7 @@ const BLOCK_BUDGET: u32 = 16;
 /// Returns the active lanes that hit any triangle except the lane's skipped one. Returns `None` if tracing the rays
 /// singly is likely to be faster.
 #[inline(always)]
-pub(crate) fn any<I: Isa, T: LaneSearch>(
+pub(crate) fn any<I: Isa, T: AnyHitTest>(
     tree: &Bvh8,
     packet: &RayPacket<I::Packet, I::Planes>,
     active: u32,
@@ -298,7 +297,7 @@ struct Any<'a, L, P, T> {
     test: PhantomData<T>,
 }
 
-impl<I, L: Lanes, P: Halves, T: LaneSearch> Visitor<I> for Any<'_, L, P, T> {
+impl<I, L: Lanes, P: Halves, T: AnyHitTest> Visitor<I> for Any<'_, L, P, T> {
     #[inline(always)]
     fn block(&mut self, block: usize, bound: f32) -> Option<f32> {
         self.budget = self.budget.checked_sub(1)?;

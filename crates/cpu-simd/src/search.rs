@@ -1,7 +1,6 @@
-//! The searches of intersectors. Those of `exact` are in `exact.rs`.
+//! The closest-hit searches of intersectors. The search of `exact` is in `exact.rs`.
 
-use crate::intersect::{AnyHits, LaneTest};
-use crate::leaf::{TriangleRay, Triangles};
+use crate::intersect::{AnyHitTest, LaneTest};
 use crate::packet::{self, ClosestOfPacket, PacketHits, RayPacket};
 use crate::rays::{MOST_RAYS, OneRay};
 use crate::simd::{Isa, Lanes, PlaneVector};
@@ -11,13 +10,10 @@ use crate::walk::{NodeRay, TraversalStack, walk};
 use geom::Hit;
 use std::marker::PhantomData;
 
-/// An intersector with its searches in the wide tree. All functions must be `#[inline(always)]`.
-pub(crate) trait LaneSearch: Sync {
+/// An intersector with its closest-hit searches in the wide tree. All functions must be `#[inline(always)]`.
+pub(crate) trait ClosestSearch: AnyHitTest {
     /// True if the searches find only places of triangles. `cpu-ref` then computes the values of each hit.
     const IS_FILTER: bool;
-
-    /// Returns the lanes that hit within the ray's limits.
-    fn any_hit<L: Lanes>(ray: &TriangleRay<L>, triangles: &impl Triangles<L>) -> AnyHits;
 
     /// Returns the closest hit of one ray, with `t` in scaled units. A miss has place [`NOWHERE`].
     fn closest_of_ray<I: Isa>(
@@ -34,17 +30,8 @@ pub(crate) trait LaneSearch: Sync {
     ) -> Option<PacketHits<I::Packet>>;
 }
 
-impl<T: LaneTest> LaneSearch for T {
+impl<T: LaneTest> ClosestSearch for T {
     const IS_FILTER: bool = false;
-
-    #[inline(always)]
-    fn any_hit<L: Lanes>(ray: &TriangleRay<L>, triangles: &impl Triangles<L>) -> AnyHits {
-        let hit = match T::intersect(ray, triangles, ray.t_max) {
-            Some(hits) => hits.lanes,
-            None => 0,
-        };
-        AnyHits { hit, open: 0 }
-    }
 
     #[inline(always)]
     fn closest_of_ray<I: Isa>(

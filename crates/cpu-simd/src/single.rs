@@ -1,9 +1,8 @@
 //! Searches of single rays. Each ray is tested with eight triangles at once.
 
-use crate::intersect::{AnyHits, LaneTest};
+use crate::intersect::{AnyHitTest, AnyHits, LaneTest};
 use crate::leaf::{BlockTriangles, TriangleHits, TriangleRay};
 use crate::rays::OneRay;
-use crate::search::LaneSearch;
 use crate::simd::{Isa, Lanes, PlaneVector, SetLanes};
 use crate::tree::{Bvh8, LANES, Link, place};
 use crate::walk::{BoxTest, NodeRay, STACK_CAPACITY, TraversalStack, Visitor};
@@ -66,7 +65,7 @@ impl<R: Lanes, T> ClosestOfRay<'_, R, T> {
 /// Visits the last child of each node first. When the tree was collapsed, the child to visit first was placed last
 /// (`bvh_layout::FirstVisited`).
 #[inline(always)]
-pub(crate) fn any<I: Isa, T: LaneSearch>(
+pub(crate) fn any<I: Isa, T: AnyHitTest>(
     tree: &Bvh8,
     ray: &OneRay<'_, impl Lanes>,
     skipped: u32,
@@ -110,7 +109,7 @@ pub(crate) fn any<I: Isa, T: LaneSearch>(
 
 /// Returns the triangles of a block that a ray hits, except `skipped`.
 #[inline(always)]
-fn block_hits<I: Isa, T: LaneSearch>(
+fn block_hits<I: Isa, T: AnyHitTest>(
     tree: &Bvh8,
     block: usize,
     ray: &OneRay<'_, impl Lanes>,

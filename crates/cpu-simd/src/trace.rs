@@ -5,7 +5,7 @@ use crate::intersect::AnyHits;
 use crate::light::{LaneAnswers, shadow_rays};
 use crate::packet::{self, NONE_SKIPPED, PacketHits, RayPacket};
 use crate::rays::{COLUMNS, Cell, InputRays, MOST_RAYS, OneRay, PreparedRays};
-use crate::search::LaneSearch;
+use crate::search::ClosestSearch;
 use crate::simd::{Isa, Lanes, Outlined, PlaneVector, SetLanes, VectorWork, each};
 use crate::single;
 use crate::tiles::{Tiles, fill};
@@ -65,7 +65,7 @@ struct LaneBatch<'a, L> {
     active: u32,
 }
 
-impl<'a, T: LaneSearch> WideTracer<'a, T> {
+impl<'a, T: ClosestSearch> WideTracer<'a, T> {
     fn new(tracer: &'a QueryTracer<'a>, tree: &'a Bvh8) -> Self {
         Self {
             tracer,
@@ -144,7 +144,7 @@ impl<'a, T: LaneSearch> WideTracer<'a, T> {
         answers
     }
 
-    /// Computes the hits of a [filter](LaneSearch::IS_FILTER) with `cpu-ref`, in the active lanes. The filter cannot
+    /// Computes the hits of a [filter](ClosestSearch::IS_FILTER) with `cpu-ref`, in the active lanes. The filter cannot
     /// decide open lanes, so their rays are traced again.
     #[inline(never)]
     fn compute_filtered_hits(
@@ -265,7 +265,7 @@ struct TilesTask<'a, 'o, T> {
     tracer: &'a WideTracer<'a, T>,
 }
 
-impl<T: LaneSearch> VectorWork for TilesTask<'_, '_, T> {
+impl<T: ClosestSearch> VectorWork for TilesTask<'_, '_, T> {
     type Out = HitCounts;
 
     #[inline(always)]
@@ -278,7 +278,7 @@ impl<T: LaneSearch> VectorWork for TilesTask<'_, '_, T> {
     }
 }
 
-impl<T: LaneSearch> TilesTask<'_, '_, T> {
+impl<T: ClosestSearch> TilesTask<'_, '_, T> {
     #[inline(always)]
     fn list<I: Isa>(mut self, list: &[Ray]) -> HitCounts {
         let (mut state, mut sum) = (TaskState::default(), HitCounts::default());
@@ -345,7 +345,7 @@ struct AnswerLanes<'a, 't, L, T> {
     state: &'t mut TaskState,
 }
 
-impl<I: Isa, T: LaneSearch> Outlined<I> for AnswerLanes<'_, '_, I::Packet, T> {
+impl<I: Isa, T: ClosestSearch> Outlined<I> for AnswerLanes<'_, '_, I::Packet, T> {
     type Out = LaneAnswers;
 
     #[inline(always)]
