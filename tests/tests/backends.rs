@@ -144,7 +144,7 @@ fn trials_of((name, requirement, open): (&'static str, &str, Open)) -> Vec<Trial
                 format!("{found}\nabvh conform --backend {backend} {options}")
             })?;
             new.map_or(Ok(()), |m| {
-                Err(format!("the validation layer says: {m}").into())
+                Err(format!("the validation layer or wgpu says: {m}").into())
             })
         });
         let trial = trial.with_kind(absent.as_deref().unwrap_or_default());

@@ -30,7 +30,7 @@ cli: abvh backend conformance geom host output pipeline rivals scene
 ";
 
 /// Kinds of choice, such as the backend. Each has one example value, spelled in two ways, and the maximum number of
-/// files outside tests that may contain a spelling.
+/// files below `crates/`, outside tests, that may contain a spelling.
 const CHOICES: [(&str, [&str; 2], usize); 4] = [
     ("backend", ["BackendName::CpuRef", "Self::CpuRef"], 5),
     ("intersector", ["MollerTrumbore", "moller-trumbore"], 6),
