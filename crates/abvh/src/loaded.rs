@@ -1,6 +1,6 @@
 //! A scene loaded on a device, with its trees, submissions and results.
 
-use crate::backends::BACKENDS;
+use crate::backends::find_backend;
 use crate::hits::SharedHitsPool;
 use crate::joined::{JoinedScene, key_count};
 use crate::mesh::Colour;
@@ -151,7 +151,7 @@ impl ResidentScene {
         }
         let name = self.driver.backend().device().backend;
         Box::new(move |threads| {
-            let entry = BACKENDS.iter().find(|entry| entry.name.name() == name);
+            let entry = name.parse().ok().and_then(find_backend);
             let absent = || Error::NoDevice(format!("backend {name} cannot be opened again"));
             let opened = entry.ok_or_else(absent)?.open(None, threads);
             opened.map_err(Error::NoDevice)

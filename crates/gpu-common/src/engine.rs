@@ -208,7 +208,8 @@ impl<D: GpuDevice> Engine<D> {
     /// Submits the recording.
     pub fn submit(&mut self) -> Result<Ticket> {
         let scene = self.scene.as_ref().expect("a scene was loaded");
-        self.frames.recorder.tree_stages.never_active = scene.never_active;
+        let never_active = scene.animation.triangle_count() - scene.animation.live_count();
+        self.frames.recorder.tree_stages.never_active = never_active as u64;
         let place = |p: usize| (&scene.positions[p], scene.position_bytes());
         let positions = self.snapshots.requested.map(place);
         let ticket = self.frames.submit(&mut self.gpu, positions)?;

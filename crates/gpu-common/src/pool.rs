@@ -88,19 +88,6 @@ impl<B> Pool<B> {
         }
     }
 
-    /// Drops the buffers whose last use has finished.
-    pub fn prune(&mut self, has_ended: impl Fn(LastUse) -> Result<bool>) -> Result<()> {
-        let mut at = 0;
-        while let Some(spare) = self.0.get(at) {
-            if has_ended(spare.last)? {
-                drop(self.0.remove(at));
-            } else {
-                at += 1;
-            }
-        }
-        Ok(())
-    }
-
     /// Returns the bytes of device memory.
     pub fn held(&self) -> u64 {
         self.0.iter().map(|spare| spare.size.allocated).sum()

@@ -25,8 +25,6 @@ pub struct AnimationBuffers<D: GpuDevice> {
     palette: BufferTable<D>,
     /// Exponent of the scene's scale: `k` in `docs/design/hits.md`.
     pub scale_exponent: i32,
-    /// Triangles that are inactive in every key frame, and so in no tree.
-    pub(crate) never_active: u64,
 }
 
 impl<D: GpuDevice> AnimationBuffers<D> {
@@ -44,7 +42,6 @@ impl<D: GpuDevice> AnimationBuffers<D> {
             positions: Vec::new(),
             moving_row_count: rows.map(|rows| rows.len()),
             palette: BufferTable::new(gpu, [])?,
-            never_active: (animation.triangle_count() - animation.live_count()) as u64,
             scale_exponent: animation.scale_exponent(),
             animation,
         };

@@ -61,8 +61,8 @@ pub struct VulkanDevice {
     spare_readbacks: Vec<Buffer>,
     tree_staging: StagingPool,
     key_staging: StagingPool,
-    /// Resources that unfinished uploads still use.
-    in_use: Pool<Box<dyn Send>>,
+    /// Resources that unfinished uploads still use, each with the timeline value of its upload.
+    in_use: Vec<(u64, Box<dyn Send>)>,
     spares: Spares<HostPoints>,
     /// Copies of positions that `take_positions` has not returned yet, by the submission that requested them.
     copies: BTreeMap<Ticket, Result<ReadbackCopy>>,
@@ -88,7 +88,7 @@ impl VulkanDevice {
             spare_readbacks: Vec::new(),
             tree_staging: StagingPool::new("the tree's topology"),
             key_staging: StagingPool::new("key frames"),
-            in_use: Pool::default(),
+            in_use: Vec::new(),
             spares: Spares::default(),
             copies: BTreeMap::new(),
             external: ExternalInputs::default(),
@@ -154,12 +154,7 @@ impl VulkanDevice {
 
     /// Keeps a resource until an upload has finished. Reports do not count its memory.
     pub(crate) fn retain(&mut self, resource: impl Send + 'static, upload_value: u64) {
-        let size = BufferSize {
-            bytes: 0,
-            allocated: 0,
-        };
-        let last = LastUse::by_upload(upload_value);
-        self.in_use.put(Box::new(resource), size, last);
+        self.in_use.push((upload_value, Box::new(resource)));
     }
 
     /// Submits the parts of an encoded recording. Copies of positions wait only for the first of two parts.
@@ -187,9 +182,10 @@ impl VulkanDevice {
         // Later submissions to the queue wait as well.
         self.external.waits.clear();
         self.submitted = ticket.0;
-        let (uploads, submissions) = (&self.upload.done, &self.done);
         // The submission runs already. The next call reports a lost device.
-        let _ = (self.in_use).prune(|last| has_ended(uploads, submissions, last, false));
+        if let Ok(reached) = self.upload.done.value() {
+            self.in_use.retain(|(value, _)| *value > reached);
+        }
         Ok(())
     }
 }
@@ -408,7 +404,7 @@ impl GpuDevice for VulkanDevice {
         self.wait(None)?;
         self.tree_staging.free = Pool::default();
         self.key_staging.free = Pool::default();
-        self.in_use = Pool::default();
+        self.in_use.clear();
         self.spares = Spares::default();
         self.external = ExternalInputs::default();
         self.spare_readbacks.clear();

@@ -4,14 +4,13 @@ import package::geometry::node::{LEAF, NO_NODE, child_row, first_triangle_of, se
 import package::geometry::ray::{MISS, are_negative, each_away_from_zero};
 import package::geometry::record::NO_TRIANGLE;
 import package::geometry::triangle::points_of;
-import package::geometry::units::{bits_from_ordered, is_finite, ordered, power_of_two, scale_bits, scale_point};
+import package::geometry::units::{bits_from_ordered, exponent_of, is_finite, ordered, power_of_two, scale_bits, scale_point};
 import package::intersect::line::{
     ExactIntersection, compare_intersections, intersect_exactly, is_within_limits, line, prepare_line,
 };
 import package::intersect::round_intersection::{rounded_ratio, rounded_weights};
 import package::lib::buffers::{counts, nodes, records};
 import package::lib::counters::{HIT_COUNT, UNDECIDED_RAYS};
-import package::lib::ieee::decode_float;
 import package::lib::integers::INTERSECTIONS_OFFSET;
 import package::lib::params::params;
 
@@ -40,10 +39,7 @@ var<private> coarse_inverse: vec3<f32>;
 // Prepares the filter for the current line.
 fn prepare_coarse_filter() {
     coarse_exponent = max_exponent_field(NO_FIELD, line.direction, 0) - 127;
-    if coarse_exponent == 1 - 127 {
-        let most = max(line.direction.x & 0x7fffffffu, max(line.direction.y & 0x7fffffffu, line.direction.z & 0x7fffffffu));
-        coarse_exponent = decode_float(most).exponent - 127;
-    }
+    if coarse_exponent == 1 - 127 { coarse_exponent = exponent_of(line.direction); }
     coarse_direction = scale_point(line.direction, -coarse_exponent);
     coarse_inverse = 1.0 / each_away_from_zero(coarse_direction);
 }
