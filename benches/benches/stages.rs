@@ -67,14 +67,16 @@ fn build(criterion: &mut Criterion, mesh: &Mesh) {
 
 /// Measures our builds.
 ///
-/// `abvh` is the build and the conversion to treelets, which run outside the frame. `abvh and refit` is the build, the
-/// conversion to nodes of eight children, and the work of the backend before rays can be traced. The other crates'
-/// builds include this work.
+/// Row `abvh` is the build and the conversion to treelets, for a GPU. With policy `async`, both run on other threads
+/// while frames are rendered. Row `abvh and refit` is the build, the conversion to nodes of eight children, and the
+/// work of the backend before rays can be traced. Compare the other crates with this row, because their trees can be
+/// traced directly after the build.
 fn build_ours(group: &mut Group<'_>, mesh: &Mesh, threads: usize) {
     let pool = pool(threads);
     let positions = mesh.positions(mesh.start());
     let mut ours = Ours::default();
     group.bench_function(BenchmarkId::new("abvh", threads), |b| {
+        // Returns a number, because the closure cannot return a borrow of `ours`.
         pool.install(|| b.iter(|| ours.make(mesh, &positions).upload_bytes()));
     });
     let mut tracer = Tracer::new(mesh, Intersector::Watertight, threads);
@@ -98,7 +100,8 @@ fn cost_row(name: &str, [cost, ours]: [f64; 2], nodes: usize) -> Vec<String> {
     vec![name.to_owned(), cost, ratio, nodes.to_string()]
 }
 
-/// Size of a tree with boxes, per triangle: two nodes of 32 bytes.
+/// Bytes per triangle of a binary tree whose nodes store boxes, for comparison: two nodes of 32 bytes. Treelets contain
+/// no boxes.
 const BYTES_WITH_BOXES: f64 = 64.0;
 
 /// Measures conversions of binary trees to treelets.
@@ -121,7 +124,7 @@ fn convert(criterion: &mut Criterion, mesh: &Mesh) {
     ];
     print_table(
         "treelets",
-        "mesh|bytes/triangle|share of a tree with boxes",
+        "mesh|bytes/triangle|relative to 64-byte tree with boxes",
         vec![row],
     );
 }
@@ -154,8 +157,7 @@ fn refit(criterion: &mut Criterion, mesh: &Mesh) {
 /// Number of rays in a rayon task, when another crate's tree is traced.
 const TASK: usize = 512;
 
-/// Intersectors of abvh to measure. Camera rays form packets of neighbouring pixels. Rays of a list form packets of
-/// neighbours in the list.
+/// Intersectors of abvh to measure.
 const INTERSECTORS: [Intersector; 2] = [Intersector::Watertight, Intersector::MollerTrumbore];
 
 /// Rays of a group.
@@ -192,6 +194,10 @@ fn trace(criterion: &mut Criterion, mesh: &Mesh) {
     }
 }
 
+/// Measures all trees, and returns the rows of the table of hits.
+///
+/// Traces primary rays both as a camera and as a list, because abvh forms packets of neighbouring pixels or of
+/// neighbours in the list.
 fn trace_all(group: &mut Group<'_>, work: &Work<'_>, camera: Rays<'_>) -> Vec<Vec<String>> {
     let list = Rays::List(work.rays);
     let rays = if work.any { list } else { camera };

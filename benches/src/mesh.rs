@@ -47,9 +47,10 @@ impl Mesh {
         self.animation.pose(self.animation.end() / 2.0)
     }
 
-    /// Returns all vertices at `pose`.
+    /// Returns all vertices at `pose`: a key frame, and the weight that blends it with the next one.
     pub fn positions(&self, pose: Pose) -> Vec<Point> {
         let vertices = 0..self.animation.vertex_count() as u32;
+        // A moment gives access to the positions at a pose.
         let moment = self.animation.moment(pose).unwrap();
         vertices.map(|v| moment.vertex(v)).collect()
     }

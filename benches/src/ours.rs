@@ -1,4 +1,4 @@
-//! The stages of abvh, in the order of crate `pipeline`: build, conversion, adoption, `preprocess`, `refit`, `trace`.
+//! The stages of abvh, in the order of crate `pipeline`: build, conversion, `adopt`, `preprocess`, `refit`, `trace`.
 
 use crate::{Mesh, pool};
 use backend::{Backend, Generation, Hits, Intersector, Query, QueryKind, Rays};
@@ -22,6 +22,8 @@ pub struct Ours {
 
 impl Ours {
     /// Builds a tree for a GPU, in the caller's pool: a binary tree with treelets.
+    ///
+    /// A GPU reads the tree as treelets: groups of subtrees that fit the memory of a workgroup. They have no boxes.
     pub fn make(&mut self, mesh: &Mesh, positions: &[Point]) -> &Topology {
         self.build(&boxes(mesh, positions));
         self.convert(mesh)
@@ -42,6 +44,7 @@ impl Ours {
 
     /// Converts the last tree built to treelets, in the caller's pool.
     pub fn convert(&mut self, mesh: &Mesh) -> &Topology {
+        // Memory of the last topology, which the converter reuses.
         let spare = std::mem::take(&mut self.topology).into_spare();
         let (tree, triangles) = (Arc::clone(&self.trees[0]), mesh.triangle_count());
         self.topology = self.converter.convert(tree, triangles, spare);
@@ -63,6 +66,7 @@ impl Ours {
         let boxes: Vec<Aabb> = triangles.map(|t| boxes.get(t)).collect();
         let options = CollapseOptions {
             boxes: &boxes,
+            // Any-hit rays visit the child of larger area first.
             first_visited: FirstVisited::Larger,
         };
         let topology = Topology::new(Arc::clone(&self.trees[0]), mesh.triangle_count());
@@ -103,7 +107,7 @@ impl Tracer {
         tracer
     }
 
-    /// Loads `mesh`, and builds and refits a tree at its start.
+    /// Loads `mesh`, builds a tree at its start, and computes the tree's boxes.
     pub fn ready(mesh: &Mesh, intersector: Intersector, threads: usize) -> Self {
         let (pool, positions) = (pool(threads), mesh.positions(mesh.start()));
         let mut tracer = Self::new(mesh, intersector, threads);
@@ -118,13 +122,14 @@ impl Tracer {
         self.finish();
     }
 
-    /// Adopts a tree.
+    /// Makes `tree` the tree that `refit` and `trace` use, under a new generation number.
     pub fn adopt(&mut self, tree: &Topology) {
         self.generation.0 += 1;
         done(self.backend.adopt(tree, self.generation));
     }
 
-    /// Runs `preprocess` and `refit`: computes triangle records and boxes, which must precede `trace`.
+    /// Runs `preprocess` and `refit`: computes triangle records and boxes, which must precede `trace`. A new tree
+    /// has no boxes.
     pub fn refit(&mut self) {
         done(self.backend.preprocess());
         done(self.backend.refit());
@@ -161,6 +166,7 @@ fn done<T, E: std::fmt::Debug>(result: Result<T, E>) -> T {
 pub fn built(mesh: &Mesh, pool: &ThreadPool) -> Ours {
     let mut ours = Ours::default();
     let positions = mesh.positions(mesh.start());
+    // Returns a number only to end the borrow of `ours`.
     pool.install(|| ours.make(mesh, &positions).upload_bytes());
     ours
 }

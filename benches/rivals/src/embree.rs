@@ -184,8 +184,10 @@ fn ms_since(begun: Instant) -> f64 {
 }
 
 /// Returns the light for shadow rays. Their origins are offset from the hits by the same rule as ours, but with the box
-/// of all key frames instead of the frame's box. Embree traces in scene units, so scaled and unscaled positions are
-/// equal.
+/// of all key frames instead of the frame's box. The offset grows with the box's longest edge, up to a limit:
+/// [`geom::CoordinateRange::clearance`].
+///
+/// Our kernels trace in scaled units, but Embree in scene units. So both positions of the light are equal here.
 fn offset_light(animation: &Animation, pose: Pose, at: Point) -> Light {
     let [x, y, z] = animation.bounds().extent();
     Light {

@@ -53,7 +53,7 @@ pub trait Rival {
     /// The device failed.
     ///
     /// # Panics
-    /// Before a frame was traced.
+    /// May panic if no frame was traced since the scene was loaded.
     fn hits(&mut self) -> Result<&Hits>;
 
     /// Returns the bytes of device memory that the rival has allocated, or `None` if the rival has no device memory or
@@ -102,7 +102,7 @@ impl RivalName {
     }
 
     /// Opens the rival on the adapter with index `adapter`, by default the first GPU, or the first adapter if there is
-    /// no GPU. A rival on the host uses `threads` threads.
+    /// no GPU. Embree runs on the host: it ignores `adapter` and uses `threads` threads.
     ///
     /// # Errors
     /// The rival is not available on this machine.

@@ -4,7 +4,7 @@
 //! The kernel that interpolates our positions writes the vertices. The driver's structure is built directly from that
 //! vertex buffer. If vertices may be non-finite, it is built from a copy. Primary and shadow rays are computed with our
 //! arithmetic and traced in one launch. The driver decides what they hit, within the Vulkan specification. Kernels
-//! count hits after the end of the last stage, so that the driver's time excludes the counting.
+//! count the hits after the trace. Their time belongs to no stage, so the driver's time excludes it.
 
 mod frame;
 mod pipeline;
@@ -28,6 +28,8 @@ use support::RayTracing;
 
 /// A device whose driver builds and traces the tree.
 pub struct VulkanRt {
+    /// Waits for the device when it is dropped. Must be the first field, because fields are dropped in order and the
+    /// device may still use the tree and the pipeline.
     engine: Engine<VulkanDevice>,
     name: RivalName,
     scene: Option<VulkanScene>,

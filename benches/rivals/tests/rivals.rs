@@ -1,4 +1,5 @@
-//! Every rival: its hits, its times, its row in `abvh bench`, and its absence.
+//! Tests every rival: its hits, its times, its rows in `abvh bench` and its points in `abvh chart`. Also tests what is
+//! reported if a rival is absent.
 //!
 //! A rival that this machine lacks shows as ignored, with the reason. `ABVH_REQUIRE_RIVALS=vulkan-rt,embree` turns its
 //! absence into a failure. The Vulkan driver runs under the validation layers where they are installed, and any message
@@ -11,7 +12,6 @@ use gpu_common::{Options, Validation};
 use integration::{program, stage};
 use rivals::vulkan_rt::VulkanRt;
 use rivals::{Rival, RivalName, TreeUpdate};
-use scene::Viewpoint;
 use std::ffi::OsStr;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -89,10 +89,9 @@ struct Shot {
 
 impl Shot {
     fn of(animation: Arc<Animation>) -> Self {
-        let view = Viewpoint::framing(&animation, 40.0, SIZE);
         Self {
-            camera: view.camera(SIZE).unwrap(),
-            light: view.light,
+            camera: stage::camera(&animation, SIZE),
+            light: stage::light(&animation),
             animation,
         }
     }
@@ -212,6 +211,7 @@ fn queries(rival: RivalName) {
     };
     let light = shot.light;
     let given = trace(QueryKind::ClosestAndShadow { light });
+    // At most one ray differs: the one that is not valid. The half is for rounding.
     assert!(differing(&given, &both) <= 1.5 / list.len() as f64);
     assert!(!given.closest[0].is_hit());
     let closest = trace(QueryKind::Closest);

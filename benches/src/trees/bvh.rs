@@ -54,6 +54,7 @@ impl Bvh {
         let (mut t_best, mut best) = (ray.t_max, None);
         for shape in self.tree().nearest_traverse_iterator(&here, &self.soup) {
             let entry = here.intersection_slice_for_aabb(&shape.aabb());
+            // The crate normalizes directions, so its distances are `length` times ours.
             if entry.is_some_and(|(near, _)| near > t_best * length) {
                 break;
             }

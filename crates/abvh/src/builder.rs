@@ -111,7 +111,7 @@ impl TracerBuilder {
         }
     }
 
-    /// Returns the number of threads that trace if the host does.
+    /// Returns the number of rendering threads for a backend that computes on the host.
     pub(crate) fn host_threads(&self, update: Update) -> Result<usize> {
         Ok(self.thread_counts(DeviceKind::Cpu, update)?.render)
     }

@@ -114,13 +114,13 @@ impl Topology {
     }
 }
 
-/// Creates topologies with treelets. Keeps its scratch memory between calls: one word per triangle, and a second one for
-/// trees of at most [`WideTree::MOST_TRIANGLES`](crate::WideTree::MOST_TRIANGLES) triangles.
+/// Creates topologies with treelets. Keeps its scratch memory between calls: about one word per triangle, and a second
+/// one for trees of at most [`WideTree::MOST_TRIANGLES`](crate::WideTree::MOST_TRIANGLES) triangles.
 #[derive(Debug, Default)]
 pub struct Converter {
     /// Inner nodes of all treelets, with unused words between treelets.
     pub(crate) inner: Vec<u32>,
-    /// Place of each inner node of the tree; empty for trees without a wide form.
+    /// Treelet and number of each inner node, as in `treelets::fill::Places`. Empty for trees without a `WideTree`.
     pub(crate) places: Vec<AtomicU32>,
 }
 

@@ -100,7 +100,7 @@ impl<'a> QueryTracer<'a> {
         }
     }
 
-    /// Creates the search of a ray that is not extreme. `scale` converts the ray's units to scaled units.
+    /// Creates the search of a ray, with `is_extreme` unset. `scale` converts the ray's units to scaled units.
     #[inline]
     pub fn search(&self, ray: Ray, scale: Scale) -> RaySearch<'a> {
         RaySearch {

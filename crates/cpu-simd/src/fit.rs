@@ -134,8 +134,8 @@ impl VectorWork for FitLevel<'_, '_> {
     }
 }
 
-/// Sets a block's corners. Returns the block's box, and in each lane the sum of two half areas: of the box of a
-/// triangle and of the box of a binary node.
+/// Sets a block's corners. Returns the block's box and one sum per lane: the half area of the box of a triangle, plus
+/// that of the box of a binary node that the block replaces (see `Ranges`). Unused lanes add 0.
 #[inline(always)]
 fn fit_block<I: Isa>(
     geometry: &Geometry<'_>,

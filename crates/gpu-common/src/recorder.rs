@@ -27,10 +27,12 @@ pub struct Recorder<D: GpuDevice> {
     splits: bool,
 }
 
-/// Recorded stages that update the counts of triangles and the costs of trees in reports.
+/// Changes of a submission to the tree statistics in reports: the stages that ran, and the triangles that the device
+/// does not count.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct TreeStages {
-    /// Number of zero-area triangles that the last preprocess skipped and did not count; `None` if no preprocess ran.
+    /// Number of zero-area triangles that the last preprocess skipped and did not count. 0 after a build on the device;
+    /// `None` if neither ran.
     pub(crate) skipped_degenerate: Option<u32>,
     /// Number of triangles that are inactive in every key frame and therefore in no tree.
     pub(crate) never_active: u64,

@@ -105,7 +105,8 @@ fn load(gpu: &OpenGpu, kernel: &Kernel, code: Code) -> Result<ShaderModule> {
         }
         let checks = ShaderRuntimeChecks::unchecked();
         // SAFETY: kernels stay within their buffers, whose sizes follow from a checked tree and a checked animation.
-        // Their loops pop a finite stack, and no integer divisor can be zero.
+        // No integer divisor can be zero. Every loop ends: it counts to a limit, empties a finite stack, queue, list or
+        // bit mask, ascends to the root, or merges clusters, each round at least one pair.
         unsafe { gpu.device.create_shader_module_trusted(desc, checks) }
     })
 }

@@ -42,7 +42,8 @@ pub struct DriverOptions {
 }
 
 impl DriverOptions {
-    /// Returns whether trees may be built for a future time. In lockstep, they are only if the key frames are known.
+    /// Returns whether the options allow trees for a future time. Callers also check `knows_key_frames`: without key
+    /// frames, only `async` builds such trees.
     fn builds_ahead(&self) -> bool {
         self.predict && !self.update.waits_for_tree()
     }

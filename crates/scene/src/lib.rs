@@ -170,7 +170,7 @@ mod testing {
         path
     }
 
-    /// Returns a PLY file with one line of text for each vertex and face.
+    /// Returns the text of an ASCII PLY file. Each line of `vertices` is a vertex, and each line of `faces` is a face.
     pub(crate) fn ascii_ply(vertices: &str, faces: &str) -> String {
         let (v, f) = (vertices.lines().count(), faces.lines().count());
         format!(

@@ -188,9 +188,9 @@ impl Skipped {
 /// Description of faces that are skipped.
 pub(crate) const SHORT_FACES: &str = "faces of fewer than 3 vertices";
 
-/// Converts the colours of a file to bytes. Floats are passed as stored, and integers from 0 to 255 as 0 to 1. If a
-/// finite component exceeds `MAX_ONE`, all colours are read as 0 to 255, and a remark is added. Otherwise they are read
-/// as 0 to 1.
+/// Converts the colours of a file to bytes. The caller has already divided integer components of PLY by 255. All other
+/// components are as in the file. If a finite component exceeds `MAX_ONE`, all colours are read as 0 to 255, and a
+/// remark is added. Otherwise they are read as 0 to 1.
 pub(crate) fn to_srgb(colours: &[[f32; 3]], path: &Path, notes: &mut Vec<String>) -> Vec<Rgb> {
     /// Largest component that counts as 1, because rounding can leave white slightly above 1.
     const MAX_ONE: f32 = 1.01;

@@ -112,6 +112,7 @@ impl VulkanRt {
         let scene = self.scene.as_ref().expect("a scene was loaded");
         let copy = scene.finite_triangles.as_ref();
         let work = copy.map(|_| work::collapse_non_finite(params, triangles, scene.centre));
+        // Binds the copy, which is not a buffer of the engine's scene.
         let overrides = |name| copy.filter(|_| name == BufferName::FiniteTriangles);
         self.engine
             .run(Some(Stage::Preprocess), work.as_slice(), overrides)
@@ -136,6 +137,7 @@ impl VulkanRt {
     fn trace(&mut self, query: &Query<'_>) -> Result<()> {
         let size = self.launch_size(query)?;
         let engine = &mut self.engine;
+        // A finished trace, whose buffers are reused.
         let old = engine.frames.expired();
         // The intersector selects buffer sizes only: the driver intersects.
         let trace = TraceBuffers::new(&mut engine.gpu, query, Intersector::Watertight, old)?;
@@ -171,7 +173,7 @@ impl VulkanRt {
 
     /// Records a launch of rays, unless there are no rays.
     fn launch(&mut self, query: &Query<'_>, trace: &TraceBuffers<VulkanDevice>, size: [u32; 2]) {
-        // The range limits the offset of shadow rays.
+        // The range of coordinates at this pose limits how far shadow rays start from the surface.
         let range = self.engine.scene().animation.range(self.engine.pose);
         let params = self.params().with_range(Some(range));
         let params = work::ray_params(params, query, reads_ray_buffer(query));
@@ -219,13 +221,14 @@ impl VulkanRt {
             .record_native(Stage::TracePrimary, Some(command));
     }
 
-    /// Records the kernels that count hits, after the end of the last stage.
+    /// Records the kernels that count hits. They follow the trace, and their time belongs to no stage.
     fn count(&mut self) -> Result<()> {
         let params = self.params();
         let pending = std::mem::take(&mut self.engine.frames.pending);
         let counted = pending.iter().try_for_each(|trace| {
             let mut all = work::count_answers(params, trace.kind, trace.count as u32).into_iter();
             all.try_for_each(|(work, buffer)| {
+                // Answers are the results of rays: here `buffer` of the trace, which holds hits or shadows.
                 let overrides = |name| (name == BufferName::Answers).then(|| trace.get(buffer))?;
                 self.engine.run(None, &[work], overrides)
             })

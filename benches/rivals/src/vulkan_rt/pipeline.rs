@@ -201,7 +201,8 @@ impl Table {
 
 impl Drop for RayPipeline {
     fn drop(&mut self) {
-        // SAFETY: the rival waits for the device before it drops its pipeline; a null handle is ignored.
+        // SAFETY: `engine`, the first field of `VulkanRt`, waits for the device when it is dropped. A null handle is
+        // ignored.
         unsafe { self.ray_tracing.gpu.vk.destroy_pipeline(self.vk, None) };
     }
 }

@@ -9,7 +9,7 @@ use gpu_vulkan::VulkanDevice;
 use gpu_vulkan::memory::{Buffer, BufferUse};
 use std::sync::Arc;
 
-/// Least coordinate that may overflow when it is blended.
+/// Coordinates of smaller magnitude cannot overflow when two key frames are blended.
 const HUGE: f32 = f32::MAX / 4.0;
 
 /// State of a loaded scene, in addition to its buffers.
@@ -20,7 +20,7 @@ pub(crate) struct VulkanScene {
     pub(crate) root: Buffer,
     /// Three finite vertices per triangle; `None` if positions are always finite.
     pub(crate) finite_triangles: Option<Buffer>,
-    /// Point to which all vertices of inactive triangles are moved, in scene units. So no ray hits these triangles.
+    /// Point to which triangles with a vertex that is not finite collapse, so that no ray hits them. In scene units.
     pub(crate) centre: Point,
 }
 

@@ -302,7 +302,8 @@ impl Structure {
 impl Drop for Structure {
     fn drop(&mut self) {
         let structures = &self.ray_tracing.structures;
-        // SAFETY: the rival waits for the device before it drops its trees.
+        // SAFETY: the device has finished. `VulkanRt::load` unloads the engine before it drops the old scene, and
+        // `engine`, the first field of `VulkanRt`, is dropped before the last scene. Both wait for the device.
         unsafe { structures.destroy_acceleration_structure(self.vk, None) };
     }
 }

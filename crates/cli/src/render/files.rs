@@ -35,8 +35,8 @@ impl Drop for NewFolders {
 }
 
 impl FrameFiles {
-    /// Returns the outputs of a run. If the two folders are one folder under two names, it is listed once, under the
-    /// first name.
+    /// Returns the outputs of a run. If `--out` and `--hits` name the same folder, it is listed once, under the name in
+    /// `--out`.
     pub(super) fn of(settings: &RenderSettings) -> Self {
         let folder = |path: &Path, kind| OutputFolder {
             path: path.to_owned(),

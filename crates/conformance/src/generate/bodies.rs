@@ -29,7 +29,7 @@ pub(crate) struct BodyRayKind {
 }
 
 impl BodyRayKind {
-    /// Returns kind `i` of a rotation of six: each target from inside, then each from outside.
+    /// Returns kind `i % 6`: the three targets from inside, then the three from outside.
     pub(crate) fn nth(i: usize) -> Self {
         Self {
             target: [BodyTarget::Edge, BodyTarget::Vertex, BodyTarget::Random][i % 3],

@@ -52,8 +52,8 @@ mod tests {
             let even = if x.to_bits() & 1 == 0 { x } else { y };
             let rounded = [0, 1, 2, 3].map(|quarters| nearest(&between(x, y, quarters)));
             assert_eq!(rounded, [x, x, even, y], "{x:e}");
-            // Numbers on both sides of the midpoint, whose nearest `f64` is the midpoint or, with an odd last bit, its
-            // neighbour.
+            // Two numbers below the midpoint, then two above. The nearest `f64` of the first is the midpoint. That of
+            // the second is the midpoint's neighbour, whose last bit is odd.
             let middle = between(x, y, 2);
             let near = middle.to_f64().expect("the number is finite");
             let [below, above] = [near.next_down(), near.next_up()]

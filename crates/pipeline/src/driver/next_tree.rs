@@ -12,8 +12,8 @@ pub(super) struct Request {
     pub(super) frame: u64,
     /// Time of the requesting frame, in key frames.
     pub(super) time: f64,
-    /// Time of the second observed frame if there is one, else `time`. It becomes the target time if the build gives up
-    /// extrapolation.
+    /// Time of the second observed frame if there is one, else `time`. It becomes the target time if earlier
+    /// extrapolation failed, because the build then uses the last observed positions.
     pub(super) last_time: f64,
     /// Pose that the tree is requested for.
     pub(super) pose: Pose,
