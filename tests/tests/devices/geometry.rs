@@ -132,16 +132,17 @@ pub(crate) fn trees_of_any_shape_have_the_references_hits_and_boxes(backend: &mu
     }
 }
 
-/// Returns the report and the boxes of a refitted tree.
-fn refitted(
+/// Returns the report and the boxes of a tree that is refitted at `time`.
+pub(crate) fn refitted(
     backend: &mut dyn Inspect,
     animation: &Arc<Animation>,
     tree: &Topology,
+    time: f64,
 ) -> (FrameReport, Vec<Aabb>) {
     let intersector = Intersector::Watertight;
     backend.load(Arc::clone(animation), intersector).unwrap();
     backend.adopt(tree, Generation(1)).unwrap();
-    interpolate_and_refit(backend, animation, 0.7);
+    interpolate_and_refit(backend, animation, time);
     (report(backend), backend.boxes().unwrap())
 }
 
@@ -150,8 +151,8 @@ pub(crate) fn large_trees_match_reference_boxes(backend: &mut dyn Subject) {
     let animation = swarm(540_000);
     let tree = tree_at(&animation, 0.4);
     assert!(tree.binary().leaf_count() > 1 << 19);
-    let (right, right_boxes) = refitted(&mut host(), &animation, &tree);
-    let (seen, boxes) = refitted(backend, &animation, &tree);
+    let (right, right_boxes) = refitted(&mut host(), &animation, &tree, 0.7);
+    let (seen, boxes) = refitted(backend, &animation, &tree, 0.7);
     let times = seen.times;
     assert!(
         times.interpolate_ms.is_some() || times.preprocess_ms.is_none(),

@@ -174,12 +174,6 @@ pub(crate) fn unsubmitted_step_has_no_results() {
     assert!(matches!(said, Err(Error::Unsupported(_))), "{said:?}");
 }
 
-/// Ways to discard commands that contain a step.
-const WAYS_TO_DISCARD: [fn(&Encoded, CommandEncoder); 2] = [
-    |_, commands| drop(commands),
-    |_, commands| drop(commands.finish()),
-];
-
 /// Checks that the next step has the host's results, with vertices from device and host memory.
 fn check_next(encoded: &mut Encoded, [on_device, on_host]: [f32; 2]) {
     let step = encoded.encode([on_device, on_host]);
@@ -191,7 +185,8 @@ fn check_next(encoded: &mut Encoded, [on_device, on_host]: [f32; 2]) {
 
 /// Checks that earlier steps keep their results, and that later ones are as if the step had never existed.
 pub(crate) fn step_with_dropped_commands_is_abandoned() {
-    let [drop_encoder, drop_finished] = WAYS_TO_DISCARD;
+    let drop_encoder: fn(CommandEncoder) = drop;
+    let drop_finished: fn(CommandEncoder) = |commands| drop(commands.finish());
     let cases = [
         (Update::Async, drop_encoder),
         (Update::Async, drop_finished),
@@ -208,7 +203,7 @@ pub(crate) fn step_with_dropped_commands_is_abandoned() {
         let before = encoded.encode([0.75, 1.25]);
         let dropped = encoded.encode([0.25, 1.5]);
         encoded.submit(before.commands);
-        drop_commands(&encoded, dropped.commands);
+        drop_commands(dropped.commands);
         let expected = OnHost::open(Update::Async);
         let expected = { expected }.see([Some((0.75, false)), Some((1.25, false))]);
         let found = (before.id, before.queries, &before.copied);
@@ -224,7 +219,7 @@ pub(crate) fn step_with_dropped_commands_is_abandoned() {
         }
         // A step that passes all vertices again is not affected.
         let dropped = encoded.encode([0.75, 1.5]);
-        drop_commands(&encoded, dropped.commands);
+        drop_commands(dropped.commands);
         check_next(&mut encoded, [0.5, 1.75]);
     }
     check_replacement_of_lost_vertices();

@@ -27,15 +27,16 @@ fn expected(cloth: &Demo, vertices: &[Point], camera: &Camera) -> Vec<u8> {
     let own = colours(cloth.triangles.len());
     let own = [&[FLOOR_COLOUR][..], &own].concat();
     let mesh = Mesh::fixed(&all, &triangles).unwrap();
-    let shown = by_reference(mesh.with_colours(&own).unwrap(), lit(camera));
+    let mut reference = reference(mesh.with_colours(&own).unwrap());
+    let shown = shown(&mut reference, 0.0, lit(camera));
     assert!(shown.blocked.contains(&1) && shown.blocked.contains(&0));
     shown.rgba
 }
 
-/// Traces a mesh with the scalar reference, and shades the hits.
-fn by_reference(mesh: Mesh, view: LitView<'_>) -> Shown {
+/// Returns a tracer of one mesh on the scalar reference.
+fn reference(mesh: Mesh) -> Tracer {
     let tracer = Tracer::builder().build_on(Box::new(host()), scene_of([mesh]).0);
-    shown(&mut tracer.unwrap(), 0.0, view)
+    tracer.unwrap()
 }
 
 /// Creates a static mesh of many colours.
@@ -118,6 +119,7 @@ pub(crate) fn pictures_match_host_at_any_scale(device: &Device) {
 /// Tests a static mesh, for several eyes, fields of view and lamps.
 fn still(device: &Device, mesh: &Mesh, shots: &[(Point, f32, Point)]) {
     let mut tracer = pool::tracer(scene_of([mesh.clone()]).0, device);
+    let mut reference = reference(mesh.clone());
     for &(eye, fov, light) in shots {
         let camera =
             Camera::look_at(CameraPose::new(eye, [0.0; 3]).with_fov(fov), [66, 62]).unwrap();
@@ -125,7 +127,7 @@ fn still(device: &Device, mesh: &Mesh, shots: &[(Point, f32, Point)]) {
             camera: &camera,
             light,
         };
-        let expected = by_reference(mesh.clone(), view);
+        let expected = shown(&mut reference, 0.0, view);
         let is_hit = |&triangle: &u32| triangle != SceneHit::MISS.triangle;
         assert!(expected.triangles.iter().any(is_hit), "{eye:?}");
         let found = shown(&mut tracer, 0.0, view);

@@ -2,7 +2,7 @@
 //! are hard), within bounds.
 
 use crate::sandbox::{Sandbox, assert_contains, list, trial};
-use integration::is_full;
+use integration::{is_full, share};
 use libtest_mimic::Trial;
 use serde_json::Value;
 
@@ -42,7 +42,7 @@ fn every_property(sandbox: &Sandbox) {
 const FAMILIES: usize = 21;
 
 fn expected(sandbox: &Sandbox) {
-    let rays = if is_full() { 1024 } else { 256 };
+    let rays = share(1024);
     let words = format!("stability --backend cpu --rays {rays}");
     let (run, json) = sandbox.run_json(&words, "--json");
     let rows = list(&json["rows"]);

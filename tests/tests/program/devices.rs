@@ -13,7 +13,6 @@ use std::sync::LazyLock;
 /// Names of all backends except the host's. Either may be absent.
 pub(crate) const BACKENDS: [&str; 2] = ["vulkan", "wgpu"];
 pub(crate) const HOST: &str = "cpu";
-const REFERENCE: &str = "cpu-ref";
 
 /// Reasons why backends are absent, by name.
 static ABSENT: LazyLock<BTreeMap<&str, String>> = LazyLock::new(|| {
@@ -48,7 +47,7 @@ pub(crate) fn trials() -> Vec<Trial> {
     if cfg!(target_os = "linux") {
         trials.push(trial("devices::without_a_loader", without_a_loader));
     }
-    let all = BACKENDS.into_iter().chain([HOST, REFERENCE]);
+    let all = BackendName::ALL.map(BackendName::name);
     trials.extend(all.map(|b| backend_trial("devices::listed_choices_are_usable", b, as_listed)));
     trials
 }

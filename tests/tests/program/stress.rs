@@ -12,9 +12,10 @@ pub(crate) fn trials() -> Vec<Trial> {
 
 fn streamed(sandbox: &Sandbox, backend: &str) {
     // The tests in `facade` compare the other policies on GPUs.
-    let updates = match backend {
-        "vulkan" | "wgpu" if !is_full() => "async",
-        _ => "async,refit,rebuild",
+    let updates = if backend == HOST || is_full() {
+        "async,refit,rebuild"
+    } else {
+        "async"
     };
     let what = format!("stress demo:collide:600 --backend {backend} --update {updates}");
     let how = "--steps 20 --poses 12 --size 24x16 --rays random --quiet";

@@ -119,10 +119,9 @@ fn evenly(frames: u64, animation: &Animation) -> impl Iterator<Item = f64> + use
     (0..frames).map(move |index| index as f64 * step)
 }
 
-/// Renders frames at these times and sleeps for a millisecond after each, because the builder is a real thread and needs
-/// time.
+/// Renders frames at these times. Returns the log with the frames.
 fn render(mut driver: Driver, times: impl Iterator<Item = f64>) -> Run {
-    let records = play(&mut driver, times, |_| 1);
+    let records = play(&mut driver, times, || ());
     end(driver, records)
 }
 
@@ -154,11 +153,12 @@ fn finish(driver: &mut Driver, begun: PlayedFrame) -> PlayedFrame {
     PlayedFrame { record, ..begun }
 }
 
-/// Renders frames at these times and sleeps for `rest` milliseconds after each.
+/// Renders frames at these times. After each, calls `after` and sleeps for a millisecond, because the builder is a real
+/// thread and needs time.
 fn play(
     driver: &mut Driver,
     times: impl Iterator<Item = f64>,
-    rest: impl Fn(u64) -> u64,
+    after: impl Fn(),
 ) -> Vec<PlayedFrame> {
     let mut frames = (0..).zip(times).map(|(index, time)| Frame { index, time });
     let (mut begun, mut finished) = (VecDeque::new(), Vec::new());
@@ -172,13 +172,9 @@ fn play(
         let Some(oldest) = begun.pop_front() else {
             return finished;
         };
-        let oldest = finish(driver, oldest);
-        let rest = Duration::from_millis(rest(oldest.frame.index));
-        // Even a sleep of 0 ms could delay the thread.
-        if !rest.is_zero() {
-            std::thread::sleep(rest);
-        }
-        finished.push(oldest);
+        finished.push(finish(driver, oldest));
+        after();
+        std::thread::sleep(Duration::from_millis(1));
     }
 }
 
@@ -378,8 +374,8 @@ fn frames_continue_during_slow_builds() {
     let (scene, mut fake) = (drifting(200), Fake::new(Some(1)));
     fake.rendered = Some(Arc::new(Mutex::new(receiver)));
     let mut driver = driver(fake, &scene, (Policy::Async, false)).unwrap();
-    let rest = move |_| sender.send(()).map(|()| 1).unwrap();
-    let records = play(&mut driver, evenly(100, &scene), rest);
+    let after = move || sender.send(()).unwrap();
+    let records = play(&mut driver, evenly(100, &scene), after);
     assert_eq!(records.len(), 100);
     let adopted = records[1..].iter().filter(|r| r.tree.adopted);
     let ages: Vec<u64> = adopted.map(|r| r.tree.age_frames).collect();

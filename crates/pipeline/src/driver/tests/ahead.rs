@@ -186,7 +186,7 @@ fn lockstep_adopts_trees_without_evaluation() {
 fn unsubmitted_evaluation_is_recorded_again() {
     let scene = shuffled(200, 64);
     let mut driver = driver(measuring(), &scene, (Policy::Async, false)).unwrap();
-    play(&mut driver, (0..60).map(|index| index as f64), |_| 1);
+    play(&mut driver, (0..60).map(|index| index as f64), || ());
     let mut fails = 0;
     for index in 60..160 {
         driver.poll_builder().unwrap();
