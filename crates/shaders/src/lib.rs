@@ -51,8 +51,8 @@ pub struct Kernel {
     pub entry: &'static str,
     /// The kernel's own parameters, if any: a member of `Params` in `wgsl/lib/params.wgsl`.
     pub parameters: Option<&'static str>,
-    /// Whether a frame may run the kernel before it traces rays. A host loads such kernels with every scene, and the others
-    /// when a trace, a picture or a tree first uses them.
+    /// Whether a frame may run the kernel before it traces rays. A host loads such kernels with every scene. It loads
+    /// most others when a trace, a picture or a tree first uses them.
     pub loads_with_scene: bool,
     /// Names of the intersectors that the kernel serves, with underscores. Empty if it serves all.
     pub intersectors: &'static [&'static str],
@@ -103,9 +103,9 @@ backend::named! {
         /// The key frames before and after the current time.
         Earlier = "a key frame",
         Later = "a key frame",
-        /// A buffer of the program whose positions are copied to a key frame, and that key frame. Or the results of a
-        /// query, and the program's buffer for them.
+        /// Source of `copy_points`: positions of the calling program, or results of a query.
         CopySource = "the source of a copy",
+        /// Target of `copy_points`: a key frame, or the calling program's buffer for results.
         KeyFrame = "a key frame",
         /// Range of a key frame's coordinates, measured by a kernel if the host has not: see wgsl/geometry/range.wgsl.
         Range = "a key frame's range",
@@ -207,7 +207,7 @@ impl Kernel {
         fused.unwrap_or(self.code)
     }
 
-    /// Returns whether only [`rebuild`] uses the kernel. A host loads such kernels when it first builds a tree.
+    /// Returns whether only [`rebuild`] uses the kernel. A host loads such kernels before the device builds a tree.
     pub fn builds_trees(&self) -> bool {
         rebuild::KERNELS.contains(&self.entry)
     }

@@ -211,9 +211,9 @@ pub struct Counts {
     pub inactive: u32,
     /// Leaves whose triangle is active but of zero area, by the same kernels.
     pub degenerate: u32,
-    /// Rays that hit. The kernel that stores a ray's result counts it.
+    /// Rays that hit. The kernel that stores a ray's result counts it, or `count_answers` afterwards.
     pub hits: u32,
-    /// Hits in shadow. The kernel that stores the shadow counts it.
+    /// Hits in shadow. The kernel that stores the shadow counts it, or `count_answers` afterwards.
     pub blocked: u32,
     /// Sum of the half areas of all nodes except the root, in scaled units, by the last refit or build.
     pub areas: f32,
@@ -247,7 +247,7 @@ pub struct Counts {
 }
 
 impl Counts {
-    /// Adds the counts of a further trace of the same submission.
+    /// Adds the hits, hits in shadow and undecided rays of a further trace of the same submission.
     pub fn add_trace(&mut self, other: &Self) {
         self.hits += other.hits;
         self.blocked += other.blocked;
@@ -291,8 +291,8 @@ mod tests {
     use crate::{KERNELS, Kernel};
     use std::mem::offset_of;
 
-    /// Returns the structs of a kernel's WGSL.
-    fn structs(kernel: &Kernel) -> naga::Module {
+    /// Parses a kernel's WGSL.
+    fn module_of(kernel: &Kernel) -> naga::Module {
         naga::front::wgsl::parse_str(kernel.code.wgsl).unwrap()
     }
 
@@ -310,7 +310,7 @@ mod tests {
     fn params_match_kernel_sources() {
         let mut found = Vec::new();
         for kernel in KERNELS {
-            let module = structs(kernel);
+            let module = module_of(kernel);
             let (all, size) = layout(&module, "Params");
             let offset = |name: &str| {
                 let member = all.iter().find(|m| m.name.as_deref() == Some(name));

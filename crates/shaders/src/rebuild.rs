@@ -38,8 +38,8 @@ const DIGIT_BITS: usize = 8;
 /// Number of partial bounding boxes of the scene: see build/morton.wgsl.
 const PARTS: u32 = 128;
 
-/// Returns the dispatches that sort the triangles of `tree` along a curve into the buffer `sorted`, from `vertices`
-/// positions.
+/// Returns the dispatches that sort the triangles of `tree` along a curve into the buffer `sorted`. `vertices` is
+/// the number of positions.
 pub fn sort(mut params: Params, vertices: usize, tree: &Shape) -> Vec<Work> {
     let count = tree.leaf_count;
     if count == 0 {

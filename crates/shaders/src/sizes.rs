@@ -17,7 +17,7 @@ fn record_bytes(intersector: Intersector, leaves: u64) -> u64 {
 pub const RANGE_BYTES: u64 = 4 * (8 + geom::CoordinateRange::SAMPLES as u64);
 
 /// Returns the size of each buffer of a tree in bytes, enough for every tree of `leaves` leaves. Exceptions: `nodes`
-/// only fits the tree without leaves, and `costs` is empty. Their sizes depend on the tree: see [`crate::Shape`].
+/// fits only the root, and `costs` is empty. Their sizes depend on the tree: see [`crate::Shape`].
 pub fn tree_buffers(intersector: Intersector, leaves: u64) -> [(BufferName, u64); 4] {
     [
         (BufferName::LeafCorners, leaves * 12),

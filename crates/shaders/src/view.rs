@@ -212,8 +212,8 @@ mod tests {
     use super::*;
 
     /// Reads a tree whose nodes have these references, in a scene of 100 triangles.
-    fn read(names: &[u32], triangles: &[u32]) -> Result<Topology, String> {
-        let rows = names.iter().flat_map(|&name| [[0, 0, 0, name], [0; 4]]);
+    fn read(references: &[u32], triangles: &[u32]) -> Result<Topology, String> {
+        let rows = references.iter().flat_map(|&r| [[0, 0, 0, r], [0; 4]]);
         let view = View {
             built_on_device: true,
             rows: &rows.collect::<Vec<_>>(),
@@ -255,8 +255,8 @@ mod tests {
         let chain = |leaves: u32| {
             let pairs = (1..leaves - 1).flat_map(|k| [LEAF | (k - 1), k + 1]);
             let last = [leaves - 2, leaves - 1].map(|leaf| LEAF | leaf);
-            let names: Vec<u32> = [1, 0].into_iter().chain(pairs).chain(last).collect();
-            read(&names, &(0..leaves).collect::<Vec<_>>())
+            let references: Vec<u32> = [1, 0].into_iter().chain(pairs).chain(last).collect();
+            read(&references, &(0..leaves).collect::<Vec<_>>())
         };
         assert_eq!(chain(MAX_DEPTH + 1).unwrap().binary().depth(0), MAX_DEPTH);
         assert!(

@@ -75,14 +75,14 @@ fn share_rounds(phases: &mut [Phase]) {
     let Some((last, others)) = phases.split_last_mut() else {
         return;
     };
-    let many = others.len() as u32;
-    let levels = MAX_DEPTH - LAST_PAIRING - PAIRING * many;
-    let each = (levels - LAST_ROUNDS.min(levels)).checked_div(many);
+    let other_count = others.len() as u32;
+    let levels = MAX_DEPTH - LAST_PAIRING - PAIRING * other_count;
+    let each = (levels - LAST_ROUNDS.min(levels)).checked_div(other_count);
     let each = each.unwrap_or(0).min(MAX_ROUNDS);
     for phase in others {
         phase.own.search_rounds = each;
     }
-    last.own.search_rounds = levels - each * many;
+    last.own.search_rounds = levels - each * other_count;
 }
 
 #[cfg(test)]

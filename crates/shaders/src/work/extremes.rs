@@ -23,7 +23,7 @@ fn has_extremes(intersector: Intersector) -> bool {
 }
 
 impl Extremes {
-    /// Returns how many of the query's rays are extreme. Only [`work`] traces extreme rays.
+    /// Returns how many of the query's rays are extreme rays that [`work`] must trace.
     pub(super) fn among(input: &TraceInput<'_>) -> Self {
         let params = &input.params;
         match input.rays {

@@ -66,8 +66,8 @@ pub(super) fn by_rasterization(
     // The visibility buffer has 64-bit elements: the keys of all pixels, then one that says whether rasterization was
     // complete. A row of 16 bytes holds two.
     let rows = keys_per_pixel * pixels / 2 + 1;
-    let none = Params { count: 0, ..params };
-    let each = |kernel, groups| Work::new(kernel, none, Groups::Each(groups));
+    let no_count = Params { count: 0, ..params };
+    let each = |kernel, groups| Work::new(kernel, no_count, Groups::Each(groups));
     let (rasterize, most) = how.rasterizers();
     let rasterize = kernel(rasterize, intersector);
     let rasterizers = tiles.div_ceil(rasterize.workgroup[0]).min(most);
@@ -113,10 +113,11 @@ const MAX_PICTURE_SIDE: u32 = 1 << 16;
 /// project: see `docs/design/packets.md`.
 const LEAST_MARGIN: f64 = 1.0 / 128.0;
 
-/// Returns the parameters with the inverse of a camera's matrix, times `2^depth_exponent`, or `None` if pixels cannot be
-/// distinguished well enough. The exponent is that of an upper bound on all components of the rays' directions.
+/// Returns the parameters with the inverse of a camera's matrix, times `2^depth_exponent`. The exponent is that of an
+/// upper bound on all components of the rays' directions. Returns `None` if the picture, an element of the inverse,
+/// the exponent's magnitude, or a rounding error is too large.
 fn projected(params: Params, camera: &Camera) -> Option<Params> {
-    let [across, down, corner] = [camera.across, camera.down, camera.corner].map(wide);
+    let [across, down, corner] = [camera.across, camera.down, camera.corner].map(to_f64);
     let [width, height] = [camera.width, camera.height].map(f64::from);
     let reach = corner.abs() + width * across.abs() + height * down.abs();
     let largest = reach.max_element();
@@ -126,8 +127,8 @@ fn projected(params: Params, camera: &Camera) -> Option<Params> {
     let [column, row, depth] = rows.map(|row| row / volume);
     let size = |axis: DVec3| axis.abs().element_sum();
     // A direction is rounded three times, and so are the values computed from it.
-    let doubt = |axis, pixels| largest * (size(axis) + pixels * size(depth)) * (-22_f64).exp2();
-    let margin = doubt(column, width).max(doubt(row, height));
+    let error = |axis, pixels| largest * (size(axis) + pixels * size(depth)) * (-22_f64).exp2();
+    let margin = error(column, width).max(error(row, height));
     let scaled = [column, row, depth].map(|row| (row * exponent.exp2()).as_vec3().to_array());
     // Bound on the error of a hit's depth that rounded directions cause, in units of 2^-24 of the largest depth: see
     // "Depths" in docs/design/packets.md.
@@ -146,7 +147,7 @@ fn projected(params: Params, camera: &Camera) -> Option<Params> {
     })
 }
 
-fn wide(p: Point) -> DVec3 {
+fn to_f64(p: Point) -> DVec3 {
     DVec3::from(p.map(f64::from))
 }
 
@@ -175,8 +176,8 @@ mod tests {
         for camera in scenes {
             let p = projected(Params::default(), &camera).expect("a usual camera");
             for (x, y) in [(0, 0), (63, 0), (17, 40), (63, 47)] {
-                let d = wide(camera.ray(x, y).direction);
-                let [c, r, w] = [p.column, p.row, p.depth].map(|row| wide(row).dot(d));
+                let d = to_f64(camera.ray(x, y).direction);
+                let [c, r, w] = [p.column, p.row, p.depth].map(|row| to_f64(row).dot(d));
                 let off = |seen: f64, pixel: u32| (seen / w - f64::from(pixel) - 0.5).abs();
                 assert!(off(c, x).max(off(r, y)) < f64::from(p.pixel_margin));
                 // Depth is t times a power of two.

@@ -47,8 +47,8 @@ impl TreeProgress {
     /// first work on a tree also gathers the leaves' vertices. Also returns the number of zero-area triangles that the
     /// dispatches skip and so do not count.
     ///
-    /// Small trees are computed from key frames; the later one has the weight [`Params::alpha`]. Such work does not read
-    /// positions, so it can run concurrently with `interpolate`.
+    /// For small trees, these dispatches blend two key frames instead. [`Params::alpha`] is the later one's weight. The
+    /// dispatches also compute all other boxes. They do not read positions, so `interpolate` can run concurrently.
     pub fn preprocess(
         &self,
         intersector: Intersector,

@@ -1,5 +1,5 @@
-// Copies positions from a buffer of the program to a key frame, word by word. The host also uses it to copy the results of
-// `exact` to a buffer of the program.
+// Copies words between two buffers. The words are positions of the calling program, which become a key frame. Or they
+// are results of any-hit queries with `exact`, which a buffer of the calling program receives.
 
 import package::lib::params::{element_index, params};
 

@@ -21,8 +21,8 @@ const NODE_CAPACITY: u32 = 512u;
 // Index of a treelet's first leaf in workgroup memory. Inner nodes have the indices below.
 const LEAVES_OFFSET: u32 = 256u;
 
-// An entry: see bvh_layout::Treelet. `*_at` is a word of `topology`, `*_row` is a row of `nodes`, each of the treelet's
-// first inner node or root. `height` is that of the treelet's highest inner node.
+// An entry: see bvh_layout::Treelet. The first inner node and the first root each have a word of `topology` (`*_at`)
+// and a row of `nodes` (`*_row`). `height` is that of the highest inner node.
 struct Treelet {
     // First leaf of the tree in this treelet. On higher levels, row of the first root below.
     first_leaf: u32,

@@ -172,7 +172,8 @@ fn write_leaf(local: u32, leaf: u32, triangle: u32) -> bool {
 // Returns whether a box is empty. Scaling may turn a coordinate into infinity, so one of the two values does not suffice.
 fn is_empty_box(index: u32) -> bool { return low_of(index).x == EMPTY_LOW && high_of(index).x == EMPTY_HIGH; }
 
-// Merges a triangle's leaf with the next one's. Its traversal reference only includes triangles that a ray can hit.
+// Merges a triangle's leaf with the next one's. If a ray can hit one of the two triangles, the traversal reference
+// includes only those that it can hit.
 fn merge_leaf_pair(local: u32, leaf: u32) -> f32 {
     let first = LEAVES_OFFSET + local;
     if is_empty_box(first) {
@@ -184,7 +185,7 @@ fn merge_leaf_pair(local: u32, leaf: u32) -> f32 {
 }
 
 // Must be called by all invocations, in uniform control flow.
-fn build_treelet(local: u32, index: u32) {
+fn preprocess_treelet(local: u32, index: u32) {
     let treelet_index = treelet_of_dispatch(index);
     let leaf = topology[ENTRY_WORDS * treelet_index] + local;
     let is_leaf = local < topology[ENTRY_WORDS * treelet_index + LEAF_COUNT_IN_ENTRY];
@@ -209,8 +210,8 @@ fn build_treelet(local: u32, index: u32) {
     finish_treelet(treelet_index, local, area);
 }
 
-// Writes triangle records, leaf boxes, and the boxes of all nodes within treelets of triangles: of all those treelets, or of
-// those that move.
+// Writes triangle records and the boxes of all nodes within treelets of triangles. Processes all these treelets, or
+// only those that move.
 //
 // Variants: intersector.
 // Parameters: treelets.
@@ -223,11 +224,11 @@ fn preprocess_treelets(
 ) {
     let index = group.x + group.y * groups.x;
     if index >= params.count { return; }
-    build_treelet(local, index);
+    preprocess_treelet(local, index);
 }
 
 // Does the same as `preprocess_treelets`, but blends two key frames itself, so it need not wait for `interpolate`. Also
-// refits all other treelets: see `finish_and_refit_parents`.
+// refits the treelets above: see `finish_and_refit_parents`.
 //
 // Variants: intersector.
 // Parameters: treelets.
@@ -240,5 +241,5 @@ fn preprocess_treelets_from_key_frames(
 ) {
     let index = group.x + group.y * groups.x;
     if index >= params.count { return; }
-    build_treelet(local, index);
+    preprocess_treelet(local, index);
 }

@@ -17,17 +17,17 @@ import package::lib::params::params;
 // and `root_high`), where areas are (`cost_at` and `store_cost`), and how counts are written (`store_count`).
 
 // Sums the areas of the other treelets. Reads eight at a time to hide memory latency.
-fn sum_other_costs(local: u32, treelet_index: u32, all: u32) -> f32 {
+fn sum_other_costs(local: u32, treelet_index: u32, sum_count: u32) -> f32 {
     var sums = vec4<f32>(0.0);
-    for (var i = local; i < all; i += 8u * GROUP) {
-        sums += other_costs(i, treelet_index, all) + other_costs(i + 4u * GROUP, treelet_index, all);
+    for (var i = local; i < sum_count; i += 8u * GROUP) {
+        sums += other_costs(i, treelet_index, sum_count) + other_costs(i + 4u * GROUP, treelet_index, sum_count);
     }
     return (sums.x + sums.y) + (sums.z + sums.w);
 }
 
-fn other_costs(first: u32, treelet_index: u32, all: u32) -> vec4<f32> {
+fn other_costs(first: u32, treelet_index: u32, sum_count: u32) -> vec4<f32> {
     let i = first + vec4<u32>(0u, GROUP, 2u * GROUP, 3u * GROUP);
-    let at = min(i, vec4<u32>(all - 1u));
+    let at = min(i, vec4<u32>(sum_count - 1u));
     let areas = vec4<f32>(cost_at(at.x), cost_at(at.y), cost_at(at.z), cost_at(at.w));
     return select(vec4<f32>(0.0), areas, (i == at) & (i != vec4<u32>(treelet_index)));
 }
@@ -53,15 +53,15 @@ fn group_sums(local: u32, x: f32, part: f32) -> vec2<f32> {
 
 // Refits a treelet from the roots of the level below. Returns two values. The first one is the half areas of the
 // children that this invocation read. The second one is 0, except for the last treelet, whose root is that of the tree:
-// there, it is this invocation's part of the sum over all other treelets, so that `sum_costs` is not needed. `all` is
-// the number of treelets for the last treelet, else 0. All invocations of the workgroup must call it.
-fn refit_from_roots_below(t: Treelet, treelet_index: u32, local: u32, all: u32) -> vec2<f32> {
+// there, it is this invocation's part of the sum over all other treelets, so that `sum_costs` is not needed.
+// `sum_count` is the number of treelets for the last treelet, else 0. All invocations of the workgroup must call it.
+fn refit_from_roots_below(t: Treelet, treelet_index: u32, local: u32, sum_count: u32) -> vec2<f32> {
     let inner = inner_word(treelet_index, local);
     // On these levels, `first_leaf` is the row of the first root below. All reads are issued before the first is waited for.
     let row = t.first_leaf + 2u * min(local, t.leaf_count - 1u);
     let low = root_low(row);
     let high = root_high(row);
-    partial_sums[local] = sum_other_costs(local, treelet_index, all);
+    partial_sums[local] = sum_other_costs(local, treelet_index, sum_count);
     if local < t.leaf_count {
         store_box(LEAVES_OFFSET + local, low.xyz, high);
         store_leaf_reference(local, low.w);
@@ -69,17 +69,17 @@ fn refit_from_roots_below(t: Treelet, treelet_index: u32, local: u32, all: u32) 
     workgroupBarrier();
     // The last treelet has an inner node, so a barrier follows before these values are overwritten.
     var part = 0.0;
-    if all > 0u { part = sixteenth_sum(local); }
+    if sum_count > 0u { part = sixteenth_sum(local); }
     return vec2<f32>(refit_treelet(t, inner), part);
 }
 
 // Sums the results of a workgroup and stores them.
-fn store_sums(t: Treelet, treelet_index: u32, local: u32, all: u32, partials: vec2<f32>) {
+fn store_sums(t: Treelet, treelet_index: u32, local: u32, sum_count: u32, partials: vec2<f32>) {
     let root = topology[t.roots_at];
     let sums = group_sums(local, partials.x, partials.y);
     if local != 0u { return; }
     store_cost(treelet_index, sums.x);
-    if all > 0u {
+    if sum_count > 0u {
         store_count(params.treelets.sum_counter, sums.x + sums.y);
         let root_area = half_area(bitcast<vec3<f32>>(low_of(root).xyz), bitcast<vec3<f32>>(high_of(root).xyz));
         store_count(ROOT_AREA, root_area);
@@ -138,8 +138,8 @@ fn store_cost(i: u32, cost: f32) { atomicStore(&costs[i], bitcast<u32>(cost)); }
 @if(!refit_treelets)
 fn store_count(i: u32, x: f32) { atomicStore(&counts[i], bitcast<u32>(x)); }
 
-// Returns the index in `costs` of the first word of the root at `row` of `nodes`. There, all roots but the last have
-// contiguous rows, which begin with the first root of treelet 0.
+// Returns the index in `costs` of the first word of the root at `row` of `nodes`. In `nodes`, the roots of all treelets
+// except the last have contiguous rows. The first of these rows belongs to treelet 0.
 fn words_of_root(row: u32) -> u32 { return 2u * params.treelets.treelet_count + 4u * (row - topology[ROOT_ROW_IN_ENTRY]); }
 
 @if(!refit_treelets)
@@ -208,8 +208,8 @@ fn finish_and_refit_parents(first: u32, local: u32, area: f32) {
         storageBarrier();
         prefetch_parent(treelet_index);
         t = load_treelet(treelet_index);
-        let all = select(0u, params.treelets.treelet_count, treelet_index == last);
-        store_sums(t, treelet_index, local, all, refit_from_roots_below(t, treelet_index, local, all));
+        let sum_count = select(0u, params.treelets.treelet_count, treelet_index == last);
+        store_sums(t, treelet_index, local, sum_count, refit_from_roots_below(t, treelet_index, local, sum_count));
     }
     write_treelet(t, local);
 }

@@ -1,5 +1,6 @@
-// Encoding of node references. An inner node has four rows, which hold the boxes of both children. A leaf node references
-// one triangle, or two consecutive ones. In other files, `leaf` is the index of a single triangle in leaf order.
+// Encoding of node references. The reference to an inner node is the index of a group of four rows of `nodes`: two
+// for each child. A leaf node has one triangle, or two consecutive ones. Its reference contains the index of the first. In
+// other files, `leaf` is the index of a single triangle in leaf order.
 
 // No leaf.
 const NO_LEAF: u32 = 0xffffffffu;

@@ -5,6 +5,7 @@ import package::lib::buffers::{counts, range};
 import package::lib::counters::SIZE_SPREAD;
 import package::lib::params::{element_index, params};
 
+// The vertices of the key frame, in scene units.
 @group(0) @binding(next) var<storage, read> earlier: array<u32>;
 
 // Words of `range`. All sizes are bits of floats, which are ordered as integers.

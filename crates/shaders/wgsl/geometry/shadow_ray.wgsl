@@ -53,9 +53,8 @@ fn shadow_segment(v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>, hit: vec4<u32>, e
     let scene_extent = sub_each(bitcast<vec3<f32>>(nodes[1].xyz), bitcast<vec3<f32>>(nodes[0].xyz));
     let largest_coordinate = max(abs(point.x), max(abs(point.y), abs(point.z)));
     let triangle_extent = max(abs(e1), abs(e2));
-    // `params.clearance` limits the scene's extent. The triangle's own extent counts too. In the ray-tracing pipeline,
-    // the root box covers only key frames that were known at loading. A triangle in a later key frame may exceed this
-    // box.
+    // `params.clearance` limits the scene's extent. The triangle's own extent counts too. With the driver's own
+    // tree, the root box is that of all key frames known at loading. A triangle in a later key frame may exceed it.
     let offset_extent = max(
         min(max(scene_extent.x, max(scene_extent.y, scene_extent.z)), params.clearance),
         max(triangle_extent.x, max(triangle_extent.y, triangle_extent.z)),

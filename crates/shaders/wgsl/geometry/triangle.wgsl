@@ -25,7 +25,7 @@ fn points_of(triangle: u32) -> array<vec3<u32>, 3> {
 // Tests whether a triangle's corners span an area.
 
 // Returns whether scaling turned a non-zero coordinate into zero.
-fn flushes_coordinate(before: vec3<u32>, after: vec3<f32>) -> bool {
+fn snaps_coordinate(before: vec3<u32>, after: vec3<f32>) -> bool {
     let was_zero = (before & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u);
     return any((after == vec3<f32>(0.0)) != was_zero);
 }
@@ -35,8 +35,8 @@ fn flushes_coordinate(before: vec3<u32>, after: vec3<f32>) -> bool {
 fn surely_has_area(
     scene_a: vec3<u32>, scene_b: vec3<u32>, scene_c: vec3<u32>, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>,
 ) -> bool {
-    let is_flushed = flushes_coordinate(scene_a, a) || flushes_coordinate(scene_b, b) || flushes_coordinate(scene_c, c);
-    return !is_flushed && has_area_when_rounded(a, b, c);
+    let is_snapped = snaps_coordinate(scene_a, a) || snaps_coordinate(scene_b, b) || snaps_coordinate(scene_c, c);
+    return !is_snapped && has_area_when_rounded(a, b, c);
 }
 
 // The exact test for zero area. In units of 2^-149 every coordinate is an integer below 2^277, and a component of the cross
@@ -82,8 +82,8 @@ fn cross_product_vanishes(a: vec3<u32>, b: vec3<u32>, c: vec3<u32>, prime: u32) 
     return all((e.yzx * f.zxy) % p == (e.zxy * f.yzx) % p);
 }
 
-// Returns whether a component of the cross product exceeds underflow and its rounding error: two differences, one product and one
-// difference, for which 8 units of 2^-23 suffice.
+// Returns whether a component of the cross product exceeds underflow and its rounding error. The error of two
+// differences, a product and the final difference is at most 8 * 2^-23 of the magnitude.
 fn exceeds_rounding_error(ei: f32, ej: f32, fi: f32, fj: f32) -> bool {
     let p = mul(ei, fj);
     let q = mul(ej, fi);

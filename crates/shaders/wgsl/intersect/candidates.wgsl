@@ -2,8 +2,8 @@
 // two words: its leaf, and the next candidate.
 //
 // `occluded` holds one word per ray, the list of undecided rays, the candidates, and the stacks of fallback.wgsl.
-// Any-hit searches fill the list at `undecided_shadows_at`. Kernels that need both lists store this one after the stacks.
-// Other kernels store it in place of the list of undecided rays.
+// Any-hit searches list their undecided rays at `undecided_shadows_at`. In kernels that need both lists, this second
+// list follows the stacks. In other kernels, it replaces the first list.
 
 import package::lib::buffers::{counts, occluded};
 import package::lib::counters::CANDIDATE_COUNT;

@@ -24,7 +24,7 @@ struct FixedTriangle { fits: bool, unit: i32, a: Int64x3, b: Int64x3, c: Int64x3
 
 // Returns a coordinate relative to the ray's start.
 fn fixed_difference(x: u32, origin: u32, unit: i32) -> vec2<u32> {
-    return sub_64(to_fixed_point(x, unit), to_fixed_point(origin, unit - line.shift));
+    return sub_64(to_fixed_point(x, unit), to_fixed_point(origin, unit - line.scale_exponent));
 }
 
 fn fixed_vertex(p: vec3<u32>, unit: i32) -> Int64x3 {
@@ -124,7 +124,7 @@ fn round_hit_of_line(leaf: u32) -> RoundedHit {
     let exponent = exponent_of(line.direction);
     let direction = scale_point(line.direction, -exponent);
     let axis = main_axis(direction);
-    let to_scaled = line.shift - params.scale_exponent;
+    let to_scaled = line.scale_exponent - params.scale_exponent;
     let origin = permute(snapped3(scale_point(line.origin, to_scaled)), axis);
     let permuted = PermutedLine(permuted_axes(axis), origin, permute(direction, axis), exponent + to_scaled);
     return round_hit(permuted, leaf);
@@ -143,7 +143,7 @@ fn decide_candidates(list: u32, slot: u32, local: u32) {
         fits = fixed_corners.fits;
         if fits { determinants[local] = determinant(fixed_corners, side); }
         result.is_long = select(1u, 0u, fits);
-        result.exponent = fixed_corners.unit - line.shift - line.unit;
+        result.exponent = fixed_corners.unit - line.scale_exponent - line.unit;
     }
     workgroupBarrier();
     let first = local - side;
@@ -199,7 +199,7 @@ struct DecidedTriangle { result: CandidateResult, d: Int192, n: Int192 }
 // Decides one triangle in a single invocation.
 fn decide_in_one_invocation(triangle: u32, points: array<vec3<u32>, 3>) -> DecidedTriangle {
     let fixed_corners = fixed_triangle(points);
-    let exponent = fixed_corners.unit - line.shift - line.unit;
+    let exponent = fixed_corners.unit - line.scale_exponent - line.unit;
     if !fixed_corners.fits { return DecidedTriangle(CandidateResult(0u, 1u, triangle, exponent, 0u), Int192(), Int192()); }
     var all = Determinants();
     for (var side = 0u; side < 4u; side += 1u) {

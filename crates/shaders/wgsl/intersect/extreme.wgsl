@@ -56,12 +56,12 @@ fn may_hit_box(low: vec3<u32>, high: vec3<u32>, bound: u32) -> bool {
     field = max_exponent_field(max_exponent_field(field, low, k), high, k);
     let exponent = 127 - field;
     // At least 2^-100, below which differences lose digits.
-    let flush_margin = power_of_two(max(exponent + k - 64, -100));
+    let snap_margin = power_of_two(max(exponent + k - 64, -100));
     let small_low = (low & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u);
     let small_high = (high & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u);
     let origin = scale_point(line.origin, exponent);
-    let to_low = select(scale_point(low, exponent + k), vec3<f32>(-flush_margin), small_low) - origin;
-    let to_high = select(scale_point(high, exponent + k), vec3<f32>(flush_margin), small_high) - origin;
+    let to_low = select(scale_point(low, exponent + k), vec3<f32>(-snap_margin), small_low) - origin;
+    let to_high = select(scale_point(high, exponent + k), vec3<f32>(snap_margin), small_high) - origin;
     let distances = max(abs(to_low), abs(to_high));
     // 17 * 2^-24 and 2^-90.
     let pad = (1.01327896118164062e-6 * max(distances.x, max(distances.y, distances.z)) + 8.077935669463161e-28) * abs(coarse_inverse);

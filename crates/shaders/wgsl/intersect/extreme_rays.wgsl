@@ -35,9 +35,11 @@ fn max_magnitude(given: u32, point: vec3<u32>) -> u32 {
     return max(given, max(size.x, max(size.y, size.z)));
 }
 
-struct HitPoint { at: vec3<u32>, error: u32 }
+// A hit point, and a bound on the error of each coordinate.
+struct HitPoint { position: vec3<u32>, error: u32 }
 
-// Computes the hit point along the ray or within the triangle, whichever rounds less. 12 * 2^-24 is 0x35400000.
+// Computes the hit point along the ray, or within the triangle if the corners are at least four times smaller. Along
+// the ray, the error bound is 4 * 2^-24 of the numbers. Within the triangle, it is 12 * 2^-24 (0x35400000) of the corners.
 fn hit_point(origin: vec3<u32>, direction: vec3<u32>, hit: vec4<u32>, points: array<vec3<u32>, 3>) -> HitPoint {
     var displacement: vec3<u32>;
     for (var i = 0u; i < 3u; i += 1u) { displacement[i] = multiply_saturated(hit.x, direction[i]); }
@@ -59,6 +61,7 @@ fn hit_point(origin: vec3<u32>, direction: vec3<u32>, hit: vec4<u32>, points: ar
 
 // Returns the side of a triangle's plane on which a point is.
 fn side_of(points: array<vec3<u32>, 3>, point: vec3<u32>) -> i32 {
+    // The determinant N depends only on the line's start. Direction 1.0 and t_max infinity are arbitrary.
     set_line(point, vec3<u32>(0x3f800000u, 0u, 0u), 0u, 0x7f800000u, 0);
     prepare_line();
     let stored = store_corners(points);
@@ -66,7 +69,8 @@ fn side_of(points: array<vec3<u32>, 3>, point: vec3<u32>) -> i32 {
     return sign_of_number(PRODUCTS_OFFSET, stored.len.triple);
 }
 
-// Returns the sign of a component of a triangle's normal.
+// Returns the sign of a component of a triangle's normal. For the direction 1.0 along an axis, U + V + W is the
+// negative of this component. So the loop subtracts.
 fn normal_sign(points: array<vec3<u32>, 3>, axis: u32) -> i32 {
     var direction = vec3<u32>(0u);
     direction[axis] = 0x3f800000u;
@@ -89,6 +93,7 @@ fn is_in_extreme_shadow(origin: vec3<u32>, direction: vec3<u32>, hit: vec4<u32>)
     let point = hit_point(origin, direction, hit, points);
     var side = side_of(points, light);
     if side == 0 { side = side_of(points, origin); }
+    // 4 as bits is 2^-147, four times the smallest positive number.
     let delta = max(point.error, 4u);
     var start: vec3<u32>;
     var shadow_direction: vec3<u32>;
@@ -97,7 +102,7 @@ fn is_in_extreme_shadow(origin: vec3<u32>, direction: vec3<u32>, hit: vec4<u32>)
         var offset = 0u;
         if direction_sign > 0 { offset = delta; }
         if direction_sign < 0 { offset = negate(delta); }
-        start[i] = add_saturated(point.at[i], offset);
+        start[i] = add_saturated(point.position[i], offset);
         shadow_direction[i] = soft_add(bitcast<u32>(scale_bits(light[i], -1)), negate(bitcast<u32>(scale_bits(start[i], -1))));
     }
     if !is_finite(shadow_direction) || all((shadow_direction & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u)) { return false; }
@@ -106,8 +111,8 @@ fn is_in_extreme_shadow(origin: vec3<u32>, direction: vec3<u32>, hit: vec4<u32>)
     return any_extreme_hit(hit.w);
 }
 
-// Returns whether any ray may be extreme. For explicit rays, the search recorded it. For a camera's rays, the host knows it,
-// unless only the buffer `range` holds it.
+// Returns whether any ray may be extreme. For explicit rays, the search recorded it. For a camera's rays, the host
+// dispatches this kernel only if they are extreme or the range is unknown. An unknown range is read from `range`.
 fn may_have_extreme_rays() -> bool {
     if params.extreme == 1u || range_makes_rays_extreme() { return true; }
     if params.width > 0u { return params.extreme != 2u; }

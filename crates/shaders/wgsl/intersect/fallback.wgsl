@@ -18,7 +18,8 @@ import package::lib::buffers::{counts, hits, nodes, occluded, records};
 import package::lib::counters::{FALLBACK_OFFSET, HIT_COUNT, OCCLUDED_COUNT, UNDECIDED_RAYS, UNDECIDED_SHADOWS};
 import package::lib::params::params;
 
-// One invocation per ray traverses the tree and decides each candidate. The stacks are in `occluded`, after the candidates.
+// One invocation per ray traverses the tree and decides each triangle that may be hit. The stacks are in `occluded`,
+// after the candidates.
 
 const STACK_SIZE: u32 = 64u;
 const NO_WORKER: u32 = 0xffffffffu;
@@ -37,7 +38,7 @@ fn worker_index(local: u32, group: u32) -> u32 {
 // Returns the number of rays in a list that their candidates did not decide.
 fn fallback_count(word: u32) -> u32 { return atomicLoad(&counts[word + FALLBACK_OFFSET]); }
 
-// Resolves the undecided rays of a worker. Each kernel has its own `fallback_ray`.
+// Resolves the undecided rays of a worker. The kernel determines `fallback_ray`.
 fn resolve_assigned_rays(worker: u32, word: u32) {
     if worker == NO_WORKER || fallback_count(word) == 0u { return; }
     let undecided_count = atomicLoad(&counts[word]);

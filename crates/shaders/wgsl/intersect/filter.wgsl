@@ -124,8 +124,8 @@ fn classify_closely(ray: PreparedRay, corners: Corners, sheared: ShearedTriangle
 
 // Returns whether every t of a span, rounded once in the ray's own units, is within the ray's limits. Rounding is
 // monotone, and the ends of the span are floats. So if a limit is a normal number, it suffices that both ends are
-// within it. Subnormal numbers have fewer digits than scaled ones, so a smaller limit is replaced by 2^-125 or -2^-125,
-// whichever makes the span smaller.
+// within it. Subnormal numbers have fewer digits than scaled ones. So a t_min near zero is raised to 2^-125 in the
+// ray's own units, and at least to 2^-99 in scaled units. A t_max near zero is lowered to the negative of this limit.
 fn rounds_within(ray: PreparedRay, span: vec2<f32>) -> bool {
     let smallest = power_of_two(max(ray.exponent - 125, -99));
     let largest = power_of_two(ray.exponent + 127);

@@ -7,10 +7,19 @@ import package::lib::integers::{
     to_sign_magnitude, unit_of, words,
 };
 
-// A ray as an exact line. One unit of origin and direction is 2^shift units of the corners. So the origin is multiplied by
-// 2^shift before corners are taken relative to it. The direction is not, so the resulting t is multiplied by 2^-shift.
-// The direction's components are integers of `bits` bits, or `len` limbs, times 2^unit.
-struct Line { origin: vec3<u32>, direction: vec3<u32>, t_min: u32, t_max: u32, shift: i32, unit: i32, bits: i32, len: u32 }
+// A ray as an exact line. Origin and direction, times 2^scale_exponent, are in the units of the corners. The functions
+// below multiply only the origin, so they multiply the resulting t by 2^-scale_exponent. The direction's components are
+// integers of `bits` bits, or `len` limbs, times 2^unit.
+struct Line {
+    origin: vec3<u32>,
+    direction: vec3<u32>,
+    t_min: u32,
+    t_max: u32,
+    scale_exponent: i32,
+    unit: i32,
+    bits: i32,
+    len: u32,
+}
 
 // t = numerator / denominator * 2^exponent. The denominator is positive. `numerator_at` and `denominator_at` are
 // offsets of these numbers in `words`.
@@ -22,12 +31,12 @@ const EMPTY_RANGE: vec2<i32> = vec2<i32>(10000, -10000);
 
 var<private> line: Line;
 
-// Extends a range of units by those of a point scaled by 2^shift.
-fn extend_range(range: vec2<i32>, point: vec3<u32>, shift: i32) -> vec2<i32> {
+// Extends a range of units by those of a point times 2^exponent.
+fn extend_range(range: vec2<i32>, point: vec3<u32>, exponent: i32) -> vec2<i32> {
     var wider = range;
     for (var i = 0u; i < 3u; i += 1u) {
         if (point[i] & 0x7fffffffu) != 0u {
-            let unit = unit_of(point[i]) + shift;
+            let unit = unit_of(point[i]) + exponent;
             wider = vec2<i32>(min(wider.x, unit), max(wider.y, unit));
         }
     }
@@ -38,10 +47,10 @@ fn extend_range(range: vec2<i32>, point: vec3<u32>, shift: i32) -> vec2<i32> {
 fn limbs(bits: i32) -> u32 { return u32(bits + 31) >> 5u; }
 
 // Sets the current line. The direction must not be zero.
-fn set_line(origin: vec3<u32>, direction: vec3<u32>, t_min: u32, t_max: u32, shift: i32) {
+fn set_line(origin: vec3<u32>, direction: vec3<u32>, t_min: u32, t_max: u32, scale_exponent: i32) {
     let units = extend_range(EMPTY_RANGE, direction, 0);
     let bits = units.y - units.x + 24;
-    line = Line(origin, direction, t_min, t_max, shift, units.x, bits, limbs(bits));
+    line = Line(origin, direction, t_min, t_max, scale_exponent, units.x, bits, limbs(bits));
 }
 
 // Converts the direction to integers of any length. Must be called before the functions below.
@@ -59,7 +68,7 @@ fn prepare_line() {
 
 // Returns the least and the greatest unit of a triangle's coordinates and the ray's start.
 fn unit_range(points: array<vec3<u32>, 3>) -> vec2<i32> {
-    var units = extend_range(EMPTY_RANGE, line.origin, line.shift);
+    var units = extend_range(EMPTY_RANGE, line.origin, line.scale_exponent);
     units = extend_range(extend_range(extend_range(units, points[0], 0), points[1], 0), points[2], 0);
     return select(units, vec2<i32>(0), units.x > units.y);
 }
@@ -69,7 +78,8 @@ fn store_difference(at: u32, len: u32, x: u32, origin: u32, unit: i32) {
     clear(at, len);
     if (x & 0x7fffffffu) != 0u { add_shifted(at, len, mantissa_of(x), u32(unit_of(x) - unit), (x >> 31u) == 1u); }
     if (origin & 0x7fffffffu) != 0u {
-        add_shifted(at, len, mantissa_of(origin), u32(unit_of(origin) + line.shift - unit), (origin >> 31u) == 0u);
+        let shift = u32(unit_of(origin) + line.scale_exponent - unit);
+        add_shifted(at, len, mantissa_of(origin), shift, (origin >> 31u) == 0u);
     }
     to_sign_magnitude(at, len);
 }
@@ -137,7 +147,8 @@ fn store_determinant(to: u32, side: u32, len: Lengths) {
 fn intersect_exactly(corners: array<vec3<u32>, 3>, slot: u32, perturbs: bool) -> ExactIntersection {
     let stored = store_corners(corners);
     let numbers = INTERSECTIONS_OFFSET + 56u * slot;
-    let result = ExactIntersection(true, numbers, numbers + 28u, stored.len.triple, stored.unit - line.shift - line.unit);
+    let exponent = stored.unit - line.scale_exponent - line.unit;
+    let result = ExactIntersection(true, numbers, numbers + 28u, stored.len.triple, exponent);
     if !compute_determinants(result, stored.len, perturbs) { return NO_INTERSECTION; }
     return result;
 }

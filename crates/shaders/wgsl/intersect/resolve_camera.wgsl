@@ -171,7 +171,8 @@ fn resolve_exact_camera(
     for (var k = group.x + group.y * groups.x; k < count; k += groups.x * groups.y) {
         let needs_hit = k < hit_count;
         let i = load_ray(listed_at(k, hit_count), local);
-        // Resolves the hit, if it needs it, and then the shadow. In one loop, the code that decides candidates is compiled once.
+        // Resolves the hit if it is undecided, and then the shadow. In one loop, the code that decides candidates is
+        // compiled once.
         for (var is_shadow = !needs_hit; ; is_shadow = true) {
             var list = NO_CANDIDATE;
             if is_shadow {

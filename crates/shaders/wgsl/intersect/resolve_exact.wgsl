@@ -182,7 +182,7 @@ fn resolve_exact_shadow_rays(
     resolve_exact_any_hits(local, group_index, groups.x * groups.y, OCCLUDED_COUNT);
 }
 
-// Closest hits that `trace_camera` or `trace_rays` left undecided. A fixed number of workgroups shares the list.
+// Closest hits that `trace_camera` or `trace_rays` left undecided.
 //
 // Variants: intersector(exact).
 // Parameters: search.

@@ -18,7 +18,7 @@ const EDGE_ERROR: f32 = 5.684341886080802e-14;
 // 2^-66: bounds the error of a sheared coordinate, relative to the terms that cancel in it.
 const SHEAR_ERROR: f32 = 1.3552527156068805e-20;
 // 2^-60: bounds the same error where a coordinate of zero may represent one below 2^-64.
-const FLUSH_ERROR: f32 = 8.673617379884035e-19;
+const SNAP_ERROR: f32 = 8.673617379884035e-19;
 // 2^-118: bounds the parts of an edge function that underflow.
 const UNDERFLOW_ERROR: f32 = 3.0092655e-36;
 
@@ -86,7 +86,7 @@ fn exact_difference(corners: vec3<f32>, start: f32) -> DoubleFloat3 { return two
 // components. t in the ray's own units is t * 2^-exponent.
 struct PermutedLine { axes: vec3<u32>, origin: vec3<f32>, direction: vec3<f32>, exponent: i32 }
 
-// Returns the line of a ray with the given direction in scaled units.
+// Returns the line of a ray. `direction` is scaled as in `PreparedRay`, but keeps its small components.
 fn permuted_line(ray: PreparedRay, direction: vec3<f32>) -> PermutedLine {
     return PermutedLine(ray.axes, ray.permuted_origin, permute(direction, ray.axis), ray.exponent);
 }
@@ -108,8 +108,8 @@ fn round_hit(permuted: PermutedLine, leaf: u32) -> RoundedHit {
     let deepest = 1.01 * max_component(abs(z.high));
     let max_coordinate = 2.0 * (max(max_component(abs(x.high)), max_component(abs(y.high))) + deepest);
     let small = has_zero(corners.x) || has_zero(corners.y) || has_zero(corners.z) || has_zero(permuted.origin);
-    let flushed = select(0.0, FLUSH_ERROR, small);
-    let shear_error = SHEAR_ERROR * max_coordinate + flushed;
+    let snap_error = select(0.0, SNAP_ERROR, small);
+    let shear_error = SHEAR_ERROR * max_coordinate + snap_error;
     let extent = max_component(abs(p.high)) + max_component(abs(q.high));
     let edge_errors = EDGE_ERROR * edges.sizes + vec3<f32>(2.02 * shear_error * (extent + shear_error) + UNDERFLOW_ERROR);
     let error = 1.01 * (edge_errors.x + edge_errors.y + edge_errors.z) + EDGE_ERROR * magnitude;
@@ -120,7 +120,7 @@ fn round_hit(permuted: PermutedLine, leaf: u32) -> RoundedHit {
     let denominator = fast_two_sum(by.high, add_each(by.low, mul_each(det.low, d.zzz)));
     let n = vec2<f32>(numerator.high.x, numerator.low.x);
     let inverse = 1.02 / magnitude;
-    let t_error = (2.0 * deepest * error + flushed * magnitude) * inverse;
+    let t_error = (2.0 * deepest * error + snap_error * magnitude) * inverse;
     let t = round_quotient_once(n, vec2<f32>(denominator.high.x, denominator.low.x), t_error);
 
     let determinant = vec2<f32>(det.high.x, det.low.x);

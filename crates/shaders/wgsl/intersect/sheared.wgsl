@@ -62,8 +62,8 @@ fn padded_span(pad: f32, a: f32, b: f32, c: f32) -> vec2<f32> {
     return vec2<f32>(sub(min(a, min(b, c)), pad), add(max(a, max(b, c)), pad));
 }
 
-// Returns an upper bound on the padding of the triangle's own box along the main axis. The distance of a corner is at
-// most the sum of its sheared coordinates and its depth.
+// Returns an upper bound on the padding of the triangle's own box along the main axis. Relative to the origin,
+// a corner's coordinate is at most its larger sheared coordinate plus its distance along the main axis.
 fn loose_own_pad(ray: PreparedRay, edges: Edges) -> f32 {
     let across = max(
         max(abs(edges.a.x), abs(edges.a.y)), max(max(abs(edges.b.x), abs(edges.b.y)), max(abs(edges.c.x), abs(edges.c.y))),

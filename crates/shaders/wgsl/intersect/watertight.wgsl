@@ -13,7 +13,7 @@ import package::lib::exact::sign_of_difference;
 import package::lib::ieee::{add, divide, divide_by, divisor};
 import package::lib::params::params;
 
-// Woop, Benthin, Wald 2013, with exact signs and symbolic ties: see docs/design/hits.md.
+// Woop, Benthin, Wald 2013, with exact signs. A symbolic perturbation breaks ties: see docs/design/hits.md.
 
 // Returns the exact sign of p.x * q.y - p.y * q.x. If that is zero, returns the sign after the ray is moved by (e, e^2)
 // for an infinitesimal e.

@@ -13,8 +13,8 @@ fn loose_quotient_and_sum(x: vec4<f32>) -> vec2<f32> { return vec2<f32>(x.x / x.
 // Rounding error of the product, on devices whose fused multiply-add rounds once.
 fn product_rounding_error(a: f32, b: f32) -> f32 { return fma(a, b, -mul(a, b)); }
 
-// Runs a loop of 100,000 iterations and counts them in memory. Mesa before 23.1 ends an invocation's loops after 65,535
-// iterations; afterwards only values in memory are reliable.
+// Runs a loop of 100,000 iterations and counts them in memory. Lavapipe before Mesa 23.1 ends loops after about 65,536
+// iterations. Afterwards, only values in memory are reliable.
 fn count_iterations() {
     for (var iteration = params.zero; iteration < 100000u; iteration += 1u) { results[1u].z += 1u; }
 }

@@ -1,7 +1,8 @@
 // Buffers that more than one file uses. The host binds them by name; the build numbers those that a kernel uses.
 // An entry point's name is a condition: a buffer is declared read-only for kernels that only read it.
 
-// The tree, two rows per node: lower corner of the box and the node's traversal reference, then the upper corner.
+// The tree, two rows per node: lower corner of the node's box and the reference to its children or triangles
+// (geometry/node.wgsl), then the upper corner.
 @if(cluster || refit_treelets || preprocess_treelets || preprocess_treelets_from_key_frames)
 @group(0) @binding(next) var<storage, read_write> nodes: array<vec4<u32>>;
 @else

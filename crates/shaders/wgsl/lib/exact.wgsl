@@ -1,4 +1,5 @@
-// Integer arithmetic on floats: exact signs of products and sums, and IEEE results for subnormal numbers.
+// Integer arithmetic on floats: exact signs of differences of products, and IEEE sums and products of subnormal
+// numbers.
 
 import package::lib::ieee::{decode_float, round_quotient};
 import package::lib::integers::mantissa_of;

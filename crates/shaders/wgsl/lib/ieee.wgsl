@@ -140,12 +140,14 @@ fn divide_special(sign: u32, magnitude_a: u32, magnitude_b: u32) -> f32 {
     return bitcast<f32>(sign | select(0u, inf, infinite));
 }
 
-// Remainder a - q * b, on devices whose fused multiply-add rounds once. It is exact if q is within one place of a / b.
+// Remainder a - q * b, on devices whose fused multiply-add rounds once. It is exact if q is within one unit in
+// the last place of a / b.
 
 @if(FUSED)
 fn division_remainder(a: f32, q: f32, by: Divisor) -> f32 { return fma(-q, by.value, a); }
 
-// Remainder a - q * b. Products of halves are exact, and so is each difference if q is within one place of a / b (Dekker 1971).
+// Remainder a - q * b. Products of halves are exact. So is each difference if q is within one unit in the last place of
+// a / b (Dekker 1971).
 @else
 fn division_remainder(a: f32, q: f32, by: Divisor) -> f32 {
     let high = upper_bits(q);

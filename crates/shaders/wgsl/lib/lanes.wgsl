@@ -1,9 +1,9 @@
-// Communication within a group of 32 invocations: a subgroup for the entry points `*_by_subgroups` (condition SUBGROUPS), else a
-// workgroup.
+// Communication within a group of 32 invocations: a subgroup for the entry points `*_by_subgroups` (condition
+// SUBGROUPS), else a workgroup. `lane` is the invocation's index within the group.
 
-// The versions for a workgroup. They contain no loops: Mesa before 23.1 limits the total number of loop iterations of a
-// vector of invocations (docs/design/drivers.md). Beyond the limit, a vector could leave a loop early, and other vectors
-// would wait at the barrier forever. The self-test refuses such drivers too.
+// The versions for a workgroup. They contain no loops: lavapipe before Mesa 23.1 limits the total number of loop
+// iterations of a vector of invocations (docs/design/drivers.md). Beyond the limit, a vector could leave a loop early,
+// and other vectors would wait at the barrier forever. The self-test refuses such drivers too.
 
 @if(!SUBGROUPS)
 var<workgroup> shared_values: array<vec4<u32>, 8>;
@@ -49,11 +49,11 @@ fn transpose_bits(x: u32, lane: u32) -> u32 {
     return result;
 }
 
-// Returns bit `k` of four neighbouring lanes.
+// Returns bit `k` of the four lanes of a quad, from 4 * quad on. Each bit is at the place of its lane.
 @if(!SUBGROUPS)
-fn bits_of_four(neighbours: u32, k: u32) -> u32 {
-    let bits = ((shared_values[neighbours] >> vec4<u32>(k)) & vec4<u32>(1u)) << vec4<u32>(0u, 1u, 2u, 3u);
-    return (bits.x | bits.y | bits.z | bits.w) << (4u * neighbours);
+fn bits_of_four(quad: u32, k: u32) -> u32 {
+    let bits = ((shared_values[quad] >> vec4<u32>(k)) & vec4<u32>(1u)) << vec4<u32>(0u, 1u, 2u, 3u);
+    return (bits.x | bits.y | bits.z | bits.w) << (4u * quad);
 }
 
 // Returns the inclusive prefix sum.
@@ -66,11 +66,11 @@ fn group_inclusive_sum(x: u32, lane: u32) -> u32 {
     return sum;
 }
 
-// Returns the part of the inclusive prefix sum that four neighbouring lanes contribute.
+// Returns the part of the inclusive prefix sum that the four lanes of a quad contribute.
 @if(!SUBGROUPS)
-fn sum_of_four(neighbours: u32, lane: u32) -> u32 {
-    let is_up_to = vec4<u32>(4u * neighbours) + vec4<u32>(0u, 1u, 2u, 3u) <= vec4<u32>(lane);
-    let x = select(vec4<u32>(0u), shared_values[neighbours], is_up_to);
+fn sum_of_four(quad: u32, lane: u32) -> u32 {
+    let is_up_to = vec4<u32>(4u * quad) + vec4<u32>(0u, 1u, 2u, 3u) <= vec4<u32>(lane);
+    let x = select(vec4<u32>(0u), shared_values[quad], is_up_to);
     return x.x + x.y + x.z + x.w;
 }
 

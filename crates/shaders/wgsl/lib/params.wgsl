@@ -118,8 +118,8 @@ struct Params {
     node_count: u32,
     // Always 0. Unknown to the compiler, so it prevents optimizations across it.
     zero: u32,
-    // For `resolve_exact_camera`: row of the first root of the treelet level whose boxes a search starts with, and
-    // number of roots of this level.
+    // For `resolve_exact_camera`: a search starts with the boxes of the treelet roots of one level. Row of the first
+    // root, and number of roots.
     start_row: u32,
     start_count: u32,
     // `extreme`: 1 if all rays are extreme (see ExtremesParams), 2 if kernels read from the buffer `range` which rays are.

@@ -7,7 +7,7 @@ import package::lib::buffers::hits;
 import package::lib::counters::OCCLUDED_COUNT;
 
 // Writes the hit of ray `i` from `eye`, and whether the hit point is in shadow. With `watertight` and `exact`, `best`
-// has the leaf of the hit.
+// must contain the leaf of `hit`.
 fn write_hit_and_shadow(i: u32, hit: vec4<u32>, best: BestHit, eye: vec3<f32>) {
     hits[i] = hit;
     if is_undecided(hit) { return; }

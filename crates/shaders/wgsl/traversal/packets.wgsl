@@ -17,7 +17,7 @@ const SKIPPED: u32 = 0xffffffffu;
 // Greater than every finite depth.
 const FARTHEST_DEPTH: u32 = 0x7f800000u;
 
-// Returns whether a projected box or triangle overlaps the packet and begins before a depth, as bits.
+// Returns whether a projected box or triangle overlaps the packet and begins no farther than `depth` (bits of a float).
 fn overlaps_packet(coverage: vec4<u32>, corner: vec2<u32>, depth: u32) -> bool {
     let first = coverage.xy & vec2<u32>(0xffffu);
     let last = coverage.xy >> vec2<u32>(16u);

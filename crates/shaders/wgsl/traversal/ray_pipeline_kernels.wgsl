@@ -7,9 +7,9 @@ import package::lib::params::{element_index, params};
 
 @group(0) @binding(next) var<storage, read_write> finite_triangles: array<u32>;
 
-// Writes triangles for the driver's tree, three vertices each. A triangle with a corner that is not finite collapses to a point
-// (`eye`), where no ray hits it. Drivers also support inactive triangles, but a tree cannot be updated when they change, and one
-// driver (Mesa 25.0) then loses other triangles too.
+// Writes triangles for the driver's tree, three vertices each. A triangle with a corner that is not finite collapses to
+// a point (`eye`), where no ray hits it. Drivers also support inactive triangles. But an update must not activate or
+// deactivate triangles, and Mesa 25.0 loses triangles next to inactive ones.
 
 fn store_point(at: u32, v: vec3<u32>) {
     finite_triangles[at] = v.x;

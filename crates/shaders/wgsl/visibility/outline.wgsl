@@ -6,8 +6,8 @@ import package::lib::buffers::records;
 import package::lib::double_float::sub_each;
 import package::lib::params::params;
 
-// The buffer `pixel_coverage` for packets, in rows of 16 bytes. First come the lanes of the wide tree, one row each. From
-// row `wide_lanes` on follow the triangles in leaf order, two rows each.
+// The buffer `pixel_coverage` for packets, in rows of 16 bytes. First come the lanes of the wide tree (the children of
+// its nodes), one row each. From row `wide_lanes` on follow the triangles in leaf order, two rows each.
 //
 // The row of a lane and the first row of a triangle begin with two spans of pixels, of columns and of rows, and with
 // the bits of the nearest depth. The row of a lane ends with a reference to its child. The first row of a triangle ends
@@ -64,12 +64,13 @@ fn is_precise(p: Projected) -> bool {
     return max_component(abs(p.at)) < MAX_OFFSCREEN_PIXELS && max_component(p.error_bound) < 1.0;
 }
 
-// Returns the depth below which the error of a depth may exceed a 64th.
+// Returns the depth below which a depth's relative error may exceed 1/64. `DEPTH_ERROR` is larger, because it also
+// bounds the error of a hit's depth.
 fn near_limit(max_distance: f32) -> f32 { return 64.0 * PROJECTION_ERROR * max_distance * l1_norm(params.depth); }
 
-// Returns whether a triangle is certainly beyond one side of the picture. Also correct for a triangle that reaches behind
-// the eye: points there are not visible. For points in front of it, the sign of `across` or `down` (column or row times
-// depth) is the side.
+// Returns whether a triangle is certainly beyond one side of the picture. Also correct for a triangle that reaches behind the
+// eye: points there are not visible. In front of the eye, `across` is column times depth, and `down` is row times depth. So the
+// signs of `across` and `across - width * depths` show on which side of the left and the right border a point is.
 @if(!WATERTIGHT)
 fn is_triangle_outside(x: vec3<f32>, y: vec3<f32>, z: vec3<f32>, depths: vec3<f32>, max_distance: f32) -> bool {
     let across = params.column.x * x + params.column.y * y + params.column.z * z;
@@ -196,9 +197,9 @@ fn project_own_box(leaf: u32, origin: vec3<f32>, max_distance: f32) -> BoxCovera
 
 // A triangle's outline in the picture, slightly enlarged: see docs/design/visibility-buffer.md.
 
-// The rectangle of pixels is empty if `first` is after `last`. Each edge bounds every row of pixels: at `at` in the first row,
-// plus `slope` per row. On side -1 covered pixels begin there, on side 1 they end. `covered` is the approximate number of
-// covered pixels.
+// The rectangle of pixels is empty if `first` is after `last`. Each edge bounds the covered pixels of every row: at
+// column `at` in the first row, plus `slope` for each further row. Side -1 is where covered pixels begin, side 1 where
+// they end. `covered` is the approximate number of covered pixels.
 struct Outline { first: vec2<i32>, last: vec2<i32>, at: vec3<f32>, slope: vec3<f32>, side: vec3<f32>, covered: f32 }
 
 fn without_edges(first: vec2<i32>, last: vec2<i32>) -> Outline {

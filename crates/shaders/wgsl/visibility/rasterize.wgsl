@@ -13,8 +13,8 @@ import package::lib::params::{element_index, params};
 import package::visibility::cover::{KEYS_PER_PIXEL, LARGE_CAPACITY};
 
 // With `watertight`, one key per pixel: the bits of the first hit's t in the upper half, the index of its triangle in
-// the lower half, or all ones if nothing is hit. The other intersectors store two keys per pixel, with the least two t
-// and their leaves. A last element is all ones if rasterization was complete.
+// the lower half, or all ones if nothing is hit. The other intersectors store two keys per pixel: the least two
+// results of `nearest_t`, each with its leaf. A last element is all ones if rasterization was complete.
 @if(clear_visibility)
 @group(0) @binding(next) var<storage, read_write> visibility: array<vec4<u32>>;
 @else
