@@ -26,7 +26,7 @@ pub struct SahBuilder {
 }
 
 impl SahBuilder {
-    /// Builds a tree over all boxes that are not empty. Reuses the memory of `tree`.
+    /// Builds a tree over all boxes that are finite and not empty. Reuses the memory of `tree`.
     ///
     /// # Errors
     /// [`BuildError::Cancelled`]; `tree` is then empty.
@@ -86,7 +86,7 @@ impl SahBuilder {
 }
 
 impl BinaryTree {
-    /// Builds a tree over all boxes that are not empty, with a temporary [`SahBuilder`].
+    /// Builds a tree over all boxes that are finite and not empty, with a temporary [`SahBuilder`].
     #[must_use]
     pub fn over<B: Boxes + ?Sized>(boxes: &B) -> Self {
         let mut tree = Self::default();

@@ -35,7 +35,7 @@ pub struct CpuBackend {
     commands: Vec<Command>,
     /// Set if a trace was recorded since the last submission.
     has_trace: bool,
-    /// Retained submissions, oldest first.
+    /// Submissions whose results are still available, oldest first.
     submissions: VecDeque<Submission>,
     /// The submission that is being recorded.
     next: Submission,

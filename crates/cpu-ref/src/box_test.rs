@@ -47,7 +47,7 @@ impl BoxRay {
         }
     }
 
-    /// Returns the part of the ray within a box, or `None` if the ray does not meet the box before `bound`.
+    /// Returns the part of the ray within a box. Returns `None` if the ray misses the box or enters it after `bound`.
     #[inline]
     pub fn meet(&self, bounds: &Aabb, bound: f32) -> Option<BoxSpan> {
         let from_origin = |plane: &Point, axis: usize| plane[axis] - self.origin[axis];

@@ -59,9 +59,9 @@ impl RaySearch<'_> {
         }
     }
 
-    /// Calls `see` for each triangle in a box that the ray enters before the bound. Visits the children of each node in
-    /// order of entry. The bound is `t_max` at first, and `see` may reduce it. Returns the first result of `see` that is
-    /// `Some`.
+    /// Calls `see` for each triangle in a box that the ray enters no later than the bound. Visits the children of each
+    /// node in order of entry. The bound is `t_max` at first, and `see` may reduce it. Returns the first result of
+    /// `see` that is `Some`.
     fn visit<T>(&self, mut see: impl FnMut(u32, &mut f64) -> Option<T>) -> Option<T> {
         let Self { tree, ray, .. } = self;
         if !ray.is_valid() {
@@ -130,8 +130,9 @@ fn entry(scaled: &Aabb, unit: f64, ray: &Ray, bound: f64) -> Option<f64> {
 
 /// Returns the shadow ray from a hit of `ray` to a light, with `t` in `(0, 2)`, in the scene's units.
 ///
-/// The [hit point](hit_point) is moved to the light's side of the triangle, by at least about its error. The direction
-/// is half the vector to the light, which cannot overflow.
+/// The [hit point](hit_point) is moved to the light's side of the triangle. Before rounding, it moves by at least its
+/// error bound along each axis where the normal is not zero. The direction is half the vector to the light, which
+/// cannot overflow.
 pub(crate) fn shadow_ray(ray: &Ray, hit: &Hit, corners: &Triangle, light: Point) -> Ray {
     let (point, error) = hit_point(ray, hit, corners);
     let side = match side_of(corners, light) {

@@ -5,7 +5,7 @@
 //! breadth-first binary tree of Kim and others (2014), with one triangle per leaf. Every frame processes all leaves and
 //! all nodes.
 //!
-//! Each module uses only modules above it in this list:
+//! Each module uses only modules before it in this list:
 //!
 //! - `scale`, `geometry`, `box_test`: units, the triangles of a moment, the box test;
 //! - `intersect`: the ray-triangle tests, one file each;

@@ -106,8 +106,8 @@ impl PreparedRay {
         })
     }
 
-    /// Returns limits for intervals `low..=high` of floats. If both ends are strictly between these limits, every exact
-    /// `t'` in the interval is valid: converted to the ray's own units and rounded once, it is strictly between the
+    /// Returns limits that prove distances valid. If floats `low` and `high` are strictly between them, every exact
+    /// `t'` in `low..=high` is valid: converted to the ray's own units and rounded once, it is strictly between the
     /// ray's `t_min` and `t_max`.
     ///
     /// A limit of the ray suffices if it is a normal number: `low` is at least the next float after `t_min`, and

@@ -18,8 +18,8 @@ pub struct RaySearch<'a> {
     pub geometry: Geometry<'a>,
     /// The triangle test.
     pub intersector: Intersector,
-    /// The ray, in the units that `scale` converts from: scaled units for shadow rays, except those of extreme rays, and
-    /// the scene's units for all other rays.
+    /// The ray, in the units that `scale` converts from. If `is_extreme` is unset, shadow rays are in scaled units. All
+    /// other rays are in the scene's units.
     pub ray: Ray,
     /// Conversion from the ray's units to scaled units.
     pub scale: Scale,

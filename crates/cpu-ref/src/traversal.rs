@@ -9,8 +9,8 @@ pub trait TreeTraversal: Sync {
     /// Returns the root box.
     fn root(&self) -> Aabb;
 
-    /// Calls `visitor` for every triangle whose own box the ray meets before the bound, in approximate order of
-    /// distance. The bound is `t_max` at first. Returns whether the visitor ended the traversal.
+    /// Calls `visitor` for every triangle whose own box the ray enters no later than the bound, in approximate order
+    /// of distance. The bound is `t_max` at first. Returns whether the visitor ended the traversal.
     fn traverse(&self, ray: &PreparedRay, visitor: &mut TriangleVisitor<'_>) -> bool;
 
     /// Calls `each` for each child of a node, with a box that contains the child. Node 0 is the root. The root of an

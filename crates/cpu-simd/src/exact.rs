@@ -191,9 +191,9 @@ struct ExactClosestOfRay<'a, R: Lanes> {
     bound: f32,
     /// Lower end of the interval that ends at `bound`.
     low: f32,
-    /// Least lower end of the intervals of all other candidates.
+    /// Least lower end of the intervals of other candidates that may be the closest hit.
     other: f32,
-    /// Triangle whose interval ends at `bound`.
+    /// Place of the triangle whose interval ends at `bound`, or [`NOWHERE`].
     place: u32,
 }
 

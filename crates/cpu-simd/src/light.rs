@@ -36,14 +36,14 @@ impl LaneAnswers {
     #[inline(always)]
     pub(crate) fn counts(&self, lanes: u32) -> HitCounts {
         HitCounts {
-            hits: u64::from((self.lanes() & lanes).count_ones()),
+            hits: u64::from((self.hit_lanes() & lanes).count_ones()),
             blocked: u64::from((self.blocked & lanes).count_ones()),
         }
     }
 
     /// Returns the lanes with a hit.
     #[inline(always)]
-    pub(crate) fn lanes(&self) -> u32 {
+    pub(crate) fn hit_lanes(&self) -> u32 {
         let mut hit = 0;
         for (lane, found) in self.hits.iter().enumerate() {
             hit |= u32::from(found.is_hit()) << lane;

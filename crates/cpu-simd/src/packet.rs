@@ -26,7 +26,7 @@ pub(crate) struct RayPacket<L, P> {
 }
 
 /// Limit on the ratio of direction lengths in one packet, so that distances stay in the normal range.
-const APART: f32 = 16.0;
+const MAX_LENGTH_RATIO: f32 = 16.0;
 
 impl<L: Lanes, P: Halves> RayPacket<L, P> {
     /// Creates a packet. Returns `None` if a ray is not [ready](PreparedRays::ready), if directions differ in main axis
@@ -39,7 +39,7 @@ impl<L: Lanes, P: Halves> RayPacket<L, P> {
         let turned = [is_negative(x)?, is_negative(y)?, is_negative(z)?];
         let back = L::load(&group.back);
         let to_first_ray = back.mul(L::splat(1.0 / group.back.as_ref()[0]));
-        if to_first_ray.most() > APART * to_first_ray.least() {
+        if to_first_ray.most() > MAX_LENGTH_RATIO * to_first_ray.least() {
             return None;
         }
         Some(Self {
@@ -176,8 +176,8 @@ pub(crate) fn search<I: Isa>(
     !walk::<I>(tree, bundle, bundle.t_max, stack, &mut visitor)
 }
 
-/// Number of triangles that a packet tests before its rays are traced singly. Packets that test more are usually
-/// slower, because each ray hits a different triangle.
+/// Number of triangles that a closest-hit packet tests before its rays are traced singly. Packets that test more are
+/// usually slower, because each ray hits a different triangle.
 const TRIANGLE_BUDGET: u32 = 256;
 
 struct PacketVisitor<'a, L: Lanes, P, S> {
@@ -206,8 +206,8 @@ impl<I, L: Lanes, P: Halves, S: PacketSearch<L>> Visitor<I> for PacketVisitor<'_
     }
 }
 
-/// Number of blocks that a packet visits before its rays are traced singly. If the origins of shadow rays are far
-/// apart, the packet's bounds are loose and it visits too many blocks.
+/// Number of blocks that an any-hit packet visits before its rays are traced singly. If the origins of shadow rays are
+/// far apart, the packet's bounds are loose and it visits too many blocks.
 const BLOCK_BUDGET: u32 = 16;
 
 /// Returns the active lanes that hit any triangle except the lane's skipped one. Returns `None` if tracing the rays

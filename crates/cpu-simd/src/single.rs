@@ -15,7 +15,7 @@ use std::marker::PhantomData;
 pub(crate) struct PlacedHit {
     pub(crate) hit: Hit,
     pub(crate) place: u32,
-    /// Set if the filter of `exact` cannot decide the hit. Exact arithmetic must then search again.
+    /// Set if the filter of `exact` cannot decide the hit. `cpu-ref` must then trace the ray again.
     pub(crate) is_open: bool,
 }
 
@@ -90,8 +90,8 @@ pub(crate) fn any<I: Isa, T: AnyHitTest>(
             if lanes != 0 {
                 let first = 31 - lanes.leading_zeros();
                 let rest = lanes & !(1 << first);
-                let place = len % STACK_CAPACITY;
-                links[place..place + LANES].copy_from_slice(&I::packed(&node.links, rest));
+                let at = len % STACK_CAPACITY;
+                links[at..at + LANES].copy_from_slice(&I::packed(&node.links, rest));
                 len += rest.count_ones() as usize;
                 link = node.links[first as usize % LANES];
                 continue;

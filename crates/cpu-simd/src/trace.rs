@@ -368,7 +368,7 @@ impl<I: Isa, T: ClosestSearch> Outlined<I> for AnswerLanes<'_, '_, I::Packet, T>
             return answers;
         }
         let mut answers = tracer.closest::<I>(&batch, state);
-        let (Some(light), hit) = (light, batch.active & answers.lanes()) else {
+        let (Some(light), hit) = (light, batch.active & answers.hit_lanes()) else {
             return answers;
         };
         if hit == 0 {

@@ -56,8 +56,8 @@ impl Default for TraversalStack {
 
 /// Handler of the blocks that a ray meets, nearer ones first.
 pub(crate) trait Visitor<I> {
-    /// Visits a block whose box the ray meets before `bound`. Returns the next bound, or `None` to end the traversal.
-    /// Must be `#[inline(always)]`.
+    /// Visits a block whose box may be entered no later than `bound`. Returns the next bound, or `None` to end the
+    /// traversal. Must be `#[inline(always)]`.
     fn block(&mut self, block: usize, bound: f32) -> Option<f32>;
 }
 
@@ -109,9 +109,9 @@ impl<L: Lanes> NodeRay<L> {
         }
     }
 
-    /// Returns the distances to near and far planes of boxes, with the operations of the box test in `cpu-ref`. These
-    /// are conservative: the padding grows with the box's distance `D` (see [`cpu_ref::PAD`]), which is at least that of
-    /// any contained box, and every operation is monotone.
+    /// Returns the distances to near and far planes of boxes, with the operations of the box test in `cpu-ref`. The
+    /// padding grows with `D` (see [`cpu_ref::PAD`]), which is at least that of any contained box. Every operation is
+    /// monotone. So a ray that meets a contained box also meets this box.
     #[inline(always)]
     fn spans_with_own_padding(&self, at: [[L; 2]; 3]) -> [[L; 2]; 3] {
         let from = each!(axis => {
@@ -154,7 +154,7 @@ impl<L: Eight> BoxTest<L> for NodeRay<L> {
     }
 }
 
-/// Visits the blocks that `rays` may hit before `bound`, approximately nearest first. Returns whether `visitor` ended
+/// Visits the blocks that `rays` may hit up to `bound`, approximately nearest first. Returns whether `visitor` ended
 /// the traversal.
 #[inline(always)]
 pub(crate) fn walk<I: Isa>(
@@ -213,8 +213,8 @@ impl PendingLinks<'_> {
     #[inline(always)]
     fn insert(&mut self, base: usize, link: PendingLink) {
         let mut later = link;
-        for place in base..self.len {
-            let at = &mut self.entries[place % STACK_CAPACITY];
+        for index in base..self.len {
+            let at = &mut self.entries[index % STACK_CAPACITY];
             (*at, later) = ((*at).max(later), (*at).min(later));
         }
         self.entries[self.len % STACK_CAPACITY] = later;

@@ -65,7 +65,8 @@ fn near(reach: f32) -> impl Strategy<Value = Point> {
     [-reach..reach, -reach..reach, -reach..reach]
 }
 
-/// Cameras inside and outside, of every angle, some along an axis. Directions have any length.
+/// Cameras inside and outside the ball, with fields of view of 2 to 175 degrees. Some look at the origin. Lengths of
+/// directions vary.
 fn cameras() -> impl Strategy<Value = Camera> {
     let eye = prop_oneof![3 => near(4.0), 1 => near(0.9), 1 => near(60.0)];
     let at = prop_oneof![3 => near(1.0), 1 => Just([0.0; 3])];
@@ -106,7 +107,7 @@ fn any_number() -> impl Strategy<Value = f32> {
 }
 
 /// Unrelated rays of every direction and length. Some have limits, and some are invalid.
-fn strangers() -> impl Strategy<Value = Vec<Ray>> {
+fn unrelated_rays() -> impl Strategy<Value = Vec<Ray>> {
     let three = || [any_number(), any_number(), any_number()];
     let length =
         prop_oneof![4 => Just(1.0_f32), 1 => Just(1e-19), 1 => Just(1e22), 1 => 0.01_f32..100.0];
@@ -260,7 +261,7 @@ proptest! {
 
     #[test]
     fn incoherent_rays_match_scalar_hits(
-        rays in strangers(),
+        rays in unrelated_rays(),
         light in near(9.0),
         size in size(),
         intersector in prop::sample::select(&Intersector::ALL[..]),

@@ -48,7 +48,7 @@ impl Animation {
     /// does not count. Reads every key frame once to determine bounds, ranges and static parts.
     ///
     /// # Errors
-    /// Those of [`Self::new`], or a key frame cannot be read.
+    /// Those of [`Self::new`]. A key frame cannot be read, or the threads that read key frames cannot be started.
     pub fn paged(
         source: Arc<KeySource>,
         keys: usize,
@@ -200,7 +200,8 @@ impl Animation {
         }
     }
 
-    /// Returns memory of a dropped key frame, to fill and [push](Self::push) as the next one.
+    /// Returns memory of a dropped key frame or from [`Self::add_spare_frame`], to fill and [push](Self::push).
+    /// Returns `None` if no such memory is free.
     pub fn spare_frame(&self) -> Option<PointBuffer> {
         match &self.keys {
             KeyFrames::Streamed(keys) => keys.spare(),

@@ -66,7 +66,7 @@ impl Camera {
     /// Creates a camera for an image of `width` times `height` pixels. Returns `None` in these cases:
     ///
     /// - `eye` equals `target`, or `up` is parallel to the line of sight;
-    /// - the field of view is outside `0..180`, or the image has no pixels;
+    /// - the field of view is not between 0 and 180 degrees, or the image has no pixels;
     /// - a number is not finite.
     #[must_use]
     pub fn look_at(pose: CameraPose, [width, height]: [u32; 2]) -> Option<Self> {

@@ -26,7 +26,8 @@ pub struct CoordinateRange {
     /// True if the largest coordinate far exceeds the typical one. Backends then compute the padding of each inner box
     /// from that box instead of the root box. This changes no hit.
     pub spread: bool,
-    /// The offset of shadow rays grows with the root box's longest edge, but at most with this length, in scene units.
+    /// The offset of shadow rays grows with the root box's longest edge. A longer edge than this, in scene units, counts
+    /// as this length.
     pub clearance: f32,
 }
 

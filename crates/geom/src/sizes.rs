@@ -1,4 +1,4 @@
-//! Sizes of a key frame's coordinates, computed fast enough to do it for every frame that arrives.
+//! Sizes of a key frame's coordinates. This code runs for every frame that arrives, so it must be fast.
 
 use crate::{CoordinateRange, Point, in_parallel};
 use rayon::prelude::*;

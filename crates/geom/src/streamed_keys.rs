@@ -18,7 +18,7 @@ struct Recent {
     kept: VecDeque<StreamedKey>,
     /// Buffers for reuse: dropped key frames, which readers may still hold, and frames added by
     /// [`StreamedKeys::add_spare`].
-    dropped: Vec<KeyFrame>,
+    spares: Vec<KeyFrame>,
 }
 
 #[derive(Debug)]
@@ -50,20 +50,20 @@ impl StreamedKeys {
         state.kept.push_back(StreamedKey { frame, range: None });
         if state.kept.len() > Self::KEPT {
             let oldest = state.kept.pop_front();
-            state.dropped.extend(oldest.map(|key| key.frame));
+            state.spares.extend(oldest.map(|key| key.frame));
         }
         state.last
     }
 
     pub(crate) fn add_spare(&self, frame: PointBuffer) {
-        lock(&self.state).dropped.push(Arc::new(frame));
+        lock(&self.state).spares.push(Arc::new(frame));
     }
 
     pub(crate) fn spare(&self) -> Option<PointBuffer> {
-        let dropped = &mut lock(&self.state).dropped;
+        let spares = &mut lock(&self.state).spares;
         let is_free = |frame: &KeyFrame| Arc::strong_count(frame) == 1;
-        let free = dropped.iter().position(is_free)?;
-        Arc::into_inner(dropped.swap_remove(free))
+        let free = spares.iter().position(is_free)?;
+        Arc::into_inner(spares.swap_remove(free))
     }
 
     /// Returns a key frame, or the oldest that is kept if `key` was dropped. Callers request key frames before they are

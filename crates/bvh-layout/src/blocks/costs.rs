@@ -78,7 +78,8 @@ impl<'a> CostedTree<'a> {
         }
     }
 
-    /// Returns both children. The one to visit first comes last, since traversal visits later lanes first.
+    /// Returns both children. The one to visit first comes last: the any-hit traversal of a single ray visits later
+    /// lanes first.
     pub(super) fn children_in_lane_order(&self, inner: Subtree) -> [Subtree; 2] {
         let [left, right] = self.tree.children(inner);
         // A leaf's area is not stored: its `None` is less than any area.

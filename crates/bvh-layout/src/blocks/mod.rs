@@ -59,7 +59,8 @@ pub struct BlockTree {
 /// A node of a [`BlockTree`]: the child of each lane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BlockTreeNode {
-    /// Children. Lanes without a child come last and hold [`Link::NONE`]. Traversal visits later children first.
+    /// Children. Lanes without a child come last and hold [`Link::NONE`]. The any-hit traversal of a single ray
+    /// visits later children first.
     pub links: [Link; LANES],
     /// The binary nodes that this node replaces.
     pub ranges: Ranges,

@@ -106,8 +106,8 @@ fn known_areas_move_large_triangles_up() {
     assert!(by_area < by_size);
 }
 
-/// Returns the block that a traversal reaches first.
-fn asked_first(wide: &BlockTree) -> &Block {
+/// Returns the block that an any-hit traversal visits first.
+fn first_visited_block(wide: &BlockTree) -> &Block {
     let mut link = Link::ROOT;
     while !link.is_block() {
         let links = &wide.nodes[link.index()].links;
@@ -127,7 +127,7 @@ fn visits_larger_or_left_subtree_first() {
             (FirstVisited::Left, order[0]),
         ] {
             let wide = collapsed(&tree, &boxes, first_visited);
-            let visited = asked_first(&wide).triangles;
+            let visited = first_visited_block(&wide).triangles;
             assert!(visited.contains(&found), "{large} {first_visited:?}");
         }
     }

@@ -59,7 +59,7 @@ impl Reader<'_> {
         assert!(self.rows.insert(row, found).is_none(), "row {row} twice");
     }
 
-    /// Decodes a node of a treelet. Returns its subtree and height. The flag means that leaves are triangles.
+    /// Decodes a node of a treelet. Returns its subtree and height. `of.0` is true on the lowest level.
     fn node(&mut self, of: (bool, Treelet), reference: u32) -> (Found, u32) {
         assert!(reference < 512);
         let ((is_lowest, entry), number) = (of, reference & 255);
@@ -129,7 +129,7 @@ pub(super) fn check(tree: &BinaryTree) -> Treelets {
     treelets
 }
 
-/// Checks that the rows of a treelet's leaves are exactly the roots of its children.
+/// Checks that a treelet's leaves have exactly the rows of its children's roots, and that one treelet has no parent.
 fn check_parents(treelets: &Treelets) {
     let all = (0..treelets.treelet_count() as u32).map(|t| (t, treelets.treelet(t as usize)));
     let levels = &treelets.levels;

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Bit 8 of a reference marks a leaf.
 const LEAF: u32 = 1 << 8;
-/// First bit of an inner node's height less one, in its word.
+/// First bit of `height - 1` in an inner node's word.
 const HEIGHT_AT: u32 = 26;
 
 /// Place of each inner node of the tree: `treelet number << 8 | node number in the treelet`.
@@ -243,11 +243,12 @@ impl Treelets {
             self.levels.push(first as u32..number as u32);
             rows_below = Some(rows_here);
         }
-        self.name_parents();
+        self.set_parents();
     }
 
-    /// Sets the parents. The leaves of a level's treelets are, in order, the roots of the treelets below.
-    fn name_parents(&mut self) {
+    /// Sets each treelet's parent and number of children. The leaves of a level's treelets are, in order, the roots of
+    /// the treelets below.
+    fn set_parents(&mut self) {
         let levels = self.levels.clone();
         for pair in levels.windows(2) {
             let mut below = pair[0].clone().peekable();

@@ -38,9 +38,9 @@ use std::sync::atomic::AtomicU32;
 /// | `I` | inner nodes, treelet by treelet, by height |
 ///
 /// A *reference* has 9 bits and selects a node of the same treelet. If bit 8 is 0, the low bits are the number of an
-/// inner node. If bit 8 is 1, they are the number of a leaf, counted within the treelet. On the lowest level, it is the
-/// number of the leaf's first triangle, on higher levels that of a root of the level below. Inner nodes are numbered in
-/// preorder, subtree by subtree.
+/// inner node. If bit 8 is 1, they are the number of a leaf, counted within the treelet. On the lowest level, this is
+/// the number of the leaf's first triangle. On higher levels, it is the number of a root of the level below. Inner
+/// nodes are numbered in preorder, subtree by subtree.
 ///
 /// An inner node's *height* is the number of inner nodes on the longest path down from it, including itself. Its word
 /// holds the left child's reference, the right child's from bit 9, its own number from bit 18, and its height less one

@@ -27,7 +27,7 @@ fn boxes() -> impl Strategy<Value = [Aabb; 2]> {
     })
 }
 
-/// A ray towards a corner, an edge or a face of a box, from near or far. Some are along an axis.
+/// A ray towards a point on the surface of a box or inside, from near or far. Some are along an axis.
 fn ray_to(bounds: Aabb) -> impl Strategy<Value = Ray> {
     let away = prop_oneof![4 => near(3.0), 2 => near(1e4), 1 => near(1e38)];
     let on = prop::array::uniform3(prop_oneof![Just(0.0_f32), Just(1.0), 0.0_f32..1.0]);

@@ -120,8 +120,8 @@ impl ExactRay {
 /// Returns whether double precision proves that the line misses the triangle.
 ///
 /// The side of an edge is a sum of six products. Each has at most eight roundings, including those of the differences
-/// of floats and of the sum. That is `8 * 2^-53` of the sum of absolute values. The factor 16 leaves room for the
-/// roundings of `size` and for higher orders. No product leaves the range of `f64`.
+/// of floats and of the sum. That is `8 * 2^-53` of the sum of absolute values. `8 * EPSILON` is twice that, so
+/// it also covers the roundings of `size` and higher orders. No product leaves the range of `f64`.
 fn certainly_misses(line: &ExactRay, corners: &Triangle) -> bool {
     let scale = f64::from(-line.corner_shift).exp2();
     let direction = line.ray.direction.map(f64::from);
