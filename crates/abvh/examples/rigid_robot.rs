@@ -9,7 +9,7 @@ fn bar(from: f32, to: f32) -> [Point; 4] {
     [[from, -0.1], [to, -0.1], [from, 0.1], [to, 0.1]].map(|[x, y]| [x, y, 0.0])
 }
 
-/// Returns a rotation by `angle` about the z direction, at the point `at` of the x axis.
+/// Returns a rotation by `angle` radians about the line through `[at, 0, 0]` that is parallel to the z axis.
 fn turn(angle: f32, at: f32) -> Matrix {
     let (sin, cos) = angle.sin_cos();
     [

@@ -7,8 +7,8 @@ use abvh::{Camera, CameraPose, Error, Mesh, Point, Query, Scene, Source, Tracer}
 
 /// Number of vertices along each side of the cloth and of the dome.
 const SIDE: u32 = 33;
-/// Least distance of the cloth's vertices from the dome's centre. The dome's radius is 1, and the cloth's triangles are
-/// nearer to the centre than their vertices.
+/// Distance from the dome's centre to which nearer vertices are moved, before the springs act. The dome's radius is 1,
+/// and the cloth's triangles are nearer to the centre than their vertices.
 const NEAREST: f32 = 1.05;
 
 fn grid(place: impl Fn(f32, f32) -> Point) -> Vec<Point> {

@@ -111,7 +111,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let pose = CameraPose::new([0.0, 5.0, 0.1], [0.0; 3]).with_fov(60.0);
     let camera = Camera::look_at(pose.with_up([0.0, 0.0, 1.0]), SIZE).ok_or("no picture")?;
     let vertices = buffer(&own, sheet.as_flattened());
-    for height in 1..5 {
+    for lift in 1..5 {
         let mut encoder = own.device.create_command_encoder(&Default::default());
         run(&mut encoder, &own.device, "lift", (&[&vertices], 1));
         let mut step = tracer.step(0.0);
@@ -131,7 +131,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let hits = tracer.hits(done, query)?;
         let nearer = hits.distances().filter(|&t| t < 4.0);
         assert_eq!(near as usize, nearer.count());
-        println!("{height}: {near} rays meet it nearer than 4");
+        println!("{lift}: {near} rays meet it nearer than 4");
     }
     Ok(())
 }

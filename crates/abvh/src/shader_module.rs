@@ -20,14 +20,14 @@ use crate::loaded::no_wgpu;
 use crate::{Error, Result, Tracer};
 use gpu_wgpu::{SHADER_MODULE, traced_scene};
 
-/// Returns the WGSL source to prepend to a shader. All names that are not listed above begin with `abvh_`. The source
-/// binds four buffers in bind group `group`: a uniform buffer and three read-only storage buffers.
+/// Returns the WGSL source to prepend to a shader. All names that the [module page](self) does not list begin with
+/// `abvh_`. The source binds four buffers in bind group `group`: a uniform buffer and three read-only storage buffers.
 #[must_use]
 pub fn wgsl(group: u32) -> String {
     SHADER_MODULE.replace("@group(0)", &format!("@group({group})"))
 }
 
-/// The buffers that shaders with this source read.
+/// The buffers that shaders with the source from [`wgsl`] read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SceneBuffers([wgpu::Buffer; 4]);
 

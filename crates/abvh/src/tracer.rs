@@ -165,7 +165,7 @@ impl TracerBuilder {
     }
 
     /// Loads the scene on the device of another tracer, whose kernels remain compiled. Ignores
-    /// [`TracerBuilder::device`], and also [`TracerBuilder::threads`] if the host traces.
+    /// [`TracerBuilder::device`]. If the host traces, the number of threads that trace does not change.
     ///
     /// # Errors
     /// [`Error::Misuse`](crate::Error::Misuse) if a step of `former` was encoded and its commands are not submitted.

@@ -16,9 +16,9 @@ crate::named! {
     }
 }
 
-/// How the device rounds divisions and sums of products for which the shader does not enforce IEEE 754 rounding. Among
-/// hits, it affects only those of intersectors whose hits differ between backends (see
-/// [`Intersector::is_equal_across_backends`]). It also affects costs of trees.
+/// How the device rounds divisions and sums of products for which the shader does not enforce IEEE 754 rounding. This
+/// affects costs of trees. It affects hits only with intersectors whose hits differ between backends (see
+/// [`Intersector::is_equal_across_backends`]).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Arithmetic {
     /// Whether division is correctly rounded.

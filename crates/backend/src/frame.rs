@@ -77,8 +77,8 @@ pub struct StageTimes {
     #[serde(serialize_with = "rounded")]
     pub interpolate_ms: Option<f64>,
     /// Computation of triangle records and boxes of leaves from positions or from key frames. Most devices also compute
-    /// some or all boxes of inner nodes here. Includes the same work for a candidate tree. On the host, includes
-    /// its whole evaluation.
+    /// some or all boxes of inner nodes here. Includes the same work for a candidate tree. On the host, includes the
+    /// whole evaluation of the candidate.
     #[serde(serialize_with = "rounded")]
     pub preprocess_ms: Option<f64>,
     /// Tree build on the device, except for triangle records and boxes of leaves.

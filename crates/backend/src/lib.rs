@@ -61,7 +61,7 @@
 //! such as tracing a stale tree, and unknown tickets panic. [`BackendError::Misuse`] reports that the calling program
 //! misused a resource that it shares with the library.
 
-/// Defines an enum whose variants have names for the command line or for tables and files, and a list of all variants.
+/// Defines an enum and a list of its variants. Each variant has a name for the command line, or for tables and files.
 #[macro_export]
 macro_rules! named {
     ($(#[$meta:meta])* $vis:vis enum $name:ident {

@@ -97,13 +97,14 @@ impl Policy {
         }
     }
 
-    /// Returns whether a builder thread builds trees while frames are traced.
+    /// Returns whether a builder thread builds trees while frames are traced. Also `true` for `Lockstep(0)`, although
+    /// each frame then waits for its tree.
     #[must_use]
     pub fn builds_concurrently(self) -> bool {
         matches!(self, Self::Async | Self::Lockstep(_))
     }
 
-    /// Returns whether a finished tree is adopted only if it costs less than the current one.
+    /// Returns whether a finished tree is rejected if it costs no less than the current one.
     #[must_use]
     pub fn adopts_by_cost(self) -> bool {
         self == Self::Async

@@ -1,4 +1,4 @@
-//! Start and end of each stage, by the device's clock.
+//! Stages, and their times by the device's clock.
 
 use backend::StageTimes;
 
@@ -50,8 +50,8 @@ impl Clock {
         }
     }
 
-    /// Returns the times of a submission. `marks` names the stage that starts at each timestamp. A stage that
-    /// ran twice counts twice; `idle` stages took no time.
+    /// Returns the times of a submission. `marks` names the stage that starts at each timestamp. If a stage ran
+    /// twice, both times are added. The time of an `idle` stage is 0.
     pub(crate) fn times(
         &self,
         marks: &[Option<Stage>],

@@ -161,7 +161,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
         let trees = self.trees.as_mut().expect("a scene was loaded");
         let engine = &mut self.engine;
         if trees.build.is_none() {
-            let kernels = builders(self.intersector);
+            let kernels = build_kernels(self.intersector);
             engine.pipelines.prepare(&engine.gpu, kernels)?;
             trees.allocate_build(&mut engine.gpu)?;
         }
@@ -194,7 +194,7 @@ impl<D: GpuDevice> Drop for ComputeBackend<D> {
 }
 
 /// Returns the kernels that build trees for this intersector.
-fn builders(intersector: Intersector) -> impl Iterator<Item = &'static Kernel> {
+fn build_kernels(intersector: Intersector) -> impl Iterator<Item = &'static Kernel> {
     let makes = move |k: &&Kernel| k.builds_trees() && k.serves(intersector);
     KERNELS.iter().filter(makes)
 }
@@ -359,7 +359,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         let tracing = work::trace(input, engine.pipelines.traits);
         let shadow = tracing.shadow.iter().flatten();
         let trace = tracing.primary.iter().chain(shadow).map(|w| w.kernel);
-        let trees = builders(self.intersector).filter(|_| builds_trees);
+        let trees = build_kernels(self.intersector).filter(|_| builds_trees);
         let shade = engine.scene().has_palette().then(|| common("shade"));
         let all: Vec<_> = trace.chain(trees).chain(shade).collect();
         engine.pipelines.begin(&engine.gpu, all);

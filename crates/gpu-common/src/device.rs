@@ -58,8 +58,8 @@ pub struct DeviceInfo {
     /// Bytes of device memory that were available when this was queried, or `None` if unknown. `gpu-vulkan` returns the
     /// size of a heap if the driver does not report the use of memory.
     pub free_bytes: Option<u64>,
-    /// All calls that the device's interface has rejected so far, and all messages of its validation layer in this
-    /// process.
+    /// Messages of all calls that wgpu has rejected so far, and all messages of the validation layer in this process.
+    /// `gpu-vulkan` records no rejected calls.
     pub complaints: Vec<String>,
 }
 
@@ -222,9 +222,9 @@ pub trait GpuDevice: Send + Sized + 'static {
     /// Returns the use of memory. Fast enough for every frame.
     fn memory(&self) -> MemoryReport;
 
-    /// Creates a buffer of `bytes`, rounded up to a multiple of 16 above 0. Zero-sized buffers cannot be bound. The host
-    /// [writes](GpuDevice::write) [`BufferName::Rays`]. Uploads and kernels write all other buffers. Returns an error
-    /// with the required bytes if the buffer is too large.
+    /// Creates a buffer of `bytes`, rounded up to a positive multiple of 16. Zero-sized buffers cannot be bound. The
+    /// host [writes](GpuDevice::write) [`BufferName::Rays`]. Uploads and kernels write all other buffers. Returns an
+    /// error with the required bytes if the buffer is too large.
     fn buffer(&self, name: BufferName, bytes: u64) -> Result<Self::Buffer>;
 
     /// Returns the sizes of a buffer.

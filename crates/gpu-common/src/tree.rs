@@ -343,7 +343,8 @@ impl<D: GpuDevice> TreeBuffers<D> {
         Ok(())
     }
 
-    /// Returns the bytes of device memory of all trees, of the buffers for tree builds, and of the visibility buffer.
+    /// Returns the bytes of device memory of all trees, of buffers for tree builds, and of the visibility buffer. The
+    /// first number includes unused topology buffers and pixel coverage.
     pub(crate) fn held(&self) -> [u64; 3] {
         let build = self.build.as_ref().map_or(0, BufferTable::held);
         let candidate = self.candidate.as_ref().map_or(0, DeviceTree::held);

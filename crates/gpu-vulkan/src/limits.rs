@@ -161,8 +161,8 @@ impl DeviceFeatures {
     }
 }
 
-/// Returns the number of invocations per subgroup. All kernels have this size, because they request no other. Returns
-/// `None` if a subgroup operation of the kernels is missing.
+/// Returns the number of invocations per subgroup. All kernels run with this subgroup size, because they request no
+/// other. Returns `None` if a subgroup operation of the kernels is missing.
 fn subgroups(instance: &VulkanInstance, device: vk::PhysicalDevice) -> Option<u32> {
     let mut found = vk::PhysicalDeviceSubgroupProperties::default();
     let mut all = vk::PhysicalDeviceProperties2::default().push_next(&mut found);
@@ -224,16 +224,16 @@ mod tests {
 
     #[test]
     fn kernel_error_states_limit() {
-        let always = |k: &Kernel| !k.builds_trees();
+        let required = |k: &Kernel| !k.builds_trees();
         let admit = |limits: DeviceLimits, kernels: fn(&Kernel) -> bool| {
             check_kernels(&limits.of_kernels(), kernels)
         };
-        assert_eq!(admit(LIMITS, always), Ok(()));
+        assert_eq!(admit(LIMITS, required), Ok(()));
         let poor = DeviceLimits {
             storage_buffers: 3,
             ..LIMITS
         };
-        let refused = admit(poor, always).unwrap_err().to_string();
+        let refused = admit(poor, required).unwrap_err().to_string();
         assert!(refused.starts_with("kernel "), "{refused}");
         assert!(refused.ends_with("the limit is 3"), "{refused}");
         let small = DeviceLimits {
@@ -241,7 +241,7 @@ mod tests {
             ..LIMITS
         };
         let expected = "maxComputeWorkGroupInvocations) needs 256, the limit is 128";
-        for kernels in [always, Kernel::builds_trees] {
+        for kernels in [required, Kernel::builds_trees] {
             let refused = admit(small, kernels).unwrap_err().to_string();
             assert!(refused.ends_with(expected), "{refused}");
         }

@@ -49,7 +49,7 @@ pub enum BufferUse {
 }
 
 impl Buffer {
-    /// Creates a buffer of `bytes`, rounded up to a multiple of 16 above 0. Zero-sized buffers cannot be bound.
+    /// Creates a buffer of `bytes`, rounded up to a positive multiple of 16. Zero-sized buffers cannot be bound.
     ///
     /// # Errors
     /// [`BackendError::Limit`] or [`BackendError::OutOfMemory`] with the required bytes.

@@ -116,8 +116,8 @@ impl Mapping {
     }
 }
 
-pub(crate) fn unreadable(e: wgpu::MapRangeError) -> BackendError {
-    BackendError::DeviceLost(format!("a buffer cannot be read: {e}"))
+pub(crate) fn inaccessible(e: wgpu::MapRangeError) -> BackendError {
+    BackendError::DeviceLost(format!("a mapped buffer cannot be accessed: {e}"))
 }
 
 /// A copy of positions or other bytes to the host.
@@ -172,7 +172,7 @@ impl Arrived {
     pub(crate) fn new(gpu: &OpenGpu, copy: MappedCopy, vertices: usize) -> Result<Self> {
         let buffer = copy.buffer;
         Ok(Self {
-            view: buffer.get_mapped_range(..).map_err(unreadable)?,
+            view: buffer.get_mapped_range(..).map_err(inaccessible)?,
             buffer,
             vertices,
             _device: Arc::clone(&gpu.device),

@@ -27,7 +27,7 @@ impl WgpuDevice {
     }
 
     /// Returns a buffer that contains the positions of a run, or `None` if the host is the source of the run. Submits
-    /// pending copies first.
+    /// scheduled copies first.
     ///
     /// # Errors
     /// A source buffer does not allow copies.

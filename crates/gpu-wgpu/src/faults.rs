@@ -12,7 +12,8 @@ use backend::BackendError;
 use geom::lock;
 use std::sync::Mutex;
 
-/// Errors that no call has returned yet. Shared with wgpu's callbacks.
+/// The loss of the device, an error that no call has returned yet, and the messages of wgpu's errors. Shared with
+/// wgpu's callbacks.
 #[derive(Default)]
 pub(crate) struct Faults {
     lost: Mutex<Option<String>>,

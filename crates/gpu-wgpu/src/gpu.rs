@@ -220,7 +220,7 @@ pub(crate) const READBACK: BufferUsages = BufferUsages::MAP_READ.union(BufferUsa
 /// Usage of a buffer that the host writes at creation and whenever it is mapped again.
 pub(crate) const STAGING: BufferUsages = BufferUsages::MAP_WRITE.union(BufferUsages::COPY_SRC);
 
-/// Creates a buffer of `bytes`, rounded up to a multiple of 16 above 0. Zero-sized buffers cannot be bound.
+/// Creates a buffer of `bytes`, rounded up to a positive multiple of 16. Zero-sized buffers cannot be bound.
 pub(crate) fn make(gpu: &OpenGpu, what: &str, bytes: u64, usage: BufferUsages) -> Result<Buffer> {
     let size = bytes.max(16).next_multiple_of(16);
     let what_needs = || format!("{what} (bytes of one buffer)");

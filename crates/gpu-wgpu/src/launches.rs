@@ -119,7 +119,7 @@ pub(crate) fn params_buffer(gpu: &OpenGpu, bytes: u64) -> Result<Buffer> {
 /// Bind groups by kernel and buffers.
 ///
 /// A bind group keeps its buffers alive. A new buffer may replace one that only a bind group still holds. So all bind
-/// groups are dropped once a buffer was created. In a steady state no bind groups are created.
+/// groups are dropped once a buffer was created. In a steady state, bind groups are created only for copies.
 #[derive(Default)]
 struct BindGroups {
     made: HashMap<(&'static str, Vec<Buffer>), BindGroup>,

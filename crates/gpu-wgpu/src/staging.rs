@@ -3,7 +3,7 @@
 //! wgpu's queue would allocate new memory for each write and fill it on this thread. Key frames are still written by
 //! the queue, because several threads were not faster.
 
-use crate::buffers::{Mapping, unreadable, write};
+use crate::buffers::{Mapping, inaccessible, write};
 use crate::gpu::{OpenDevice, OpenGpu, STAGING, make, unmap};
 use backend::Result;
 use bytemuck::Pod;
@@ -15,7 +15,7 @@ use wgpu::{Buffer, MapMode, WriteOnly};
 /// Bytes that a thread writes at a time.
 const RUN: usize = 96 << 10;
 
-/// Maximum bytes per copy. The next piece is written while the device copies.
+/// Maximum bytes of rays per copy. The next piece is written while the device copies.
 const PIECE: usize = 64 * RUN;
 
 /// Bytes up to which writes through the queue are equally fast.
@@ -25,7 +25,7 @@ const MAX_QUEUE_WRITE: usize = 1 << 20;
 #[derive(Default)]
 pub(crate) struct MappedPool(Vec<(Buffer, Mapping)>);
 
-/// A mapped buffer from which a tree is uploaded.
+/// A mapped buffer from which a tree, or a piece of a list of rays, is uploaded.
 pub struct MappedStaging {
     buffer: Buffer,
     /// Bytes that were written.
@@ -127,7 +127,7 @@ impl MappedPool {
 /// Copies bytes to a mapped buffer on several threads.
 fn fill_piece(to: &Buffer, from: &[u8]) -> Result<()> {
     let mapped = to.get_mapped_range_mut(..from.len() as u64);
-    let mut view = mapped.map_err(unreadable)?;
+    let mut view = mapped.map_err(inaccessible)?;
     let (runs, mut rest) = view.slice(..).into_chunks::<RUN>();
     let (whole, last) = from.split_at(from.len() / RUN * RUN);
     let runs: Vec<_> = runs.into_iter().collect();

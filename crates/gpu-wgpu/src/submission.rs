@@ -1,6 +1,6 @@
 //! Encodes recordings, with parameters, counts and timestamps.
 
-use crate::buffers::{Mapping, unreadable, write};
+use crate::buffers::{Mapping, inaccessible, write};
 use crate::gpu::{OpenGpu, READBACK, STORAGE, make, unmap};
 use crate::launches::{Launch, Launches, WgpuRecording};
 use crate::timestamps::{self, PassTimestamps};
@@ -247,7 +247,7 @@ impl SubmissionEncoder {
             }
         }
         mapping.wait(gpu)?;
-        let view = self.report.get_mapped_range(..).map_err(unreadable)?;
+        let view = self.report.get_mapped_range(..).map_err(inaccessible)?;
         let (report, stamp) = view.split_at(STAMP as usize);
         self.is_refused = self.stamped > 0 && !stamp.starts_with(&self.stamped.to_ne_bytes());
         let (ticks, counts) = report.split_at(timestamps::BYTES as usize);

@@ -2,7 +2,7 @@
 
 use crate::adapters::{driver, kind};
 use crate::buffer_points::BufferPoints;
-use crate::buffers::{Arrived, MappedCopy, Mapping, unreadable, upload, write};
+use crate::buffers::{Arrived, MappedCopy, Mapping, inaccessible, upload, write};
 use crate::caller_encoder::CallerEncoder;
 use crate::faults::layer_messages;
 use crate::gpu::{OpenGpu, STORAGE, make, unmap};
@@ -68,8 +68,8 @@ pub struct WgpuDevice {
 /// State that is dropped with a scene.
 #[derive(Default)]
 pub(crate) struct DeviceScene {
-    /// Host-visible buffers for reads of device buffers.
-    views: Vec<Buffer>,
+    /// Host-visible buffers without a pending copy, for later reads of device buffers.
+    spare_readbacks: Vec<Buffer>,
     staging: MappedPool,
     spares: Spares<Arrived>,
     /// Copies of positions that `take_positions` has not returned yet, by the submission that requested them.
@@ -134,9 +134,9 @@ impl WgpuDevice {
 
     /// Starts the copy of a part of a buffer to the host. Also returns its submission.
     fn begin_read(&mut self, from: BufferSlice<'_>) -> Result<(MappedCopy, SubmissionIndex)> {
-        let (gpu, views) = (&self.gpu, &mut self.scene.views);
-        let fits = views.iter().position(|view| view.size() >= from.size());
-        let spare = fits.map(|i| views.swap_remove(i));
+        let (gpu, spares) = (&self.gpu, &mut self.scene.spare_readbacks);
+        let fits = spares.iter().position(|b| b.size() >= from.size());
+        let spare = fits.map(|i| spares.swap_remove(i));
         let mut encoder = gpu.encoder("a readback")?;
         let copy = MappedCopy::record(gpu, &mut encoder, from, spare)?;
         Ok((copy, gpu.submit([encoder])?))
@@ -239,11 +239,11 @@ impl GpuDevice for WgpuDevice {
             self.gpu.wait_for(submission)?;
             mapping.wait(&self.gpu)?;
             let bytes = (part.count * size_of::<T>()) as u64;
-            let view = buffer.get_mapped_range(..bytes).map_err(unreadable)?;
+            let view = buffer.get_mapped_range(..bytes).map_err(inaccessible)?;
             each(part.first, bytemuck::cast_slice(&view));
             drop(view);
             if unmap(&self.gpu.device, &buffer) {
-                self.scene.views.push(buffer);
+                self.scene.spare_readbacks.push(buffer);
             }
         }
         Ok(())

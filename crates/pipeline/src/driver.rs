@@ -42,8 +42,8 @@ pub struct DriverOptions {
 }
 
 impl DriverOptions {
-    /// Returns whether the options allow trees for a future time. Callers also check `knows_key_frames`: without key
-    /// frames, only `async` builds such trees.
+    /// Returns whether the options allow trees for a future time. `Driver::predicts` also requires key frames, because
+    /// without them only `async` builds such trees.
     fn builds_ahead(&self) -> bool {
         self.predict && !self.update.waits_for_tree()
     }
@@ -168,7 +168,7 @@ impl Driver {
     /// Submits one frame and returns the ticket of its results. Accepts one query, or several that
     /// [one frame can trace](Self::can_batch). Finish earlier frames first, so that no more than
     /// [`max_in_flight`](Self::max_in_flight) frames are in flight, including this one. A frame that waits for its own
-    /// tree or positions takes two submissions.
+    /// tree or positions takes two submissions, or three if it waits for both.
     ///
     /// # Errors
     /// Those of the backend, and [`PipelineError::FirstTree`] if the first tree cannot be built.

@@ -31,8 +31,8 @@ pub struct FrameRecord {
     /// results. Frames overlap, so it can be less than the time on the device.
     #[serde(serialize_with = "rounded")]
     pub wall_ms: f64,
-    /// Part of `wall_ms` in which the driver was blocked by a build. With `async` and `refit`, 0 for every frame except
-    /// the first.
+    /// Part of `wall_ms` in which the driver was blocked by a build. With `refit`, and with `async` without
+    /// `--lockstep`, 0 for every frame except the first.
     #[serde(serialize_with = "rounded")]
     pub build_wait_ms: f64,
     /// Resident bytes of the process; `None` unless the program measures them.
@@ -70,9 +70,9 @@ pub struct FrameTreeStats {
     pub age_frames: u64,
     /// Whether this frame adopted the tree, or the backend built it within this frame.
     pub adopted: bool,
-    /// Whether a finished tree was rejected. Such a tree costs no less than the current tree. Or a newer tree would
-    /// arrive before frame times are nearer to the rejected tree's target time than to the current tree's. Or the
-    /// device has no memory for it.
+    /// Whether a finished tree was rejected, for one of three reasons. It costs no less than the current tree. The
+    /// device has no memory for it. Or a newer tree would arrive too early: before frame times are nearer to this
+    /// tree's target time than to the current tree's.
     pub rejected: bool,
     /// Milliseconds of the host build up to the complete binary tree, if this frame adopted it. Includes the
     /// interpolation of vertices that the builder does itself. For a tree built on the device, milliseconds of the stage

@@ -24,7 +24,7 @@ pub(crate) struct LatencyPredictor {
     /// Difference between the times of the last two frames.
     step: f64,
     /// Latency in frames from request to adoption, if the policy fixes it.
-    agreed: Option<f64>,
+    fixed: Option<f64>,
     /// Observed latency in frames, for each strategy: from scratch, from subtrees.
     seen: [Option<f64>; 2],
     /// Strategy of the next build.
@@ -41,12 +41,12 @@ pub(crate) struct LatencyPredictor {
 }
 
 impl LatencyPredictor {
-    /// Creates a predictor for times within `range`. `agreed` is the latency in frames, if it is fixed.
-    pub(crate) fn new(range: [f64; 2], agreed: Option<u32>) -> Self {
+    /// Creates a predictor for times within `range`. `fixed` is the latency in frames, if the policy fixes it.
+    pub(crate) fn new(range: [f64; 2], fixed: Option<u32>) -> Self {
         Self {
             range,
             time: f64::NAN,
-            agreed: agreed.map(f64::from),
+            fixed: fixed.map(f64::from),
             ..Self::default()
         }
     }
@@ -103,9 +103,8 @@ impl LatencyPredictor {
         self.next = strategy;
     }
 
-    /// `current` and `new` are the target times of the current tree and of a finished tree. Returns whether the last
-    /// frame's time is at least as near to `new` as to `current`. Also returns `true` if frame times do not approach
-    /// `new`.
+    /// Returns whether the last frame's time is at least as near to `new` as to `current`. These are the target times
+    /// of a finished tree and of the current tree. Also returns `true` if frame times do not approach `new`.
     pub(crate) fn is_new_target_nearer(&self, current: f64, new: f64) -> bool {
         let nearer = |left| left <= (current - self.time).abs();
         self.approach(new).is_none_or(nearer)
@@ -174,7 +173,7 @@ impl LatencyPredictor {
                 subtrees.or(scratch.map(|frames| (frames * SUBTREES).max(1.0)))
             }
         };
-        self.agreed.or(seen)
+        self.fixed.or(seen)
     }
 
     /// Returns the time `frames` frames from now, limited to the range.
@@ -190,8 +189,8 @@ impl LatencyPredictor {
 mod tests {
     use super::*;
 
-    fn watching(range: [f64; 2], agreed: Option<u32>, times: &[f64]) -> LatencyPredictor {
-        let mut f = LatencyPredictor::new(range, agreed);
+    fn watching(range: [f64; 2], fixed: Option<u32>, times: &[f64]) -> LatencyPredictor {
+        let mut f = LatencyPredictor::new(range, fixed);
         times.iter().for_each(|&t| f.frame(t, Instant::now()));
         f
     }
@@ -294,7 +293,7 @@ mod tests {
 
     #[test]
     fn fixed_latency_and_range_are_respected() {
-        for (range, agreed, times, middle) in [
+        for (range, fixed, times, middle) in [
             ([0.0, 100.0], 3, &[0.0, 1.0][..], 5.0),
             ([0.0, 100.0], 0, &[0.0, 1.0], 1.0),
             ([2.0, 9.0], 10, &[3.0, 4.0], 9.0),
@@ -302,7 +301,7 @@ mod tests {
             ([2.0, 9.0], 10, &[10.0, 11.0], 11.0),
             ([2.0, 9.0], 10, &[3.0], 3.0),
         ] {
-            let mut f = watching(range, Some(agreed), times);
+            let mut f = watching(range, Some(fixed), times);
             assert!(f.has_estimate());
             f.observe_latency(50, BuildStrategy::Scratch);
             assert_eq!(f.target_time(), middle, "{times:?}");

@@ -144,10 +144,10 @@ fn refit_costs_at(
 
 /// Maximum number of triangles that [`RefitDegradation`] samples.
 const TRIANGLES: usize = 1 << 13;
-/// Number of times that it samples, including both ends of the run.
+/// Number of points in time that [`RefitDegradation`] samples, including both ends of the run.
 const MOMENTS: usize = 5;
 
-/// SAH cost of the first frame's tree, refitted, divided by that of a fresh tree.
+/// SAH cost of the tree for the earliest frame time, refitted, divided by that of a fresh tree.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RefitDegradation {
     /// Mean over the run.

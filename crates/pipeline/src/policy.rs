@@ -46,7 +46,7 @@ const TIE: f64 = 1.05;
 const LARGE_REBUILD_BYTES: u64 = 4_000_000_000;
 
 impl RunFacts {
-    /// Returns the policy that is expected to finish the run first, and the reason in one line.
+    /// Returns the policy that suits the run best, and the reason in one line. Device memory may outweigh speed.
     pub fn choose(&self) -> (Policy, String) {
         let (update, why) = if !self.moves {
             let why = "the scene does not move, so the first tree remains the best";

@@ -35,7 +35,7 @@ impl OutputSelection {
 /// Results of a frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FrameOutputs {
-    /// Hits and shadows, if requested.
+    /// Hits and shadows, if selected, or if the host must shade the selected pixels.
     pub hits: Hits,
     /// Pixels, as [`backend::Backend::pixels`] returns them. `Driver::finish` leaves them empty if the host must shade.
     pub pixels: Vec<u8>,
@@ -115,7 +115,8 @@ impl Driver {
 
     /// Returns how many frames with these queries may be in flight, including the next one to [begin](Self::begin).
     pub fn max_in_flight(&self, queries: &[Query<'_>]) -> usize {
-        // A frame that waits for its own tree or positions takes two submissions, so no other frame may be unfinished.
+        // A frame that waits for its own tree or positions takes several submissions, so no other frame may be
+        // unfinished.
         if self.options.update.waits_for_tree() || self.must_measure_coordinate_range(queries) {
             1
         } else {

@@ -194,7 +194,7 @@ impl Driver {
         self.knows_key_frames && self.options.builds_ahead()
     }
 
-    /// Requests a tree for `pose`. With `rebuild` and lockstep 0, also builds and adopts it.
+    /// Requests a tree for `pose`. With `rebuild` or lockstep 0, also builds and adopts it.
     fn request_tree(&mut self, pose: Pose) -> Result<(), PipelineError> {
         self.trees.newest.0 += 1;
         let request = self.request(self.trees.newest, pose);

@@ -26,7 +26,7 @@ const MAX_EXTRA_SECONDS: f64 = 0.5;
 pub struct Warmed {
     /// Duration in seconds, on the host's clock.
     pub seconds: f64,
-    /// Number of times that the first frame was traced again.
+    /// Number of repeated traces of the first frame that were timed.
     pub frames: usize,
     /// Whether frame times were steady at the end.
     pub steady: bool,
