@@ -162,7 +162,7 @@ impl BenchSettings {
 
 /// Returns a remark if a backend cannot build the trees of an update policy.
 fn skip_reason(backend: BackendChoice, update: PolicyChoice) -> Option<String> {
-    let is_sound = !update.is_some_and(Policy::builds_on_device) || builds_trees(backend);
+    let can_build = !update.is_some_and(Policy::builds_on_device) || builds_trees(backend);
     let (name, policy) = (backend_name(backend), policy_name(update));
-    (!is_sound).then(|| format!("{name} with {policy} is skipped: it builds on the host"))
+    (!can_build).then(|| format!("{name} with {policy} is skipped: {name} builds on the host"))
 }

@@ -1,9 +1,9 @@
 //! `abvh chart`: the speed of every backend, intersector and policy, against its rate of wrong answers.
 //!
-//! The time of a frame is its device time plus, with `rebuild`, the wait for its tree. The first frame does not count,
-//! because it waits for the first tree. Answers are compared with those of the exact oracle, which shares no code with
-//! any backend. The start of a shadow ray depends on the reported hit, so the oracle cannot answer it in advance.
-//! Shadow rays are compared with `exact` on the host over fresh trees.
+//! The time of a frame is its device time plus, with `rebuild`, the wait for its tree. The first frame waits for the
+//! first tree, so it counts only if it is the only frame. Answers are compared with those of the exact oracle, which
+//! shares no code with any backend. The start of a shadow ray depends on the reported hit, so the oracle cannot answer
+//! it in advance. Shadow rays are compared with `exact` on the host over fresh trees.
 //!
 //! Every contender opens its own device, and traces the same rays. All contenders are timed before any comparison, so
 //! that the oracle's memory is not measured. Host memory is the resident memory of the process, including memory that

@@ -123,7 +123,7 @@ fn check_requirements(all: Vec<Requirement>, matches: &ArgMatches) -> Result<(),
     Err(CliError::invalid(format!("{name} {text}")))
 }
 
-/// Prints help to standard output. Reduces any other clap error to one line.
+/// Prints help or the version to standard output. Reduces any other clap error to one line.
 fn refused(args: &[OsString], e: &clap::Error) -> CliError {
     if !e.use_stderr() {
         // Printing fails if the reader has closed the pipe, which is no error here.

@@ -1,5 +1,5 @@
 //! Writes to the terminal: results to standard output, remarks to standard error. All text passes through this
-//! module, except the help that clap prints.
+//! module, except the help and the version, which clap prints.
 
 use crate::error::CliError;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};

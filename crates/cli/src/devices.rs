@@ -141,7 +141,8 @@ fn serialize<S: Serializer>(all: &[AdapterInfo], to: S) -> Result<S::Ok, S::Erro
     }))
 }
 
-/// Returns all backends, available or not, in the order of [`BACKENDS`]. `auto` prefers by kind of device first.
+/// Returns all backends, available or not, in the order of [`BACKENDS`]. `auto` compares the kinds of devices first.
+/// Among devices of one kind, it uses this order.
 pub(crate) fn availability() -> impl DoubleEndedIterator<Item = BackendAvailability> {
     BACKENDS.iter().map(|entry| {
         let found = entry.adapters();

@@ -32,7 +32,8 @@ impl CliError {
         Self { code, message }
     }
 
-    /// Returns an error without a message. The code is 0 after help, or 128 plus the number of a signal.
+    /// Returns an error without a message. The code is 0 after help or the version, and 128 plus the number of a
+    /// signal after a signal.
     pub(crate) fn silent(code: u8) -> Self {
         let message = String::new();
         Self { code, message }

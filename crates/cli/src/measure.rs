@@ -228,7 +228,7 @@ impl LoadedScene {
         }
     }
 
-    /// Traces one query at a time in key frames.
+    /// Traces a query at `time`, in key frames, and returns its hits.
     pub(crate) fn trace(&mut self, time: f64, query: Query<'_>) -> Result<Hits, CliError> {
         match self {
             Self::Ours(driver) => trace_frame(driver, Frame { index: 0, time }, query),

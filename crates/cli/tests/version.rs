@@ -1,5 +1,5 @@
-//! Tests the program's version. Tests of other crates run the program. To build it, they make cargo build this test,
-//! which needs the program.
+//! Tests the program's version. Tests of other crates run the program. They make cargo build this test, because cargo
+//! then also builds the program.
 
 use std::process::Command;
 

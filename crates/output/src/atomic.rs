@@ -1,8 +1,8 @@
 //! Atomic writing of output files.
 //!
 //! A file is written under a temporary name in its own directory and renamed to its final name. Renaming over a device
-//! or a pipe would destroy it. Renaming over the file behind `/dev/stdout` would discard other output. Such targets
-//! receive the finished bytes directly.
+//! or a pipe would destroy it. Renaming over the file behind `/dev/stdout` would discard other output. Such targets are
+//! written directly: videos frame by frame, all other files once their bytes are complete.
 
 use geom::lock;
 use std::collections::BTreeSet;

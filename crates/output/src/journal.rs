@@ -38,8 +38,8 @@ pub struct Manifest {
     pub options: BTreeMap<String, Value>,
 }
 
-/// Identity of the rendered scene: the name of a demo, or the scene argument if it joins or places several inputs; and
-/// the files that are read.
+/// Identity of the rendered scene: its files, and its name on the command line if it is a demo, joins inputs or places
+/// an input.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SceneId {
     /// Name of the scene, if its files do not identify it completely.

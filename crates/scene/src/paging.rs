@@ -57,7 +57,7 @@ pub(crate) fn animation(
 ) -> Result<Animation> {
     let first = Mutex::new(first);
     let source = move |key: usize| {
-        // This statement releases the lock, so that key frames are read in parallel.
+        // The lock is released at the end of this statement, so that key frames are read in parallel.
         let first = lock(&first).take_if(|_| key == 0);
         first.map_or_else(|| source(key), Ok)
     };

@@ -135,10 +135,10 @@ impl Clipper<'_> {
 /// Emits `vertices - 2` triangles that fill a polygon. Corners are indices into the polygon in ascending order, so each
 /// triangle has the polygon's orientation.
 ///
-/// `ears` is sorted by first corner, then by last corner in descending order. Only indices matter here, so imagine the
-/// vertices in order on a circle. If triangles of `ears` cross there, some are left out. Triangles may also be missing
-/// from `ears`: `earcut` omits triangles without area, and a polygon that crosses itself has no triangulation. Fans
-/// fill the gaps.
+/// `ears` is sorted by first corner, then by last corner in descending order. Only indices matter here: the vertices
+/// count as points on a circle, in order. Of triangles in `ears` that cross on this circle, some are left out.
+/// Triangles may also be missing from `ears`: `earcut` omits triangles without area, and a polygon that crosses
+/// itself has no triangulation. Fans fill the gaps.
 fn complete(ears: &[[u32; 3]], vertices: usize, mut emit: impl FnMut([u32; 3])) {
     let apex = |from: u32, to: u32| {
         let at = ears.partition_point(|&[a, _, c]| (a, !c) < (from, !to));

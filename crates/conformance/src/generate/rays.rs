@@ -194,8 +194,8 @@ impl TargetTriangles {
         }
     }
 
-    /// Returns two sets of targets of a scene at a time. The first omits triangles whose largest coordinate exceeds a
-    /// thousand times the median. The second contains all triangles.
+    /// Returns two sets of targets among the triangles that are active at a time. The first omits triangles whose
+    /// largest coordinate exceeds a thousand times the median. The second omits none.
     pub(crate) fn of(animation: &Animation, time: f64) -> [Self; 2] {
         let all = stage::triangles(animation, time);
         let size = |t: &Triangle| t.iter().flatten().fold(0.0_f32, |m, x| m.max(x.abs()));

@@ -90,8 +90,8 @@ fn checked(chart: &Chart) -> String {
     let (picture, page) = (svg(chart).unwrap(), html(chart).unwrap());
     let document = Document::parse(&picture).unwrap();
     for a in document.descendants().flat_map(|n| n.attributes()) {
-        let is_none = a.value().contains("NaN") || a.value().contains("inf");
-        assert!(!is_none, "{a:?}");
+        let is_not_finite = a.value().contains("NaN") || a.value().contains("inf");
+        assert!(!is_not_finite, "{a:?}");
     }
     assert!(page.contains(&picture));
     assert!(!page.contains("src=") && !page.contains("<link") && !page.contains("@import"));
@@ -198,7 +198,7 @@ fn better_points_are_lower_left() {
         let mut lines = document.descendants().filter(|n| n.has_tag_name("line"));
         lines.any(|n| ends(n) == [a.0, a.1, b.0, b.1])
     };
-    // The interval of 0 in a million ends at 3 per million. That is log10(3) of a decade above 1.
+    // The interval of 0 in a million ends at 3 per million, which is log10(3) decades above 1 per million.
     let (x, none) = places[3];
     let top = places[2].1 - (f64::from(gap(1, 2).1) * 3_f64.log10()).round() as i32;
     assert!((-1..=1).any(|d| has_line((x, none), (x, top + d))));

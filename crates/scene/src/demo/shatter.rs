@@ -56,8 +56,8 @@ fn cuts_of(piece: u64, pieces: u64, budget: u64) -> u32 {
     (small + u64::from(rises)) as u32
 }
 
-/// Creates one closed piece: a cell of the cube's lattice, deformed by [`bend`] and mapped to the ball. [`bend`]
-/// moves the common face of two cells alike.
+/// Creates one closed piece: a cell of the cube's lattice, deformed by [`bend`] and mapped to the ball. [`bend`] maps
+/// a point of the common face of two cells to the same position in both.
 fn shard(piece: u64, cells: u32, cuts: u32) -> DemoPart {
     let n = u64::from(cells);
     let cell = DVec3::new(

@@ -99,7 +99,7 @@ impl ClipMotion {
             times,
             values,
             size,
-            turns: property == NodeProperty::Rotation,
+            is_rotation: property == NodeProperty::Rotation,
             interpolation,
         };
         let place = ("accessor", output.0);
@@ -164,7 +164,7 @@ struct Track {
     /// Number of components per value.
     size: usize,
     /// Whether the values are quaternions.
-    turns: bool,
+    is_rotation: bool,
     interpolation: Interpolation,
 }
 
@@ -219,7 +219,7 @@ impl Track {
         match self.interpolation {
             Interpolation::Step => from.to_vec(),
             // Interpolates along the shorter arc between the quaternions.
-            Interpolation::Linear if self.turns => {
+            Interpolation::Linear if self.is_rotation => {
                 unit(from).slerp(unit(to), weight).to_array().to_vec()
             }
             Interpolation::Linear => {
@@ -257,7 +257,7 @@ mod tests {
             times: vec![1.0, 2.0, 4.0],
             values: vec![0.0, 1.0, 3.0],
             size: 1,
-            turns: false,
+            is_rotation: false,
             interpolation,
         };
         let linear = track(Interpolation::Linear);
