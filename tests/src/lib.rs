@@ -11,8 +11,8 @@ pub mod stage;
 use abvh::{Device, Scene, Tracer};
 use libtest_mimic::{Arguments, Trial};
 
-/// Returns whether `ABVH_FULL=1` requests the full tier: more cases, files, rays and devices, and more runs in the tests
-/// that kill the program.
+/// Returns whether `ABVH_FULL=1` requests the full tier: more cases, files, rays and devices, and more runs in the
+/// tests that kill the program.
 pub fn is_full() -> bool {
     std::env::var("ABVH_FULL").is_ok_and(|v| v == "1")
 }
@@ -55,8 +55,8 @@ pub fn devices() -> [(&'static str, Device, Option<String>); 3] {
     })
 }
 
-/// Creates a test of the device `device`. If the device is absent, the test is ignored with the reason `absent`, or fails
-/// if the device is required.
+/// Creates a test of the device `device`. If the device is absent, the test is ignored with the reason `absent`, or
+/// fails if the device is required.
 pub fn device_trial(
     name: String,
     device: &str,

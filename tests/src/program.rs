@@ -21,8 +21,8 @@ pub fn target_dir() -> PathBuf {
 }
 
 /// Returns the path of the program, built with this test's profile. Cargo passes binary paths only to tests of the same
-/// package. So the first call has cargo build the test `version` of `crates/cli`. The command names no package, so cargo
-/// enables the same features as `cargo test`, and nothing is built twice.
+/// package. So the first call has cargo build the test `version` of `crates/cli`. The command names no package, so
+/// cargo enables the same features as `cargo test`, and nothing is built twice.
 pub fn abvh() -> &'static Path {
     static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
     PROGRAM.get_or_init(|| {

@@ -1,7 +1,7 @@
 //! Scenes to test with: demos, which are always available, and real ones, which may be absent.
 //!
-//! Real scenes are packed. The folder is `ABVH_SCENES`, or a default next to the workspace. Packs are unpacked once
-//! into the target directory. Tests that need an absent pack show as ignored, with the reason.
+//! Real scenes are packed. The packs are in the folder `ABVH_SCENES`, or in a default folder next to the workspace.
+//! They are unpacked once into the target directory. Tests that need an absent pack show as ignored, with the reason.
 
 use geom::{Animation, lock};
 use libtest_mimic::Trial;

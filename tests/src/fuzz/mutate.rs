@@ -88,8 +88,8 @@ fn runs(bytes: &[u8], inside: impl Fn(u8) -> bool) -> Vec<Range<usize>> {
     stretches.filter(|run| inside(bytes[run.start])).collect()
 }
 
-/// Corrects the length fields of a GLB or NPY file to match its contents. Pads the JSON before a GLB file's binary chunk
-/// to a multiple of four bytes.
+/// Corrects the length fields of a GLB or NPY file to match its contents. Pads the JSON before a GLB file's binary
+/// chunk to a multiple of four bytes.
 fn fix_lengths(bytes: &mut Vec<u8>) {
     if bytes.starts_with(b"glTF") && bytes.len() > 20 {
         fix_glb_lengths(bytes);

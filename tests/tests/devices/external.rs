@@ -285,13 +285,13 @@ pub(crate) fn timeline_bounds_external_memory_access() {
     let animation = Animation::streamed(sheet(0.0), &[false; 400], triangles()).unwrap();
     let animation = Arc::new(animation);
     open(&mut backend, &animation);
-    let arrive = |backend: &mut VulkanBackend, points: Vec<Point>| {
+    let push_and_refit = |backend: &mut VulkanBackend, points: Vec<Point>| {
         let time = animation.push(PointBuffer::from(points)).unwrap();
         interpolate_and_refit(backend, &animation, time);
     };
     let (list, closest) = (rays(500), QueryKind::Closest);
     let [still, moved] = [0.5, 0.25].map(|height| {
-        arrive(&mut backend, sheet(height));
+        push_and_refit(&mut backend, sheet(height));
         let ticket = submit_trace(&mut backend, Rays::List(&list), closest);
         hits(&mut backend, ticket)
     });
@@ -312,7 +312,7 @@ pub(crate) fn timeline_bounds_external_memory_access() {
         rays: Buffer::external(&gpu, &given, 32 * 500).unwrap(),
         results: None,
     });
-    arrive(&mut backend, sheet(0.5));
+    push_and_refit(&mut backend, sheet(0.5));
     let ticket = submit_trace(&mut backend, Rays::OnDevice(500), closest);
     let seen = unblock(&mut backend, (&timeline, 1), Some(ticket), || {
         other.write(to_rays, 0, bytemuck::cast_slice(&list));
@@ -320,7 +320,7 @@ pub(crate) fn timeline_bounds_external_memory_access() {
     assert!(seen == still);
 
     let write = |height| other.write(to_vertices, 0, as_bytes(&sheet(height)));
-    let bring = |backend: &mut VulkanBackend, wait, signal| {
+    let lend_vertices = |backend: &mut VulkanBackend, wait, signal| {
         let device = backend.gpu_mut();
         device.synchronize(&timeline, wait, signal).unwrap();
         let source = ExternalVertices {
@@ -331,14 +331,14 @@ pub(crate) fn timeline_bounds_external_memory_access() {
         };
         device.set_external_points(source).unwrap();
     };
-    bring(&mut backend, 3, 4);
-    arrive(&mut backend, sheet(0.5));
+    lend_vertices(&mut backend, 3, 4);
+    push_and_refit(&mut backend, sheet(0.5));
     let ticket = submit_trace(&mut backend, Rays::List(&list), closest);
     let seen = unblock(&mut backend, (&timeline, 3), Some(ticket), || write(0.25));
     assert!(seen == moved);
 
     // A step without a query reads the vertices, too.
-    bring(&mut backend, 5, 6);
+    lend_vertices(&mut backend, 5, 6);
     unblock(&mut backend, (&timeline, 5), None, || write(0.75));
     write(0.25);
     let kept = backend.gpu_mut().read_external_points(&(0..400)).unwrap();

@@ -213,7 +213,7 @@ pub(crate) fn snapshot_outlives_the_backend(mut backend: Box<dyn Subject>) {
     let (_, snapshot) = wait_for_positions(&mut *backend);
     let expected = bits(&backend.positions().unwrap());
     drop(backend);
-    // The last user of the device closes it on a thread that ends then.
+    // The snapshot is dropped last, on a thread that then ends. This closes the device.
     let elsewhere = std::thread::spawn(move || bits(&snapshot));
     assert!(elsewhere.join().unwrap() == expected);
 }

@@ -123,7 +123,7 @@ pub(crate) fn check_vertices_match_host<S: Sheets>() {
     ] {
         let (mut found, mut expected) = (S::open(update), OnHost::open(Update::Async));
         for (i, moved) in STEPS.into_iter().enumerate() {
-            // A picture needs the range of the vertices for its shadow rays, so only some steps render one first.
+            // A picture needs the range of the vertices for its shadow rays. Most steps trace without a picture.
             for moved in [moved, [None, None]] {
                 let is_same = match i % 3 {
                     1 => found.shown(moved) == expected.shown(moved),

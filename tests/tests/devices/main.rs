@@ -1,5 +1,5 @@
-//! Tests of properties of every device, run on the default Vulkan device and the default wgpu device, and of properties
-//! of one device only.
+//! Tests of GPU backends. Most run on the default Vulkan device and on the default wgpu device. The others test
+//! features of one device only.
 //!
 //! A device is opened once for all tests that load their own scenes. Tests of an absent device show as ignored, with
 //! the reason. `ABVH_REQUIRE_BACKENDS=vulkan,wgpu` makes them fail instead.

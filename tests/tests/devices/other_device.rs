@@ -25,7 +25,7 @@ pub(crate) struct Exported {
     pub(crate) memory_type: u32,
 }
 
-/// Another interface to the GPU. Every operation waits for its end.
+/// Another interface to the GPU. Every operation returns only after it has finished.
 pub(crate) trait Importer {
     type Memory: Copy;
 

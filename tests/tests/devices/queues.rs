@@ -102,7 +102,7 @@ pub(crate) fn submissions_in_flight_are_bounded() {
     }
 }
 
-/// Checks key frames in memory that the device reads directly. It is reused once no submission reads it.
+/// Checks key frames in memory that the device reads directly. The memory is reused once no submission reads it.
 pub(crate) fn shared_key_frames_equal_copied_ones() {
     let mut backend = open_vulkan().unwrap();
     let scene = swarm(300);

@@ -55,7 +55,8 @@ fn check_packets(backend: &mut dyn Subject, intersector: Intersector) {
             };
             backend.adopt(&tree, Generation(generation)).unwrap();
             let before = backend.memory().held.unwrap().tree;
-            // By default, each intersector traces later trees from two cameras. All intersectors together use all cameras.
+            // By default, each intersector traces later trees from two cameras. The intersectors together use all
+            // cameras.
             let uses_all = generation == 1 || is_full();
             let (first, count) = if uses_all {
                 (0, 5)
@@ -169,8 +170,8 @@ fn check_rasterization(backend: &mut dyn Subject, intersector: Intersector) {
             "{intersector:?}, {camera:?}"
         );
     }
-    // The tiles count as memory of the tree: 16 bytes for each tile, and for each of the 4096 entries of the list of large
-    // triangles. The visibility buffer counts as memory of frames.
+    // The tiles count as memory of the tree: 16 bytes for each tile, and for each of the 4096 entries of the list of
+    // large triangles. The visibility buffer counts as memory of frames.
     let (grown, live) = (
         backend.memory().held.unwrap().tree - before,
         dust.live_count(),
@@ -193,8 +194,8 @@ pub(crate) fn excessive_coverage_falls_back_to_rays(backend: &mut dyn Subject) {
 }
 
 fn check_fallback_to_rays(backend: &mut dyn Subject, intersector: Intersector) {
-    // The first three exceed the limit of two tests per pixel, with large, medium and small triangles. The fourth has more
-    // tiles than fit in memory. The fifth has more large triangles than their list holds.
+    // The first three exceed the limit of two tests per pixel, with large, medium and small triangles. The fourth has
+    // more tiles than fit in memory. The fifth has more large triangles than their list holds.
     let tests = [sheets(4), panes(500, 0.4), panes(9000, 0.08)];
     let others = [splinters(400), sheets(5000)];
     for animation in tests.into_iter().chain(others) {

@@ -4,7 +4,7 @@ use abvh::{Device, Error, Mesh, Scene, Tracer};
 use std::env;
 use std::process::{self, Command};
 
-/// Set for the child process that builds such a scene: one of [`KINDS`].
+/// Environment variable of the child process that builds such a scene. Its value is one of [`KINDS`].
 const CHILD: &str = "ABVH_TEST_BUILD_A_LARGE_SCENE";
 const KINDS: [&str; 2] = ["triangles", "key frames"];
 

@@ -100,12 +100,16 @@ pub(crate) fn pictures_match_host_bytes(device: &Device) {
 /// Tests scenes of any size and triangles that no single scale suits, with lamps at any distance.
 pub(crate) fn pictures_match_host_at_any_scale(device: &Device) {
     let demo = demo("demo:twist:300");
-    let [looks, amid] = [([0.3, 0.2, 3.0], 50.0), ([0.1, 0.0, -0.1], 120.0)];
+    let [outside, amid] = [([0.3, 0.2, 3.0], 50.0), ([0.1, 0.0, -0.1], 120.0)];
     for by in [1e-36, 1e-12, 1.0, 1e9, 1e30] {
         let scaled = |p: Point| p.map(|x| x * by);
         let vertices: Vec<Point> = demo.keys[1].iter().map(|&p| scaled(p)).collect();
-        let lights = [scaled(looks.0), [f32::MAX, 0.0, 1.0], [1e-40, -1e-38, 0.0]];
-        let shots = [looks, amid].map(|(eye, fov)| lights.map(|light| (scaled(eye), fov, light)));
+        let lights = [
+            scaled(outside.0),
+            [f32::MAX, 0.0, 1.0],
+            [1e-40, -1e-38, 0.0],
+        ];
+        let shots = [outside, amid].map(|(eye, fov)| lights.map(|light| (scaled(eye), fov, light)));
         let mesh = coloured(&vertices, &demo.triangles);
         still(device, &mesh, &shots.concat());
     }

@@ -93,7 +93,7 @@ impl MeshSources {
         let mut step = tracer.step(time(i));
         let cloth = self.cloth(i);
         step.vertices(ids.cloth, Source::Host(&cloth)).unwrap();
-        step.poses(ids.robot, &[lift(i)]).unwrap();
+        step.poses(ids.robot, &[shift(i)]).unwrap();
         let query = step.trace(&self.original.rays, Query::Closest).unwrap();
         (step.submit().unwrap(), query)
     }
@@ -101,7 +101,7 @@ impl MeshSources {
     fn cloth(&self, i: usize) -> Vec<Point> {
         raised(
             &self.original.keys[i % self.original.keys.len()],
-            0.05 * near(i),
+            0.05 * cycle(i),
         )
     }
 
@@ -111,7 +111,7 @@ impl MeshSources {
         let target = &self.replacement.keys[i % self.replacement.keys.len()];
         match kind {
             Kind::Streamed => step.vertices(ids.target, Source::Host(target)).unwrap(),
-            Kind::Rigid => step.poses(ids.target, &[lift(i)]).unwrap(),
+            Kind::Rigid => step.poses(ids.target, &[shift(i)]).unwrap(),
             Kind::Fixed | Kind::Keys => {}
         }
         drop(step);
@@ -124,14 +124,13 @@ fn time(i: usize) -> f64 {
     0.3 * i as f64
 }
 
-/// Returns a value that changes with the step but keeps the meshes in the picture, however many steps a replacement
-/// takes.
-fn near(i: usize) -> f32 {
+/// Returns a value that changes with the step, but stays so small that all meshes remain in the picture.
+fn cycle(i: usize) -> f32 {
     (i % 12) as f32
 }
 
-fn lift(i: usize) -> abvh::Matrix {
-    let by = 0.03 * near(i);
+fn shift(i: usize) -> abvh::Matrix {
+    let by = 0.03 * cycle(i);
     [
         [1.0, 0.0, 0.0, by],
         [0.0, 1.0, 0.0, 0.0],
@@ -149,7 +148,7 @@ fn exchange(tracer: &mut Tracer, mesh: MeshId, with: Mesh) {
     tracer.commit(replacement).unwrap();
 }
 
-/// Tests replacement in a scene of meshes of all kinds, which move until the commit.
+/// Tests replacement in a scene of meshes of all kinds, which move before and after the commit.
 pub(crate) fn replaced_mesh_matches_new_scene(device: &Device) {
     let sources = MeshSources::new();
     for (before, after, update) in [
@@ -182,7 +181,7 @@ pub(crate) fn replaced_mesh_matches_new_scene(device: &Device) {
         let mut fresh = build(scene);
         let mut step = fresh.step(time(i));
         step.vertices(new.cloth, Source::Host(&cloth)).unwrap();
-        step.poses(new.robot, &[lift(i - 1)]).unwrap();
+        step.poses(new.robot, &[shift(i - 1)]).unwrap();
         drop(step);
         let expected = hits_at(&mut fresh, time(i), &sources.original.rays);
         let all = hits_at(&mut live, time(i), &sources.original.rays);
@@ -226,7 +225,7 @@ pub(crate) fn replacement_may_change_motion_kind(device: &Device) {
         for at in [0.0, 1.5] {
             for (tracer, mesh) in [(&mut live, target), (&mut fresh, same)] {
                 let mut step = tracer.step(at);
-                let poses = step.poses(mesh, &[lift(3)]);
+                let poses = step.poses(mesh, &[shift(3)]);
                 let what = "matrices";
                 let refused = Err(Error::Motion { mesh, what });
                 assert_eq!(poses, if kind == Kind::Rigid { Ok(()) } else { refused });

@@ -114,7 +114,7 @@ pub(crate) fn dropped_steps_have_no_effect(device: &Device) {
     let mut live = Moving::new(device, Update::Async);
     let asked = live.submit(3);
     let expected = live.read(asked);
-    for unread in [false, true] {
+    for reads_second_first in [false, true] {
         let first = live.submit(3);
         for i in 0..40 {
             drop(live.tracer.step(0.0));
@@ -126,16 +126,16 @@ pub(crate) fn dropped_steps_have_no_effect(device: &Device) {
             live.refuse(i);
         }
         let second = live.submit(3);
-        if unread {
+        if reads_second_first {
             assert!(live.read(second) == expected);
         }
-        assert!(live.read(first) == expected, "{unread}");
+        assert!(live.read(first) == expected, "{reads_second_first}");
         let (done, query) = live.drop_step();
         for step in [first[0].0, second[0].0, done] {
             assert_eq!(live.hits((step, query)).err(), Some(Error::NoResult));
         }
         assert_eq!(live.hits(first[0]).err(), Some(Error::NoResult));
-        assert!(live.read(second) == expected, "{unread}");
+        assert!(live.read(second) == expected, "{reads_second_first}");
     }
 }
 

@@ -20,13 +20,13 @@ fn down(count: usize) -> Vec<Ray> {
     (0..count).map(ray).collect()
 }
 
-fn world(device: &Device) -> Tracer {
+fn tracer_on(device: &Device) -> Tracer {
     let (scene, _) = scene_of([Mesh::streamed(&TRIANGLE, &[[0, 1, 2]]).unwrap()]);
     let builder = Tracer::builder().device(device.clone()).threads(1);
     builder.build(scene).unwrap()
 }
 
-/// Traces a step of one ray, which hits.
+/// Traces a step of one ray that hits the triangle. Returns the number of hits.
 fn step(tracer: &mut Tracer) -> usize {
     let mut step = tracer.step(0.0);
     let query = step.trace(&down(1), Query::Any).unwrap();
@@ -61,7 +61,7 @@ pub(crate) fn rayon_tasks_own_tracers(device: &Device) {
     let count = if device == Device::Cpu { 20 } else { on_gpu };
     let hits = within(move || {
         let each = (0..count).into_par_iter().with_max_len(1);
-        workers(2).install(|| each.map(|_| step(&mut world(&device))).sum::<usize>())
+        workers(2).install(|| each.map(|_| step(&mut tracer_on(&device))).sum::<usize>())
     });
     assert_eq!(hits, count);
 }
@@ -176,8 +176,8 @@ pub(crate) fn works_with_busy_global_pool(device: &Device) {
 /// Tests key-frame readers that trace rays, on the tested device and on the host.
 pub(crate) fn key_frame_readers_may_trace(device: &Device) {
     let demo = Arc::new(demo("demo:collide:300"));
-    let (keys, shared) = (Arc::clone(&demo), Arc::new(Mutex::new(world(device))));
-    let other = Mutex::new(world(&Device::Cpu));
+    let (keys, shared) = (Arc::clone(&demo), Arc::new(Mutex::new(tracer_on(device))));
+    let other = Mutex::new(tracer_on(&Device::Cpu));
     let read = move |key: usize| {
         let hits = step(&mut shared.lock().unwrap()) + step(&mut other.lock().unwrap());
         match hits {

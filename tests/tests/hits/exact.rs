@@ -143,18 +143,18 @@ fn sign(x: f32) -> f32 {
     f32::from(i8::from(x > 0.0) - i8::from(x < 0.0))
 }
 
-/// Runs the checks of [`cut`] with every intersector that rounds.
+/// Runs [`check_limits_of`] with every intersector that rounds.
 pub(crate) fn check_ray_limits(source: Source) {
     use Intersector::{MollerTrumbore, Watertight, Woop};
     let animation = source.animation();
     for by in [Watertight, Woop, MollerTrumbore] {
-        cut(&animation, by);
+        check_limits_of(&animation, by);
     }
 }
 
 /// Checks that a ray that ends at its hit misses. A ray that starts just before and ends just behind its hit keeps it.
 /// Any-hit must agree with closest-hit.
-fn cut(animation: &Arc<Animation>, by: Intersector) {
+fn check_limits_of(animation: &Arc<Animation>, by: Intersector) {
     let time = 0.5 * animation.end();
     let mut host = host();
     open(&mut host, animation, time, by).unwrap();

@@ -19,7 +19,7 @@ fn still(points: Vec<Point>, triangles: Vec<[u32; 3]>) -> Arc<Animation> {
     Arc::new(Animation::new(vec![points], triangles).unwrap())
 }
 
-/// A fan of `triangles` triangles round one vertex, with the other vertices on a circle.
+/// A fan of `triangles` triangles round one vertex. The other vertices are on a cylinder.
 fn hub(triangles: u32) -> Arc<Animation> {
     let spoke = |i: u32| {
         let (y, x) = (i as f32 * TAU / triangles as f32).sin_cos();
@@ -31,7 +31,7 @@ fn hub(triangles: u32) -> Arc<Animation> {
     still(points, ring.collect())
 }
 
-/// Rays through the hub. Those with a negative `t_min` need integers of any length.
+/// Rays through the hub. Rays with a negative `t_min` need multi-word integers.
 fn through_hub() -> Vec<Ray> {
     let from = |x: f32, y: f32, t_min: f32| Ray {
         t_min,
@@ -163,7 +163,7 @@ struct Picture {
     camera: Camera,
     light: Point,
     /// Returns whether the host's hits are varied enough to detect errors of a device.
-    tells: fn(&Hits) -> bool,
+    is_varied: fn(&Hits) -> bool,
 }
 
 /// Checks that the device's hits equal the host's, bit for bit.
@@ -177,8 +177,8 @@ pub(crate) fn pictures_match_the_host(backend: &mut dyn Backend) {
             trace(backend, animation, time, query)
         };
         let (expected, found) = (ask(&mut host), ask(backend));
-        let tells = (picture.tells)(&expected);
-        assert!(tells, "too few to tell: {:?}", picture.camera);
+        let is_varied = (picture.is_varied)(&expected);
+        assert!(is_varied, "too few different hits: {:?}", picture.camera);
         let pixels = |hits: Hits| hits.closest.into_iter().zip(hits.blocked);
         let mut pairs = pixels(expected).zip(pixels(found)).enumerate();
         let other = pairs.find(|(_, (a, b))| a != b);
@@ -193,7 +193,7 @@ fn pictures() -> Vec<Picture> {
         time: 0.0,
         camera: camera_at(distance, &cloth),
         light: [0.3 * light, light, 0.2 * light],
-        tells: |hits| hits.closest.iter().any(|h| h.is_hit()),
+        is_varied: |hits| hits.closest.iter().any(|h| h.is_hit()),
     };
     let mut all: Vec<_> = [(3.0, 1e6), (1e6, 3.0), (1e25, 1e7)].map(far).into();
     let doubled = twice(&demo("demo:collide:2000"));
@@ -203,7 +203,7 @@ fn pictures() -> Vec<Picture> {
         // too few on other drivers.
         camera: camera(&doubled, [170, 100]),
         light: light(&doubled),
-        tells: |hits| {
+        is_varied: |hits| {
             let count = hits.closest.iter().filter(|h| h.is_hit()).count();
             let blocked = hits.blocked.iter().filter(|&&b| b == 1).count();
             count >= 1000 && blocked >= 100 && blocked + 100 <= count
@@ -215,7 +215,7 @@ fn pictures() -> Vec<Picture> {
         time: 0.0,
         camera: over_ridges(),
         light: [40.0, 0.3, 6.0],
-        tells: |hits| {
+        is_varied: |hits| {
             let on_crests = hits.closest.iter().zip(&hits.blocked).step_by(2);
             let met = on_crests.filter(|(h, _)| h.is_hit());
             let (dark, lit): (Vec<_>, Vec<_>) = met.partition(|(_, b)| **b == 1);
@@ -230,7 +230,7 @@ fn pictures() -> Vec<Picture> {
             time: 0.0,
             camera: at_seam(scale),
             light: [0.0, 3.0 * scale, scale],
-            tells: |hits| {
+            is_varied: |hits| {
                 let column = hits.closest.iter().zip(&hits.blocked);
                 let column: Vec<_> = column.skip(8).step_by(17).collect();
                 let wall = column.iter().filter(|(h, _)| h.triangle < 2).count();
@@ -244,8 +244,8 @@ fn pictures() -> Vec<Picture> {
 
 /// A wall of two triangles above a floor. The rays of the middle column, and the shadow rays from their hits on the
 /// floor, are at the distance `x * scale` from the common edge. One of its ends is so near to zero along z that the
-/// triangles need more than 60 bits. If `x` is zero, a device needs integers of that length, and leaves the hits on
-/// the wall to its last kernel.
+/// triangles need more than 60 bits. If `x` is zero, a device needs multi-word integers, and leaves the hits on the
+/// wall to its last kernel.
 fn seam(x: f32, scale: f32) -> Arc<Animation> {
     let points = [
         [x, 0.25, 0.0],
@@ -293,7 +293,7 @@ fn twice(animation: &Animation) -> Arc<Animation> {
 
 /// Number of ridges, and number of segments per ridge.
 const RIDGES: i16 = 16;
-const STRETCHES: i16 = 40;
+const SEGMENTS: i16 = 40;
 /// Rows of pixels. No row hits the end of a segment.
 const ROWS: u32 = 12;
 
@@ -303,8 +303,8 @@ fn ridges() -> Arc<Animation> {
     let (mut points, mut triangles) = (Vec::<Point>::new(), Vec::new());
     for ridge in 0..RIDGES {
         let crest = f32::from(2 * (ridge - RIDGES / 2));
-        for stretch in 0..STRETCHES {
-            let y = f32::from(stretch - STRETCHES / 2);
+        for segment in 0..SEGMENTS {
+            let y = f32::from(segment - SEGMENTS / 2);
             let at = points.len() as u32;
             for (x, z) in [(crest - 0.25, -1.0), (crest, 0.0), (crest + 1.75, -1.0)] {
                 points.extend([[x, y, z], [x, y + 1.0, z]]);

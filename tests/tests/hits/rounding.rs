@@ -7,8 +7,8 @@ use geom::{Animation, Camera, Point, Ray};
 use integration::stage::{closest, host, separate_triangles, trace};
 use std::sync::Arc;
 
-/// A triangle just before the start (`t < 0`) of equal rays, which a host traces as a packet. The distance underflows
-/// to zero.
+/// Tests a triangle just before the start (`t < 0`) of equal rays. Backend `cpu` may trace them as a packet. The
+/// distance underflows to zero.
 pub(crate) fn distances_that_underflow_are_plus_zero(backend: &mut dyn Backend) {
     let (size, depth) = ((-60_f32).exp2(), (-91_f32).exp2());
     let corners = [
@@ -45,10 +45,10 @@ pub(crate) fn hits_of_extreme_rays_are_lit_by_infinite_lights(backend: &mut dyn 
     }
 }
 
-/// The edges of the first triangle overflow. The second triangle blocks the light, but not the ray.
+/// An edge of the first triangle overflows. The second triangle blocks the light, but not the ray.
 pub(crate) fn shadow_rays_start_finite_if_edges_overflow(backend: &mut dyn Backend) {
     let wall = [[3e38, -3e38, -1e38], [3e38, 3e38, -1e38], [3e38, 0.0, 2e38]];
-    // An overflowing edge is replaced by the largest float (hits.md, extreme rays). The hit computed from such edges
+    // An overflowing edge is replaced by the largest float (hits.md, extreme rays). The hit computed from this edge
     // has this `y`.
     let (y, size) = (-8.66e37, 1e37);
     let blocker = [

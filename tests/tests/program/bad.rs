@@ -15,7 +15,7 @@ pub(crate) fn npy(descr: &str, shape: &str, data: &[u8]) -> Vec<u8> {
     file
 }
 
-/// Writes all files that [`CASES`] names.
+/// Writes the files that [`CASES`] and [`OTHERS`] read. Some cases name a missing file, such as `rays.npy`.
 fn inputs(sandbox: &Sandbox) {
     let header = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
                   element face 1\nproperty list uchar int vertex_indices\nend_header\n";
@@ -70,8 +70,8 @@ trace a.obj --time 0 --out hits.npz --rays half.npy | half.npy | f2 | 32
 trace a.obj --time 0 --out hits.npz --rays text.npy | text.npy
 ";
 
-/// Further cases, which run only as they are. [`CASES`] also run with `--backend NAME` appended. Control characters must be
-/// escaped, because terminals obey them.
+/// Further cases, which run only as they are. [`CASES`] also run with `--backend NAME` appended. Control characters
+/// must be escaped, because terminals obey them.
 const OTHERS: &str = "
 paint demo:twist | paint
 bench demo:twist:500 --backend cpu --update device-rebuild --rival embree | nothing is left to measure | embree with device-rebuild

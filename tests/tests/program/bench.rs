@@ -77,8 +77,8 @@ fn camera(sandbox: &Sandbox) {
     assert_eq!(away, [0, 0].map(Value::from));
 }
 
-/// Checks the memory per triangle: 80 to 160 bytes for the tree with the triangle records, wherever it is built, and limits
-/// for the other purposes.
+/// Checks the memory per triangle: 80 to 160 bytes for the tree with the triangle records, wherever it is built, and
+/// limits for the other purposes.
 fn memory(sandbox: &Sandbox, backend: &str) {
     let words = "--update refit,device-rebuild --frames 3 --size 16x12 --quiet";
     let what = format!("bench demo:twist:20000 --backend {backend} {words}");

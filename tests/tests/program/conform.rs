@@ -1,5 +1,5 @@
-//! `conform`: properties by name. `stability`: error rates by intersector and by family (one way in which scenes and rays
-//! are hard), within bounds.
+//! `conform`: properties by name. `stability`: error rates within bounds, by intersector and by family. A family is
+//! one way in which scenes and rays are hard.
 
 use crate::sandbox::{Sandbox, assert_contains, list, trial};
 use integration::{is_full, share};

@@ -1,5 +1,5 @@
-//! Runs that are killed, terminated, out of disk space or lose their input leave only complete files and can be
-//! resumed.
+//! Runs are killed, terminated, run out of disk space or lose their input. They leave only complete files under final
+//! names, and can be resumed.
 
 use crate::files::array;
 use crate::runs::bytes;
@@ -219,7 +219,7 @@ fn full_disk(sandbox: &Sandbox) {
         "--size 640x480 --frames 1 --out full",
         "--size 160x120 --frames 2 --no-images --hits full",
         "--size 160x120 --frames 1 --no-images --rays-out full/rays.npy",
-        // The directory entries of 3000 files exceed the disk.
+        // The journal's first line, which lists 3000 frame numbers, exceeds the disk.
         "--size 8x8 --frames 3000 --out full",
     ] {
         let words = format!("render demo:twist:500 --quiet {words}");

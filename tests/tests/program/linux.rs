@@ -15,7 +15,7 @@ pub(crate) fn trials() -> Vec<Trial> {
     ]
 }
 
-/// Tests such a name alone, and joined to another scene with a placement.
+/// Tests a file name that is not UTF-8, alone, and joined to another scene with a placement.
 fn any_bytes(sandbox: &Sandbox) {
     let name = OsStr::from_bytes(b"a\xff.obj");
     std::fs::write(sandbox.path().join(name), SQUARE).unwrap();

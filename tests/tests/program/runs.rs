@@ -88,7 +88,7 @@ fn different_run(sandbox: &Sandbox) {
     assert_eq!(bytes(sandbox, "o").len(), 2, "{:?}", sandbox.files());
 }
 
-/// Tests a journal without a manifest, while another run writes the journal and afterwards.
+/// Tests a journal without a manifest, first while another run has locked the journal, then without the lock.
 fn missing_manifest(sandbox: &Sandbox) {
     let words = format!("{SMALL} --frames 2 --out o");
     let manifest = sandbox.path().join("o/abvh-run.json");
