@@ -1,7 +1,7 @@
 //! Diagnoses why a GPU cannot be used, and how to fix it.
 
 use crate::backends::{BACKENDS, BackendEntry};
-use backend::DeviceKind;
+use backend::{AdapterInfo, DeviceKind};
 use host::NVIDIA_LIBRARIES;
 use std::fs::File;
 use std::path::PathBuf;
@@ -10,9 +10,9 @@ use std::path::PathBuf;
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Diagnosis {
-    /// Names of listed GPUs. [`Device::Auto`](crate::Device::Auto) takes the first that it can open.
+    /// Names of the GPUs that can be opened. [`Device::Auto`](crate::Device::Auto) takes the first one.
     pub gpus: Vec<String>,
-    /// Problems found if no GPU is listed.
+    /// Problems found if no GPU can be opened.
     pub problems: Vec<Problem>,
 }
 
@@ -33,7 +33,7 @@ impl Problem {
 }
 
 /// Checks if a GPU can be used on this machine. If not, returns the problems and how to fix them. On Linux, this covers
-/// the drivers of NVIDIA and Mesa. Lists adapters and opens the device files of GPUs, but creates no device.
+/// the drivers of NVIDIA and Mesa. Opens all GPUs of one backend after another, until a GPU can be opened.
 #[must_use]
 pub fn doctor() -> Diagnosis {
     diagnose(&adapters(), &nodes(), has_nvidia_library())
@@ -52,8 +52,22 @@ const FOLDERS: [&str; 6] = [
 const NVIDIA_NODE: &str = "/dev/nvidiactl";
 const NODES: &str = "/dev/dri";
 
-/// Names of the adapters and whether each is a GPU, or the reason why they cannot be listed.
-type Adapters = Result<Vec<(String, bool)>, Problem>;
+/// The adapters of a backend, or the reason why they cannot be listed.
+type Adapters = Result<Vec<ListedAdapter>, Problem>;
+
+/// A listed adapter.
+struct ListedAdapter {
+    name: String,
+    is_gpu: bool,
+    /// Reason why the GPU cannot be opened. Other adapters are not opened.
+    error: Option<String>,
+}
+
+impl ListedAdapter {
+    fn is_usable_gpu(&self) -> bool {
+        self.is_gpu && self.error.is_none()
+    }
+}
 
 /// Returns the device files of GPUs, and whether this process may open them.
 fn nodes() -> Vec<(PathBuf, bool)> {
@@ -78,25 +92,32 @@ fn has_nvidia_library() -> bool {
 
 /// Diagnoses a machine from its list of adapters, or the reason why there is none, and from the driver's files.
 fn diagnose(adapters: &Adapters, nodes: &[(PathBuf, bool)], has_nvidia_library: bool) -> Diagnosis {
-    let listed = |gpus: bool| -> Vec<String> {
-        let listed = adapters.as_deref().unwrap_or_default().iter();
-        let listed = listed.filter(|(_, is_gpu)| *is_gpu == gpus);
-        listed.map(|(name, _)| name.clone()).collect()
+    let listed = adapters.as_deref().unwrap_or_default();
+    let names = |is_listed: fn(&&ListedAdapter) -> bool| -> Vec<String> {
+        let named = listed.iter().filter(is_listed);
+        named.map(|adapter| adapter.name.clone()).collect()
     };
-    let (gpus, mut problems) = (listed(true), Vec::new());
+    let (gpus, mut problems) = (names(|a| a.is_usable_gpu()), Vec::new());
     if !gpus.is_empty() {
         return Diagnosis { gpus, problems };
     }
     let mut say = |what: String, fix: &str| problems.push(Problem::new(what, fix));
+    for adapter in listed {
+        if let Some(error) = &adapter.error {
+            let what = format!("{}: {error}", adapter.name);
+            say(what, "update the GPU's driver");
+        }
+    }
     match adapters {
         Err(problem) => say(problem.what.clone(), &problem.fix),
-        Ok(_) => say(
+        Ok(all) if !all.iter().any(|a| a.is_gpu) => say(
             format!(
                 "no GPU is listed, only drivers on the host's cores: {}",
-                listed(false).join(", ")
+                names(|_| true).join(", ")
             ),
             "install the GPU's own driver (Debian: mesa-vulkan-drivers, or NVIDIA's driver)",
         ),
+        Ok(_) => {}
     }
     for (node, _) in nodes.iter().filter(|(_, may_use)| !may_use) {
         say(
@@ -122,15 +143,28 @@ fn diagnose(adapters: &Adapters, nodes: &[(PathBuf, bool)], has_nvidia_library: 
 
 fn adapters() -> Adapters {
     let finds_gpus = |entry: &&BackendEntry<'_>| entry.kinds.contains(&DeviceKind::Gpu);
-    first_with_gpu(BACKENDS.iter().filter(finds_gpus).map(listed).collect())
+    best(BACKENDS.iter().filter(finds_gpus).map(listed))
 }
 
-/// Returns the adapters of the first backend that has a GPU, or else of the first backend.
-fn first_with_gpu(all: Vec<Adapters>) -> Adapters {
-    let has_gpu = |found: &Adapters| found.as_ref().is_ok_and(|all| all.iter().any(|a| a.1));
-    let at = all.iter().position(has_gpu).unwrap_or(0);
-    let found = all.into_iter().nth(at);
-    found.unwrap_or_else(|| {
+/// Returns the adapters of the first backend with a usable GPU, else with any GPU, else of the first backend.
+fn best(backends: impl Iterator<Item = Adapters>) -> Adapters {
+    let has = |found: &Adapters, is_it: fn(&ListedAdapter) -> bool| {
+        found.as_deref().is_ok_and(|all| all.iter().any(is_it))
+    };
+    let mut best = None;
+    for found in backends {
+        if has(&found, ListedAdapter::is_usable_gpu) {
+            return found;
+        }
+        // The first backend, unless only a later one lists a GPU.
+        if best
+            .as_ref()
+            .is_none_or(|best| !has(best, |a| a.is_gpu) && has(&found, |a| a.is_gpu))
+        {
+            best = Some(found);
+        }
+    }
+    best.unwrap_or_else(|| {
         let what = "this program was built without vulkan and wgpu".to_owned();
         Err(Problem::new(
             what,
@@ -139,14 +173,21 @@ fn first_with_gpu(all: Vec<Adapters>) -> Adapters {
     })
 }
 
+/// Lists the adapters of a backend, and opens those that are GPUs.
 fn listed(entry: &BackendEntry<'_>) -> Adapters {
     let fix = "install a Vulkan loader and driver (Debian: libvulkan1 and mesa-vulkan-drivers, or NVIDIA's driver)";
     let all = entry.adapters();
     let all = all.map_err(|e| Problem::new(e.to_string(), fix))?;
-    Ok(all
-        .into_iter()
-        .map(|a| (a.name, a.kind == DeviceKind::Gpu))
-        .collect())
+    let adapter = |a: AdapterInfo| {
+        let is_gpu = a.kind == DeviceKind::Gpu;
+        let opened = is_gpu.then(|| entry.open(Some(&a.index.to_string()), 1));
+        ListedAdapter {
+            name: a.name,
+            is_gpu,
+            error: opened.and_then(Result::err),
+        }
+    };
+    Ok(all.into_iter().map(adapter).collect())
 }
 
 #[cfg(test)]
@@ -161,16 +202,37 @@ mod tests {
         all.map(|p| p.what + " -> " + &p.fix + "\n").collect()
     }
 
+    fn adapter(name: &str, is_gpu: bool, error: Option<&str>) -> Adapters {
+        Ok(vec![ListedAdapter {
+            name: name.to_owned(),
+            is_gpu,
+            error: error.map(str::to_owned),
+        }])
+    }
+
     #[test]
-    fn listed_gpu_has_no_problems() {
-        let adapters = Ok(vec![("H100".to_owned(), true)]);
-        assert_eq!(problems(adapters, &[], false), "");
+    fn usable_gpu_of_any_backend_has_no_problems() {
+        let broken = || adapter("H100", true, Some("quotients are wrong"));
+        let software = || adapter("llvmpipe", false, None);
+        let usable = || adapter("H100", true, None);
+        for backends in [
+            vec![usable()],
+            vec![broken(), usable()],
+            vec![software(), usable()],
+        ] {
+            assert_eq!(problems(best(backends.into_iter()), &[], false), "");
+        }
+        let found = problems(best([software(), broken()].into_iter()), &[], false);
+        assert!(
+            found.contains("H100: quotients are wrong -> update"),
+            "{found}"
+        );
     }
 
     #[test]
     fn each_problem_suggests_its_fix() {
         let none = || Err(Problem::new("no Vulkan loader".to_owned(), "install one"));
-        let software = || Ok(vec![("llvmpipe".to_owned(), false)]);
+        let software = || adapter("llvmpipe", false, None);
         let (nvidia, render) = ("/dev/nvidiactl", "/dev/dri/renderD128");
         let capabilities = "NVIDIA_DRIVER_CAPABILITIES=graphics,compute";
         let lists = "only drivers on the host's cores: llvmpipe";
@@ -184,7 +246,7 @@ mod tests {
                 "renderD128 may not be used by this user",
             ),
             (none(), &[(render, true)], "no Vulkan loader -> install one"),
-            (first_with_gpu(Vec::new()), &[], "feature `vulkan`"),
+            (best(std::iter::empty()), &[], "feature `vulkan`"),
         ] {
             let found = problems(adapters, nodes, false);
             assert!(found.contains(says), "{found}");
