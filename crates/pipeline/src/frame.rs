@@ -45,9 +45,8 @@ pub struct FrameRecord {
 }
 
 impl FrameRecord {
-    /// Stores the report of the submission that traced the frame. If a separate submission read back vertices, its
-    /// report is in `self.report` before the call. Its device time and its bytes are added. Its interpolation time is
-    /// used if `report` has none.
+    /// Stores the report of a submission of this frame. Earlier submissions read back vertices. Their device times and
+    /// bytes are added. An earlier interpolation time is used if `report` has none.
     pub(crate) fn complete(&mut self, mut report: FrameReport) {
         let (times, read_back) = (&mut report.times, &self.report.times);
         times.interpolate_ms = times.interpolate_ms.or(read_back.interpolate_ms);
@@ -70,9 +69,9 @@ pub struct FrameTreeStats {
     pub age_frames: u64,
     /// Whether this frame adopted the tree, or the backend built it within this frame.
     pub adopted: bool,
-    /// Whether a finished tree was rejected, for one of three reasons. It costs no less than the current tree. The
-    /// device has no memory for it. Or a newer tree would arrive too early: before frame times are nearer to this
-    /// tree's target time than to the current tree's.
+    /// Whether a finished tree was rejected, for one of three reasons. It costs no less than the current tree. It
+    /// exceeds the memory or a limit of the device. Or a newer tree would arrive too early: before frame times are
+    /// nearer to this tree's target time than to the current tree's.
     pub rejected: bool,
     /// Milliseconds of the host build up to the complete binary tree, if this frame adopted it. Includes the
     /// interpolation of vertices that the builder does itself. For a tree built on the device, milliseconds of the stage

@@ -1,4 +1,4 @@
-//! Reads positions back from the backend, for trees that are not built from key frames.
+//! Reads positions back from the backend, for trees that are not built from key frames and for the coordinate range.
 
 use super::Driver;
 use super::next_tree::{Event, NextTreeState};
@@ -48,7 +48,8 @@ impl Driver {
         self.backend.interpolate(pose)?;
         self.backend.request_positions()?;
         let ticket = self.backend.submit()?;
-        self.recording.record.report = self.backend.wait(ticket)?;
+        let report = self.backend.wait(ticket)?;
+        self.recording.record.complete(report);
         loop {
             match self.backend.take_positions()? {
                 Some((t, positions)) if t == ticket => return Ok(positions),

@@ -285,6 +285,24 @@ fn failed_second_readback_is_repeated() {
     assert!(failures == 1 && log_of(driver).adopted.len() > 1);
 }
 
+/// A frame reads positions back twice: for the coordinate range, and for its own tree.
+#[test]
+fn device_time_includes_separate_readbacks() {
+    let keys = shuffled(2, 64);
+    let key = |key: usize| keys.key(key).unwrap().to_vec();
+    let streamed = Animation::streamed(key(0), &[false; 3 * 64], apart(64)).unwrap();
+    let by = (Policy::Rebuild, false);
+    let mut driver = driver(Fake::new(Some(1)), &Arc::new(streamed), by).unwrap();
+    driver.forget_key_frames();
+    let time = driver.animation.push(key(1)).unwrap();
+    let light = [0.0, 9.0, 0.0];
+    let query = query(QueryKind::ClosestAndShadow { light });
+    driver.begin(Frame { index: 0, time }, &[query]).unwrap();
+    let finished = driver.finish(OutputSelection::HITS, &mut FrameOutputs::default());
+    // One millisecond for each submission.
+    assert_eq!(finished.unwrap().unwrap().report.times.device_ms, 3.0);
+}
+
 /// The builder starts only after the animation has dropped a key frame of the request.
 #[test]
 fn lockstep_builds_from_key_frames_of_the_request() {

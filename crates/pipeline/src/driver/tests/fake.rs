@@ -2,7 +2,7 @@
 
 use backend::{
     Arithmetic, Backend, BackendError, Capabilities, Device, DeviceKind, FrameReport, Generation,
-    Hits, Intersector, Query, Result, Snapshot, Ticket, TreeFormat, TreeWriter,
+    Hits, Intersector, Query, Result, Snapshot, StageTimes, Ticket, TreeFormat, TreeWriter,
 };
 use bvh_build::{BinaryTree, sah_cost};
 use bvh_layout::Topology;
@@ -264,6 +264,10 @@ impl Backend for Fake {
         Ok(FrameReport {
             sah_cost: costs.map_or(Some(3.0), |[_, current]| Some(current)),
             candidate_cost: costs.map(|[candidate, _]| candidate),
+            times: StageTimes {
+                device_ms: 1.0,
+                ..StageTimes::default()
+            },
             ..FrameReport::default()
         })
     }
