@@ -31,7 +31,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
     /// Creates a backend on an open device.
     ///
     /// # Errors
-    /// [`backend::BackendError::NoDevice`] if the device's arithmetic is wrong.
+    /// Those of [`Engine::new`].
     pub fn over(gpu: D) -> Result<Self> {
         let mut engine = Engine::new(gpu, [common("arithmetic")])?;
         engine.info.device.capabilities = Capabilities {

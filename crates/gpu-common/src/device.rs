@@ -58,7 +58,7 @@ pub struct DeviceInfo {
     /// Bytes of device memory that were available when this was queried, or `None` if unknown. `gpu-vulkan` returns the
     /// size of a heap if the driver does not report the use of memory.
     pub free_bytes: Option<u64>,
-    /// Messages of all calls that wgpu has rejected so far, and all messages of the validation layer in this process.
+    /// Messages of all calls that wgpu has rejected so far, and messages of the validation layer in this process.
     /// `gpu-vulkan` records no rejected calls.
     pub complaints: Vec<String>,
 }

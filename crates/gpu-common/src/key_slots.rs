@@ -148,7 +148,7 @@ impl<D: GpuDevice> KeySlots<D> {
             .or_else(|| self.slots.iter().position(is_there))
     }
 
-    /// Uploads a paged or streamed key frame, in place of the least recently used one.
+    /// Uploads a paged or streamed key frame. Evicts the least recently used ones if there are too many.
     fn upload(&mut self, gpu: &mut D, key: usize, frame: &KeyFrame) -> Result<()> {
         // The newest key frame may be the only copy of positions from a buffer of the program. The recording then
         // copies them from there, so it counts as a reader of that key frame.

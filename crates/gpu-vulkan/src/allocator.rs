@@ -167,7 +167,8 @@ pub(crate) fn device_bytes(allocation: &Allocation) -> u64 {
     }
 }
 
-/// Returns the usage flags of all buffers. `traces_rays` adds those that acceleration structures need.
+/// Returns the usage flags of all buffers except external buffers. `traces_rays` adds those that acceleration structures
+/// need.
 pub(crate) fn usage(traces_rays: bool) -> vk::BufferUsageFlags {
     let kernels = vk::BufferUsageFlags::STORAGE_BUFFER
         | vk::BufferUsageFlags::UNIFORM_BUFFER

@@ -39,7 +39,7 @@ pub struct ExternalMemory {
 }
 
 impl ExternalMemory {
-    /// Allocates at least `bytes` of device-local memory.
+    /// Allocates at least `bytes` of memory, device-local if possible.
     ///
     /// # Errors
     /// [`BackendError::Unsupported`], with the extension's name, if the device cannot export memory;

@@ -21,8 +21,8 @@ pub(crate) struct HostMemory {
 }
 
 impl HostMemory {
-    /// Creates a buffer over pages of its own. Returns `None` if the buffer is small or the import fails; the caller
-    /// then allocates memory.
+    /// Creates a buffer over pages of its own. Returns `None` if the buffer is small or the pages cannot be
+    /// imported. The caller then allocates memory.
     pub(crate) fn buffer(gpu: &Arc<Gpu>, what: &str, bytes: u64) -> Option<(vk::Buffer, Self)> {
         let import = gpu.import.as_ref().filter(|_| bytes >= LEAST)?;
         let mut external = vk::ExternalMemoryBufferCreateInfo::default().handle_types(PAGES);

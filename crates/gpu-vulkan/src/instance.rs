@@ -87,7 +87,7 @@ impl VulkanInstance {
     /// Returns all devices, in Vulkan's order.
     ///
     /// # Errors
-    /// [`BackendError::NoDevice`] if there is no device.
+    /// [`BackendError::NoDevice`] if there is no device, or Vulkan cannot list the devices.
     pub fn physical_devices(&self) -> Result<Vec<vk::PhysicalDevice>> {
         // SAFETY: the instance is alive.
         let devices = unsafe { self.vk.enumerate_physical_devices() }

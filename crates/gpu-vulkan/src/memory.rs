@@ -126,7 +126,7 @@ impl Buffer {
         matches!(self.memory, BufferMemory::Host(_))
     }
 
-    /// Returns the bytes of device-local memory that the buffer occupies.
+    /// Returns the bytes of device-local memory that the buffer occupies; 0 for external memory.
     pub fn held(&self) -> u64 {
         match &self.memory {
             BufferMemory::Allocated(allocation) => device_bytes(allocation),

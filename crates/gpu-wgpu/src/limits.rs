@@ -71,7 +71,8 @@ fn minimum_limits() -> Limits {
     }
 }
 
-/// Returns the limits to request from an adapter: those required, with buffers as large as the adapter allows.
+/// Returns the limits to request from an adapter: those required, with buffers and dispatches as large as the adapter
+/// allows, and with its alignments.
 pub(crate) fn requested_limits(adapter: &Limits) -> Limits {
     Limits {
         max_buffer_size: adapter.max_buffer_size,

@@ -72,7 +72,7 @@ fn in_file(path: &str) -> impl Fn(Error) -> Error {
     move |error| anyhow!("wgsl/{path}.wgsl:{error}")
 }
 
-/// Checks that the file uses each import, and that the imported file has the name in some branch.
+/// Checks that the file uses or publishes each import, and that the imported file has the name in some branch.
 fn check_imports(items: &[Item], all: &BTreeMap<&str, Vec<Item>>) -> Result<()> {
     let words = items.iter().flat_map(|item| &item.tokens);
     let words: HashSet<_> = words.map(|token| token.text).collect();

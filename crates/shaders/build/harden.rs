@@ -20,9 +20,9 @@ pub(crate) fn harden_module(module: &mut Module) {
     module.debug_names.clear();
 }
 
-/// Decorates float operations with NoContraction, which naga does not emit. Without it, drivers fuse and regroup them.
-/// Functions named `loose_…` are exempt. Their results only decide whether work can be skipped, or are compared with
-/// error bounds that hold with and without fusing.
+/// Decorates each FAdd, FSub and FMul with NoContraction, which naga does not emit. Without it, drivers fuse and
+/// regroup them. Functions named `loose_…` are exempt. Their results only decide whether work can be skipped, or are
+/// compared with error bounds that hold with and without fusing.
 fn forbid_contraction(module: &mut Module) {
     let loose: HashSet<u32> = named(module, |name| name.starts_with("loose_")).collect();
     let is_strict = |f: &&Function| !f.def_id().is_some_and(|id| loose.contains(&id));
@@ -54,7 +54,8 @@ fn named(module: &Module, is_it: impl Fn(&str) -> bool) -> impl Iterator<Item = 
     })
 }
 
-/// Removes the null initialisers of arrays. naga clears every variable, which stacks and long integers do not need.
+/// Removes the null initialisers of arrays. naga clears local and private variables, which stacks and long integers
+/// do not need.
 fn drop_null_initialisers(module: &mut Module) {
     let ids = |is_it: &dyn Fn(&Instruction) -> bool| -> HashSet<u32> {
         let found = module.types_global_values.iter().filter(|i| is_it(i));

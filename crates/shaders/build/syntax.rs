@@ -2,7 +2,7 @@
 //!
 //! `import package::folder::file::{a, b as c};` imports declarations. With `@publish`, other files can import them from here.
 //! `@if(A && !(B || C))`, `@elif(D)` and `@else` precede an import, a declaration, a statement, a member or a parameter.
-//! Comments begin with `//`. The `<` of a template follows a word without a space, and other `<` follow a space.
+//! Comments begin with `//`. Only the `<` of a template follows a word without a space.
 //!
 //! Errors begin with a line number.
 

@@ -3,8 +3,8 @@
 //! `// Variants: intersector, arithmetic.` means all intersectors, and both ways to compute the remainder of a quotient.
 //! `// Variants: intersector(exact).` means one intersector only. `subgroups` means that the kernel uses subgroups.
 //! `// Parameters: search.` means that the kernel reads `params.search`: see `lib/params.wgsl`.
-//! `// Loaded with every scene.` means that a frame may run the kernel before it traces rays, so it is loaded with
-//! every scene instead of at first use.
+//! `// Loaded with every scene.` means that a frame of any scene may run the kernel before it traces rays. So the
+//! kernel is loaded with every scene instead of at first use.
 
 use crate::compose::{Files, Sources};
 use anyhow::{Context, Result, bail};
@@ -15,8 +15,8 @@ const INTERSECTORS: [&str; 4] = ["moller_trumbore", "woop", "watertight", "exact
 /// Condition: IEEE operations are kept separate by arithmetic that a compiler cannot see through, instead of by
 /// decorations of the SPIR-V.
 const OPAQUE: &str = "OPAQUE";
-/// Condition: the remainder of a quotient is computed by a fused multiply-add, instead of by splitting the factors
-/// (Dekker 1971).
+/// Condition: remainders of quotients and errors of products are computed by a fused multiply-add, instead of by
+/// splitting the factors (Dekker 1971).
 const FUSED: &str = "FUSED";
 /// Condition: the kernel uses subgroups.
 const SUBGROUPS: &str = "SUBGROUPS";
@@ -37,7 +37,7 @@ pub(crate) struct EntryPoint {
     uses_subgroups: bool,
     /// The kernel's own parameters, if any: a member of `Params`. The condition is the name in capitals.
     pub(crate) parameters: Option<String>,
-    /// Whether a frame may run the kernel before it traces rays.
+    /// Whether a frame of any scene may run the kernel before it traces rays.
     pub(crate) loads_with_scene: bool,
 }
 

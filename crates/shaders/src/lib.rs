@@ -1,9 +1,9 @@
 //! All WGSL kernels, compiled and reflected at build time.
 //!
 //! Each kernel comes in two forms. Both give the same bits as `cpu-ref`, except for textbook intersectors
-//! (`docs/design/hits.md`) and areas of boxes. The first is SPIR-V whose additions, subtractions and multiplications are
-//! decorated NoContraction, except in functions named `loose_…`. The second is WGSL with arithmetic that a compiler
-//! cannot see through, for backends that cannot load SPIR-V.
+//! (`docs/design/hits.md`) and areas of boxes. The first is SPIR-V in which each FAdd, FSub and FMul is decorated
+//! NoContraction, except in functions named `loose_…`. The second is WGSL with arithmetic that a compiler cannot see
+//! through, for backends that cannot load SPIR-V.
 //!
 //! The kernels are WESL: each file in `wgsl` imports what it uses, and conditions (`@if(EXACT)`) distinguish variants. A
 //! comment above an entry point lists the properties in which its variants differ: see `build/variants.rs`. This prints
@@ -13,7 +13,7 @@
 //! cargo run -p abvh-shaders --example kernel -- trace_camera watertight
 //! ```
 //!
-//! The crate also holds everything that GPU backends share: [`Shape`] describes a tree's topology buffer, [`Params`]
+//! The crate also holds what a host needs to run the kernels: [`Shape`] describes a tree's buffers, [`Params`]
 //! the parameters of a dispatch, and [`Counts`] the counters. [`work`] returns each stage as a list of dispatches, and
 //! [`rebuild`] returns those that build trees on the device. `gpu-common` uses it.
 
@@ -51,14 +51,14 @@ pub struct Kernel {
     pub entry: &'static str,
     /// The kernel's own parameters, if any: a member of `Params` in `wgsl/lib/params.wgsl`.
     pub parameters: Option<&'static str>,
-    /// Whether a frame may run the kernel before it traces rays. A host loads such kernels with every scene. It loads
-    /// most others when a trace, a picture or a tree first uses them.
+    /// Whether a frame of any scene may run the kernel before it traces rays. A host loads such kernels with every
+    /// scene. It loads most others when a trace, a picture or a tree first uses them.
     pub loads_with_scene: bool,
     /// Names of the intersectors that the kernel serves, with underscores. Empty if it serves all.
     pub intersectors: &'static [&'static str],
     /// Code for all devices.
     pub code: Code,
-    /// Code for devices whose fused multiply-add rounds once. `None` for kernels that seldom divide.
+    /// Code for devices whose fused multiply-add rounds once. `None` for kernels that never or seldom divide.
     pub fused: Option<Code>,
     /// Workgroup size, in invocations.
     pub workgroup: [u32; 3],
@@ -143,8 +143,8 @@ backend::named! {
         Tones = "tones",
         /// Four bytes per pixel of shaded pictures.
         Pixels = "pixels",
-        /// The live triangles: those that are active in some key frame. This and the following buffers are for trees
-        /// built on the device.
+        /// The triangles that a tree must contain: [`geom::Animation::is_live`]. This and the following buffers are
+        /// for trees built on the device.
         Live = "the live triangles",
         /// Sort keys, before and after a pass.
         Keys = "sort keys",

@@ -99,7 +99,7 @@ kernel_params! {
     ExtremesParams = "extremes" { rule, answer_words }
     /// Parameters of `measure_range`.
     MeasureParams = "measure" { sample_step }
-    /// Parameters of kernels that compute records and boxes of treelets.
+    /// Parameters of `gather_corners`, and of kernels that compute records and boxes of treelets.
     TreeletsParams = "treelets" { first, uses_list, treelet_count, sum_counter }
     /// Parameters of `sum_costs`.
     SumParams = "sum" { counter }
@@ -230,13 +230,13 @@ pub struct Counts {
     pub candidates: u32,
     /// Rays that `fallback_*` resolves, for `exact`.
     pub fallback_rays: u32,
-    /// Shadow rays that `fallback_*` resolves, for `exact`.
+    /// Shadow rays that their candidates did not decide, for `exact`.
     pub fallback_shadows: u32,
     /// Tiles for which `cover_small` and `cover_large` requested space, including those that did not fit.
     pub tiles: u32,
     /// Triangles that were too large for `cover_small`.
     pub large: u32,
-    /// Approximate number of ray-triangle tests in `rasterize`.
+    /// Approximate number of ray-triangle tests in `rasterize*`.
     pub tests: u32,
     /// 1 if rasterization was incomplete, so that `resolve` traverses the tree: see [`crate::RasterBackoff`].
     pub raster_incomplete: u32,
@@ -265,7 +265,8 @@ impl Counts {
         sah_cost(f64::from(areas) + root, root)
     }
 
-    /// Returns the number of undecided and extreme rays, including shadow rays, which exact integers resolved.
+    /// Returns the number of undecided and extreme rays, including shadow rays: see
+    /// [`backend::FrameReport::exact_rays`].
     pub fn exact_rays(&self) -> u64 {
         u64::from(self.undecided) + u64::from(self.undecided_shadows)
     }

@@ -1,4 +1,5 @@
 //! Selects packets or rasterization for pictures, where the device supports them and they are faster than single rays.
+//! Also selects them for some small pictures, for tests.
 
 use crate::{Counts, Params};
 
@@ -69,7 +70,8 @@ fn is_suited(params: &Params) -> bool {
     params.spread == 0
 }
 
-/// Returns whether packets are faster than single rays. `params` must contain a camera.
+/// Returns whether packets are faster than single rays. Also accepts small pictures on software drivers, for tests.
+/// `params` must contain a camera.
 pub(crate) fn are_packets_faster(params: &Params, how: Packets) -> bool {
     let (triangles, pixels) = sizes(params);
     is_suited(params)
@@ -78,7 +80,8 @@ pub(crate) fn are_packets_faster(params: &Params, how: Packets) -> bool {
         && (how == Packets::BySubgroups || pixels <= SMALL_PICTURE)
 }
 
-/// Returns whether rasterization is faster than single rays. Packets take precedence. `params` must contain a camera.
+/// Returns whether rasterization is faster than single rays. Also accepts some small pictures, for tests. Packets
+/// take precedence. `params` must contain a camera.
 pub(crate) fn is_rasterization_faster(params: &Params, how: Packets) -> bool {
     let (triangles, pixels) = sizes(params);
     let are_dense = pixels < PIXELS_A_TRIANGLE * u64::from(triangles);

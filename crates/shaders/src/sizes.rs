@@ -16,8 +16,9 @@ fn record_bytes(intersector: Intersector, leaves: u64) -> u64 {
 /// Size of the buffer `range`, in bytes.
 pub const RANGE_BYTES: u64 = 4 * (8 + geom::CoordinateRange::SAMPLES as u64);
 
-/// Returns the size of each buffer of a tree in bytes, enough for every tree of `leaves` leaves. Exceptions: `nodes`
-/// fits only the root, and `costs` is empty. Their sizes depend on the tree: see [`crate::Shape`].
+/// Returns the size of each buffer of a tree, except its topology, in bytes. It is enough for every tree of `leaves`
+/// leaves. Exceptions: `nodes` fits only the root, and `costs` is empty. Their sizes depend on the tree: see
+/// [`crate::Shape`].
 pub fn tree_buffers(intersector: Intersector, leaves: u64) -> [(BufferName, u64); 4] {
     [
         (BufferName::LeafCorners, leaves * 12),

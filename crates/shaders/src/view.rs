@@ -103,7 +103,7 @@ impl View<'_> {
     /// `positions` are those that the boxes were computed from.
     ///
     /// # Errors
-    /// Fails if the tree was built on the device and its nodes do not form a tree.
+    /// Fails if the tree was built on the device and [`Self::topology`] fails.
     pub fn boxes(&self, positions: &[Point]) -> Result<Vec<Aabb>, String> {
         if self.built_on_device {
             self.topology()?;

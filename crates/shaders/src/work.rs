@@ -156,7 +156,7 @@ pub fn copy_points(count: usize, [from, to]: [usize; 2]) -> Work {
 pub struct Trace {
     /// Dispatches that compute hits, or whether each ray hits anything.
     pub primary: Vec<Work>,
-    /// Dispatches that trace shadow rays, if `primary` does not.
+    /// Dispatches that trace shadow rays and all extreme rays, if `primary` does not.
     pub shadow: Option<Vec<Work>>,
     /// Minimum size of the buffer `pixel_coverage`, in bytes.
     pub coverage_bytes: u64,
@@ -195,7 +195,7 @@ pub fn trace(input: TraceInput<'_>, traits: Traits) -> Trace {
     trace
 }
 
-/// Returns the dispatches that trace a query without its extreme rays.
+/// Returns the dispatches that trace a query, except those of [`extremes::work`].
 fn trace_ordinary_rays(input: TraceInput<'_>, traits: Traits) -> Trace {
     let TraceInput {
         intersector,

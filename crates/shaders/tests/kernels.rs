@@ -31,8 +31,8 @@ fn variants_are_distinct() {
     }
 }
 
-/// Functions whose operations a driver may fuse, each with its number of additions, subtractions and multiplications. The
-/// number includes unlisted `loose_` functions that are always compiled with the function.
+/// Functions whose operations a driver may fuse, each with its number of FAdd, FSub and FMul. Products of a vector and
+/// a scalar do not count. The number includes unlisted `loose_` functions that are always compiled with the function.
 const LOOSE: [(&str, usize); 13] = [
     // geometry/ray.wgsl: two products and two sums of vectors.
     ("fn loose_planes(", 4),
@@ -67,7 +67,7 @@ fn instructions(module: &[u32]) -> impl Iterator<Item = (Op, &[u32])> {
     })
 }
 
-/// Returns the number of additions, subtractions and multiplications that are not decorated NoContraction.
+/// Returns the number of FAdd, FSub and FMul that are not decorated NoContraction.
 fn loose_operations(module: &[u32]) -> usize {
     let is_strict =
         |op: Op, words: &[u32]| op == Op::Decorate && words[1] == Decoration::NoContraction as u32;

@@ -5,7 +5,7 @@ use bvh_build::MAX_DEPTH;
 
 /// Number of clusters of a tile.
 pub(super) const TILE: u32 = 512;
-/// Number of clusters that a tile leaves, except in the last phase.
+/// Maximum number of clusters that a tile leaves, except in the last phase.
 const CLUSTERS_LEFT: u32 = 128;
 /// Number of rounds that merge fixed pairs until a full tile has [`CLUSTERS_LEFT`] clusters.
 const PAIRING: u32 = (TILE / CLUSTERS_LEFT).ilog2();

@@ -14,7 +14,7 @@ pub(super) enum Extremes {
     All,
 }
 
-/// Number of invocations that search for extreme rays if most rays are not extreme.
+/// Maximum number of invocations that search for extreme rays among other rays.
 const SEARCH_INVOCATIONS: u32 = 1 << 16;
 
 /// Returns whether separate kernels trace extreme rays.
@@ -85,8 +85,8 @@ pub fn range_kernels(intersector: Intersector) -> impl Iterator<Item = &'static 
 }
 
 /// Returns the dispatch that measures the coordinates of a key frame of `vertices` vertices, or `None` if their range is
-/// known or not needed. It writes [`crate::BufferName::Range`], which only the kernels for extreme rays
-/// and [`crate::MODULE`] read.
+/// known or not needed. It writes [`crate::BufferName::Range`]. Only `extreme_rays` and [`crate::MODULE`] read the
+/// result.
 pub fn measure_range(intersector: Intersector, params: Params, vertices: usize) -> Option<Work> {
     let is_needed = params.has_unknown_range() && has_extremes(intersector);
     let sample_step = CoordinateRange::sample_step(vertices) as u32;

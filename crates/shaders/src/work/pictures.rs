@@ -1,5 +1,5 @@
-//! Dispatches for pictures that are traced by packets or by rasterization. Their kernels project triangles to the picture,
-//! so their parameters include the inverse of the camera's matrix.
+//! Dispatches that trace pictures by packets or by rasterization, and that shade pictures. Kernels that project
+//! triangles to the picture have the inverse of the camera's matrix as parameters.
 
 use super::{Groups, Trace, Work};
 use crate::pictures::{are_packets_faster, is_rasterization_faster};
@@ -14,7 +14,8 @@ const LARGE_CAPACITY: u32 = 4096;
 /// others wait.
 const SHARERS: u32 = 1056;
 
-/// Returns the trace of a camera's closest hits and shadow rays by packets, or `None` if that is slower or impossible.
+/// Returns the trace of a camera's closest hits and shadow rays by packets. Returns `None` if packets are impossible,
+/// or [`are_packets_faster`] returns false.
 pub(super) fn by_packets(
     intersector: Intersector,
     params: Params,
@@ -40,8 +41,8 @@ pub(super) fn by_packets(
     })
 }
 
-/// Returns the trace of a camera's closest hits by rasterization and of their shadow rays, or `None` if that is slower or
-/// impossible.
+/// Returns the trace of a camera's closest hits by rasterization and of their shadow rays. Returns `None` if
+/// rasterization is impossible, or [`is_rasterization_faster`] returns false.
 pub(super) fn by_rasterization(
     intersector: Intersector,
     params: Params,

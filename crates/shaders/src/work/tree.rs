@@ -8,7 +8,7 @@ use backend::Intersector;
 use std::mem::offset_of;
 use std::ops::Range;
 
-/// Tracks which parts of the current tree have been computed on the device since it was adopted.
+/// Tracks which parts of the current tree, or of a candidate, have been computed on the device.
 ///
 /// The first work on a tree covers the whole tree. Later work covers only the moving treelets, if the tree lists them.
 /// The host must report recorded work. It creates a new value for each tree, and if recorded work was discarded.

@@ -1,4 +1,5 @@
-// Measures the range of a key frame's coordinates where the host has not. The results equal geom::CoordinateRange bit for bit.
+// Measures the range of a key frame's coordinates where the host has not. The results equal those of
+// geom::CoordinateRange. Only the host computes `clearance`.
 
 import package::geometry::units::{has_extreme_origin, scale_bits};
 import package::lib::buffers::{counts, range};

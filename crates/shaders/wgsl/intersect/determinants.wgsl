@@ -92,8 +92,8 @@ fn store_192(at: u32, n: Int192) {
     words[at + 6u] = n.high.z;
 }
 
-// Deciding candidates. A workgroup of 64 processes four rays at a time, and four candidates of each ray. Four invocations share a
-// candidate: one for each of the determinants U, V, W and N.
+// Deciding candidates. A workgroup of 64 processes up to four rays at a time, and four candidates of each ray.
+// Four invocations share a candidate: one for each of the determinants U, V, W and N.
 
 const RAYS_PER_WORKGROUP: u32 = 4u;
 

@@ -53,7 +53,8 @@ fn set_line(origin: vec3<u32>, direction: vec3<u32>, t_min: u32, t_max: u32, sca
     line = Line(origin, direction, t_min, t_max, scale_exponent, units.x, bits, limbs(bits));
 }
 
-// Converts the direction to integers of any length. Must be called before the functions below.
+// Converts the direction to integers of any length, and stores the number 1. Must be called before
+// determinants are stored.
 fn prepare_line() {
     words[ONE_OFFSET] = 0u;
     words[ONE_OFFSET + 1u] = 1u;

@@ -1,4 +1,4 @@
-// The self-test: runs the arithmetic that all other kernels rely on, with operands chosen to expose faults.
+// The self-test: runs the arithmetic that other kernels rely on, with operands chosen to expose faults.
 
 import package::lib::exact::sign_of_difference;
 import package::lib::ieee::{add, divide, mul, sub};

@@ -1,4 +1,4 @@
-// Buffers that more than one file uses. The host binds them by name; the build numbers those that a kernel uses.
+// Buffers that several kernels use. The host binds them by name; the build numbers those that a kernel uses.
 // An entry point's name is a condition: a buffer is declared read-only for kernels that only read it.
 
 // The tree, two rows per node: lower corner of the node's box and the reference to its children or triangles

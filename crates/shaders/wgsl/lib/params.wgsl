@@ -37,7 +37,7 @@ struct TreeletsParams {
     // Index of the first treelet. If `uses_list` is 1: the word of `topology` where the list of treelets begins.
     first: u32,
     uses_list: u32,
-    // Total number of treelets in `gather_corners` and in dispatches that reach the root, else 0.
+    // Total number of treelets in `gather_corners` and in dispatches that sum the areas of all treelets, else 0.
     treelet_count: u32,
     // Word of `counts` for the sum of areas.
     sum_counter: u32,
@@ -80,7 +80,7 @@ struct PhaseParams {
     target_at: u32,
     // Tile k begins at cluster k * CLUSTER_TILE - tile_offset, or at 0.
     tile_offset: u32,
-    // Number of clusters to which each tile is reduced.
+    // Maximum number of clusters that a tile leaves.
     clusters_per_tile: u32,
     // Maximum number of rounds that search for nearest neighbours.
     search_rounds: u32,

@@ -1,4 +1,4 @@
-// The last step of each camera ray: writes its hit and its shadow.
+// Writes the hit of a camera ray and its shadow.
 
 import package::geometry::ray::MISS;
 import package::geometry::shadow_ray::{is_occluded, shadow_segment_of_best};

@@ -1,4 +1,5 @@
-// Functions that trace single rays for the caller's own shaders: `abvh::shader_module`. All other names get the prefix `abvh_`.
+// Functions that trace single rays for the caller's own shaders: `abvh::shader_module`. The build
+// adds the prefix `abvh_` to all names except those that `module` in build/variants.rs lists.
 
 import package::geometry::queries::is_invalid_ray;
 import package::geometry::range::is_measured_extreme;

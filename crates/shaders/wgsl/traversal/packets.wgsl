@@ -12,7 +12,7 @@ import package::visibility::outline::{BLOCK, UNBOUNDED};
 // A packet covers 8 x 4 pixels. Its rays, one per invocation, traverse the wide tree together: see docs/design/packets.md.
 // Coverage decides which triangles are tested, never which one is hit. All 32 invocations must call these functions together.
 
-// Key of a lane that was already visited or does not overlap the packet. Greater than all depths.
+// Key of a lane that was already visited, does not overlap the packet, or does not exist. Greater than all depths.
 const SKIPPED: u32 = 0xffffffffu;
 // Greater than every finite depth.
 const FARTHEST_DEPTH: u32 = 0x7f800000u;

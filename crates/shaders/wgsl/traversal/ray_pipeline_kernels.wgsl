@@ -1,4 +1,5 @@
-// Compute kernels that support the ray-tracing pipeline: they prepare triangles for the driver's tree, and count hits.
+// Compute kernels that support the ray-tracing pipeline: they prepare triangles for the driver's tree, and count hits
+// and shadows.
 
 import package::geometry::triangle::corner;
 import package::geometry::units::is_finite;
