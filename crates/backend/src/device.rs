@@ -117,10 +117,10 @@ pub struct DeviceBytes {
     pub tree: u64,
     /// Scratch memory of tree builds. With `vulkan`, also staging buffers that are free or that unfinished uploads use.
     pub scratch: u64,
-    /// The scene: key frames, positions and vertex indices.
+    /// The scene: key frames, positions, vertex indices, list of moving vertices, coordinate range and colour tables.
     pub scene: u64,
-    /// Inputs and outputs of frames: rays, hits, shadows, visibility buffer, counts and parameters. With `vulkan`, also
-    /// all other buffers.
+    /// Inputs and outputs of frames: rays, hits, shadows, pixels, visibility buffer, counts, timestamps and parameters.
+    /// With `vulkan`, also all other buffers.
     pub frames: u64,
 }
 

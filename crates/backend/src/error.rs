@@ -4,7 +4,7 @@
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BackendError {
-    /// No device on this machine can run the backend.
+    /// There is no device, or the chosen device cannot run the backend.
     #[error("no device: {0}")]
     NoDevice(String),
     /// The backend does not support the operation.

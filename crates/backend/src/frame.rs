@@ -124,7 +124,7 @@ pub struct FrameReport {
     /// Cost of the [candidate tree](crate::Backend::evaluate), at the same positions as `sah_cost`.
     #[serde(skip)]
     pub candidate_cost: Option<f64>,
-    /// Bytes copied to the host for a builder.
+    /// Bytes of positions copied to the host, for a builder or to measure their range.
     pub readback_bytes: u64,
 }
 

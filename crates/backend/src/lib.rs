@@ -151,7 +151,8 @@ pub trait Backend: Send + Any {
     fn load(&mut self, animation: Arc<Animation>, intersector: Intersector) -> Result<()>;
 
     /// Starts to compile, on other threads, the kernels that queries like this one need. `builds_trees` states whether
-    /// trees are built on the device. Without this call, kernels are compiled on first use.
+    /// trees are built on the device. Without this call, kernels are compiled on first use, except those that
+    /// [`Backend::load`] compiles.
     fn prepare(&mut self, _query: Query<'_>, _builds_trees: bool) {}
 
     /// Returns a function with which a builder thread writes the tree of `generation` in the device's format. Returns
@@ -279,8 +280,9 @@ pub trait Inspect: Backend {
         Err(BackendError::no_device_trees(self.device().backend))
     }
 
-    /// Returns the messages of all calls that wgpu has rejected so far, and all messages of Vulkan's validation layer in
-    /// this process, if the layer is enabled.
+    /// Returns the messages of all calls that wgpu has rejected so far. If Vulkan's validation layer is enabled, also
+    /// returns its warnings and errors in this process. Backend `wgpu` returns only the layer's errors, and only in
+    /// builds with debug assertions.
     fn complaints(&mut self) -> Vec<String> {
         Vec::new()
     }

@@ -10,11 +10,11 @@ mod avx2;
 /// Maximum number of bins along each axis; a power of two.
 pub(crate) const BINS: usize = 64;
 
-/// Number of triangles per bin, unless a node would have fewer than [`LEAST_BINS`] or more than [`BINS`] bins.
+/// Mean number of triangles per bin, unless a node would have fewer than [`LEAST_BINS`] or more than [`BINS`] bins.
 const PER_BIN: usize = 4;
 const LEAST_BINS: usize = 8;
 
-/// Number of triangles that one task bins or moves. It does not depend on the number of threads.
+/// Maximum number of triangles that a parallel task bins or moves. It does not depend on the number of threads.
 pub(crate) const CHUNK: usize = 8192;
 
 /// Number of triangles that a ray tests at once. The heuristic counts blocks of this size (Embree's `sahBlockSize`).

@@ -1,10 +1,10 @@
 //! Orders children so that rays to a given point visit the likely occluder first.
 //!
 //! An any-hit traversal ends at its first hit, so the order of children matters, and all rays to a point light share
-//! one end. The child whose box extends less far from the light comes first. This is the nearer child or, at equal
-//! distances, the smaller one. Most shadowed points are on the far side of an object, as seen from the light. The near
-//! side occludes them, so the nearer child more often contains the occluder. The order is part of the tree, so traversal
-//! does not compute it.
+//! one end. The child whose box extends less far from the light comes first. This is usually the nearer child or, at
+//! equal distances, the smaller one. Most shadowed points are on the far side of an object, as seen from the light. The
+//! near side occludes them, so the nearer child more often contains the occluder. The order is part of the tree, so
+//! traversal does not compute it.
 //!
 //! Other orders for such rays: Ize, Hansen, *RTSAH Traversal Order for Occlusion Rays*, 2011; Feltman, Lee, Fatahalian,
 //! *SRDH: Specializing BVH Construction and Traversal Order Using Representative Shadow Ray Sets*, 2012; Nah, Manocha,

@@ -91,7 +91,8 @@ impl Driver {
     /// Loads `animation` into `backend`. The first frame builds the first tree. Other drivers may share `threads`.
     ///
     /// # Errors
-    /// The backend does not support the scene.
+    /// Those of [`Backend::load`]. If the policy builds trees on the device, also that of
+    /// [`device_rebuild`](backend::Capabilities::device_rebuild).
     pub fn new(
         mut backend: Box<dyn Backend>,
         animation: Arc<Animation>,
@@ -140,8 +141,8 @@ impl Driver {
 
     /// Removes submitted frames that the device will never run.
     ///
-    /// The next frame interpolates positions again. A build that waits for positions is cancelled. A finished tree is
-    /// evaluated again, because the device dropped its boxes.
+    /// The next frame interpolates positions again. A build that waits for positions is cancelled. Evaluations
+    /// are repeated, because the device dropped the boxes of the evaluated tree.
     pub fn abandon(&mut self, dropped: &[Ticket]) {
         self.pending
             .retain(|frame| !dropped.contains(&frame.ticket));
@@ -160,7 +161,7 @@ impl Driver {
         current.map_or(Generation(0), |tree| tree.request.generation)
     }
 
-    /// Returns whether a tree is requested and is neither adopted nor rejected yet.
+    /// Returns whether a tree is requested and is neither adopted nor dropped yet.
     pub fn is_building(&self) -> bool {
         !self.trees.next.is_idle()
     }

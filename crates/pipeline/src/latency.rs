@@ -74,7 +74,7 @@ impl LatencyPredictor {
         self.first_build = Some(build);
     }
 
-    /// Returns whether the last two frames had the same time.
+    /// Returns whether the last two frames had the same time. Returns `true` before the second frame.
     pub(crate) fn is_at_rest(&self) -> bool {
         self.step == 0.0
     }

@@ -104,7 +104,8 @@ pub fn inactive_and_degenerate_at(moment: &Moment<'_>) -> [usize; 2] {
     each.reduce(|| [0, 0], |a, b| [a[0] + b[0], a[1] + b[1]])
 }
 
-/// Compares the tree of time 0, refitted, with a fresh tree at `samples` times of the animation.
+/// Compares the tree of time 0, refitted, with a fresh tree at `samples` times of the animation. If the animation has a
+/// single key frame, compares them once.
 ///
 /// # Errors
 /// Those of the builder.

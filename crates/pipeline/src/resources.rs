@@ -119,6 +119,8 @@ impl Threads {
     /// - If the host renders, a quarter of the cores builds. With fewer than four cores, one additional thread builds.
     /// - If the host renders and `render` is given, a quarter as many additional threads build.
     ///
+    /// At least one thread builds.
+    ///
     /// With other policies, both run alternately, so each gets all cores, or `render` threads.
     #[must_use]
     pub fn share(

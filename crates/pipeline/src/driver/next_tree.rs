@@ -33,7 +33,7 @@ pub(super) struct Observation {
     pub(super) second: Option<u64>,
 }
 
-/// A finished tree that is neither adopted nor rejected yet.
+/// A finished tree that is neither adopted nor dropped yet.
 #[derive(Debug)]
 pub(super) struct CandidateTree {
     pub(super) request: Request,
@@ -98,14 +98,14 @@ pub(super) enum NextTreeState {
     Building(Request),
     /// The tree is finished. It is being uploaded, or waits until its target time is near enough.
     Waiting(CandidateTree),
-    /// The next frame evaluates the tree.
+    /// The next call of `record_evaluation` evaluates the tree.
     Due(CandidateTree),
     /// A frame evaluates the tree.
     Evaluating(CandidateTree, Evaluation),
-    /// The tree is adopted at the next frame boundary.
+    /// `update_trees` will adopt the tree. In lockstep, it waits for a fixed frame.
     Accepted(CandidateTree),
-    /// The tree is dropped at the next frame boundary. Contains the pose at which an evaluation found it no cheaper than
-    /// the current tree, or the pose of its request if it could not be uploaded. `None` if it was superseded.
+    /// `update_trees` will drop the tree. In lockstep, it waits for a fixed frame. Contains the pose of the
+    /// evaluation that rejected it, or of its request if the upload failed. `None` if it was superseded.
     Rejected(CandidateTree, Option<Pose>),
 }
 
@@ -113,7 +113,7 @@ pub(super) enum NextTreeState {
 pub(super) enum Event {
     /// A frame requests a tree.
     Requested(Request),
-    /// The builder thread received the vertices.
+    /// The builder thread receives the vertices, or the pose for which it blends them.
     BuildStarted,
     BuildFinished(Built),
     BuildFailed,
@@ -123,7 +123,7 @@ pub(super) enum Event {
     BecameDue,
     /// A newer tree would arrive before this one is due.
     Superseded,
-    /// The device has no memory for the tree.
+    /// The tree exceeds the memory or a limit of the device.
     UploadFailed,
     EvaluationRecorded(Evaluation),
     Evaluated(Verdict),
@@ -192,7 +192,7 @@ impl NextTreeState {
         matches!(self, Self::Idle)
     }
 
-    /// Returns whether the tree is adopted or dropped at the next frame boundary.
+    /// Returns whether the tree is accepted or rejected.
     pub(super) fn is_decided(&self) -> bool {
         matches!(self, Self::Accepted(_) | Self::Rejected(..))
     }

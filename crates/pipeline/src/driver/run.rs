@@ -6,7 +6,7 @@ use crate::frame::{Frame, FrameRecord, ms};
 use backend::{DeviceBytes, FRAMES_IN_FLIGHT, Hits, Query, Ticket};
 use std::time::Instant;
 
-/// Number of frames whose key frames are read ahead, if not all key frames are in memory.
+/// Maximum number of frames whose key frames are read ahead, if not all key frames are in memory.
 pub const LOOK_AHEAD: usize = 64;
 
 /// Selects the results to fetch of each frame.
@@ -42,12 +42,12 @@ pub struct FrameOutputs {
 }
 
 impl Driver {
-    /// Renders `frames` in order, with as many in flight as the backend allows. Passes each finished frame to
-    /// `on_frame`, with the selected results. `on_frame` may take or replace the buffers of the results. Later frames
-    /// reuse the buffers that it leaves.
+    /// Renders `frames` in order, with [as many in flight as allowed](Self::max_in_flight). Passes each finished frame
+    /// to `on_frame`, with the selected results. `on_frame` may take or replace the buffers of the results. Later
+    /// frames reuse the buffers that it leaves.
     ///
     /// # Errors
-    /// Those of the backend and of `on_frame`.
+    /// Those of [`begin`](Self::begin), [`finish`](Self::finish) and `on_frame`.
     pub fn run<E: From<PipelineError>>(
         &mut self,
         frames: impl IntoIterator<Item = Frame>,

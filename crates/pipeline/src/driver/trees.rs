@@ -33,7 +33,7 @@ pub(super) struct CurrentTree {
 }
 
 impl Driver {
-    /// Passes vertices to the builder and takes finished trees. Never blocks.
+    /// Passes vertices to the builder, takes finished trees and uploads them. Does not wait for a build.
     pub(super) fn poll_builder(&mut self) -> Result<(), PipelineError> {
         self.poll_read_back()?;
         if let Some(result) = self.builder.thread.try_take() {
@@ -53,8 +53,8 @@ impl Driver {
         self.trees.next.advance(event);
     }
 
-    /// Uploads a finished tree while frames are rendered. Rejects the tree if the device has no memory for it. Returns
-    /// `false` while the upload is unfinished.
+    /// Uploads a finished tree while frames are rendered. Rejects the tree if it exceeds the memory or a limit of the
+    /// device. Returns `false` while the upload is unfinished.
     fn upload_next(&mut self) -> Result<bool, PipelineError> {
         let NextTreeState::Waiting(tree) = &self.trees.next else {
             return Ok(true);

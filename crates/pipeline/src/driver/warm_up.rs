@@ -116,7 +116,7 @@ impl Driver {
     /// in seconds. Returns the result of the warm-up, if any, and the remaining frames.
     ///
     /// # Errors
-    /// Those of the backend and of `on_frame`.
+    /// Those of [`run`](Self::run).
     pub fn warm_up<'a, E: From<PipelineError>>(
         &mut self,
         asked: Option<f64>,

@@ -4,7 +4,7 @@
 use crate::motion::distance;
 use geom::Point;
 
-/// Number of vertices that are compared, sampled evenly.
+/// Maximum number of vertices that are compared, sampled evenly.
 const VERTICES: usize = 1024;
 
 /// Compares extrapolated positions with the positions that arrived.
