@@ -63,10 +63,10 @@ impl Tracer {
 
     /// Renders the view of a camera at the times of `frames`, lit by the sky and by one point light.
     ///
-    /// As many frames are in flight as the device allows, and key frames are read ahead. `on_frame` is called for each
-    /// finished frame, in the order of `frames`, with the selected results. It may take the memory of the
-    /// results; memory that it leaves is reused. Streamed and rigid meshes keep the vertices of the last step. Results
-    /// of earlier steps are dropped.
+    /// If possible, two frames are in flight, and key frames are read ahead. `on_frame` is called for each finished
+    /// frame, in the order of `frames`, with the selected results. It may take the memory of the results; memory that
+    /// it leaves is reused. Streamed and rigid meshes keep the vertices of the last step. Results of earlier steps are
+    /// dropped.
     ///
     /// A frame's `index` is not used here and is passed through. [`FrameRecord`] holds measurements, and may get more
     /// fields with each version.

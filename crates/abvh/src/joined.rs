@@ -30,7 +30,7 @@ pub(crate) struct JoinedScene {
     has_moved: Vec<bool>,
     #[cfg(any(feature = "vulkan", feature = "wgpu"))]
     pub(crate) on_device: DeviceVertices,
-    /// Time of the last step.
+    /// Time of the last submission.
     pub(crate) time: f64,
     /// Time that all key-framed meshes were last blended for; `None` after an error.
     blended: Option<f64>,
@@ -103,7 +103,8 @@ impl JoinedScene {
         self.animation.key(key).map_err(Error::of_reading)
     }
 
-    /// Copies vertices from another scene, for all meshes that steps move. The scenes differ in mesh `replaced` only.
+    /// Copies vertices from another scene, for all meshes that steps move except `replaced`. The scenes differ in this
+    /// mesh only.
     pub(crate) fn copy_moved_from(&mut self, other: &[Point], replaced: usize) {
         for mesh in (0..self.meshes.len()).filter(|&mesh| mesh != replaced) {
             if self.meshes[mesh].motion.is_moved_by_steps() {
@@ -181,8 +182,8 @@ impl JoinedScene {
         }
     }
 
-    /// Allocates the vertices of future steps in memory that the device reads. Allocates all buffers that can be in use
-    /// at once, because an allocation takes the driver milliseconds.
+    /// Allocates the vertices of future steps. If the device reads this memory, allocates all buffers that can be in
+    /// use. A later allocation would take the driver milliseconds.
     pub(crate) fn prepare(&mut self, backend: &mut dyn Backend) -> Result<()> {
         if self.is_streamed() {
             let first = self.animation.first();

@@ -97,15 +97,15 @@ impl Mesh {
     /// Creates a mesh that moves through `keys` key frames. At most about `window` key frames are in memory.
     ///
     /// `read` returns a key frame shortly before it is played, from a file or by computing it. It is called from
-    /// several threads, and must return the same positions each time. All key frames are read once before the first
-    /// step, to find the vertices that never move. Time is measured as for [`Mesh::keyframes`].
+    /// several threads, and must return the same positions each time. All key frames are read before the first step, to
+    /// find the vertices that never move. Time is measured as for [`Mesh::keyframes`].
     ///
     /// If a GPU traces and the scene has no other mesh, the GPU blends the key frames. It holds at most six of them.
     /// Otherwise the host blends them.
     ///
     /// # Errors
     /// [`Error::Mesh`] without key frames, or as for [`Mesh::fixed`]. [`Error::KeyFrame`] if the numbers of vertices
-    /// differ or `read` fails, also from later steps.
+    /// differ, threads cannot be started, or `read` fails. Later steps also return it if `read` fails.
     pub fn sequence<E: Display>(
         keys: usize,
         window: usize,

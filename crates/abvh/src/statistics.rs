@@ -10,7 +10,7 @@ pub struct Statistics {
     /// submission.
     pub age: u64,
     /// Cost of the refitted tree by the surface area heuristic, relative to its cost when it was built. `None` if the
-    /// backend does not measure costs.
+    /// backend does not measure costs, the root box has no area, or the areas overflow.
     pub cost_ratio: Option<f64>,
     /// Whether the next tree is being built, or is finished but not yet adopted.
     pub building: bool,

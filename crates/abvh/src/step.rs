@@ -190,8 +190,8 @@ impl Step<'_> {
         }
     }
 
-    /// Ends the step. Its queries run while the next step is prepared. [`Tracer::hits`](crate::Tracer::hits) waits for
-    /// them.
+    /// Ends the step. On a GPU, its queries run while the next step is prepared.
+    /// [`Tracer::hits`](crate::Tracer::hits) waits for them.
     ///
     /// # Errors
     /// As for [`Step::trace`].

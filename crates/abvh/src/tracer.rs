@@ -155,8 +155,9 @@ impl TracerBuilder {
     /// # Errors
     /// [`Error::NoDevice`](crate::Error::NoDevice). [`Error::Mesh`](crate::Error::Mesh) if all meshes together have too
     /// many vertices or triangles. [`Error::Unsupported`](crate::Error::Unsupported) if the scene exceeds the device's
-    /// limits. [`Error::OutOfMemory`](crate::Error::OutOfMemory), also if the system is known to have too little memory
-    /// for the scene's trees (about 345 bytes per triangle). [`Error::DeviceLost`](crate::Error::DeviceLost).
+    /// limits, threads cannot be started, or more than 4096 are requested.
+    /// [`Error::OutOfMemory`](crate::Error::OutOfMemory), also if the system is known to have too little memory for the
+    /// scene's trees (about 345 bytes per triangle). [`Error::DeviceLost`](crate::Error::DeviceLost).
     /// [`Error::Device`](crate::Error::Device).
     pub fn build(self, scene: Scene) -> Result<Tracer> {
         let threads = self.host_threads(self.policy(&scene.meshes))?;
@@ -179,7 +180,7 @@ impl TracerBuilder {
     /// Loads the scene on an open backend.
     ///
     /// # Errors
-    /// [`Error::Unsupported`](crate::Error::Unsupported), [`Error::Device`](crate::Error::Device).
+    /// Those of [`TracerBuilder::build`], except [`Error::NoDevice`](crate::Error::NoDevice).
     #[cfg(feature = "unstable")]
     pub fn build_on(self, backend: Box<dyn Backend>, scene: Scene) -> Result<Tracer> {
         self.load(backend, scene)

@@ -120,7 +120,8 @@ impl Topology {
 pub struct Converter {
     /// Inner nodes of all treelets, with unused words between treelets.
     pub(crate) inner: Vec<u32>,
-    /// Treelet and number of each inner node, as in `treelets::fill::Places`. Empty for trees without a `WideTree`.
+    /// Treelet and number of each inner node, as in `treelets::fill::Places`. Empty for trees that are too large for a
+    /// `WideTree`.
     pub(crate) places: Vec<AtomicU32>,
 }
 

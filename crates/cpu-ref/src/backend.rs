@@ -156,9 +156,9 @@ impl CpuBackend {
         Ok(())
     }
 
-    /// Drops submissions that are not retained, once [`FRAMES_IN_FLIGHT`] later submissions have traces. A submission
-    /// that was retained and then released is dropped after [`FRAMES_IN_FLIGHT`] later submissions of any kind. The
-    /// memory of dropped hits is reused.
+    /// Drops submissions that are not retained, once [`FRAMES_IN_FLIGHT`] later submissions have traces that are not
+    /// released. A submission that was retained and then released is dropped after [`FRAMES_IN_FLIGHT`] later
+    /// submissions of any kind. The memory of dropped hits is reused.
     fn drop_expired(&mut self) {
         let mut later = self.submissions.len();
         let mut later_traced = self.submissions.iter().filter(|s| s.is_traced).count();

@@ -31,7 +31,7 @@ pub(crate) struct Copies {
 /// A ticket with its results. Its memory is reused by later submissions.
 #[derive(Debug, Default)]
 pub(crate) struct Submission {
-    /// `None` until the first command was executed.
+    /// `None` until `submit`, or an earlier trace of a list of rays, executes the commands.
     pub(crate) ticket: Option<Ticket>,
     /// Set if it has a trace that is not released.
     pub(crate) is_traced: bool,

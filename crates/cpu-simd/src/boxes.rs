@@ -81,7 +81,7 @@ impl<L: Eight> EightBoxes<L> {
         }
     }
 
-    /// Returns half the surface area of each box, rounded to single precision.
+    /// Returns half the surface area of each box, computed in single precision.
     #[inline(always)]
     pub(crate) fn half_areas(&self) -> L {
         let [x, y, z] = each!(axis => self.high[axis].sub(self.low[axis]));

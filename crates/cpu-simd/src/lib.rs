@@ -2,7 +2,7 @@
 //!
 //! The adopted binary tree is collapsed (Wald, Benthin, Boulos 2008). A subtree of at most eight triangles becomes a
 //! *block*, whose triangles are tested together. Above the blocks, each node has up to eight children, whose boxes are
-//! tested together. Boxes of single triangles are not stored. They are computed from the corners when needed.
+//! tested together. Only boxes of nodes and blocks are stored. Boxes of triangles are computed from the corners.
 //!
 //! Each module uses only modules on its own line and on lines above it:
 //!

@@ -25,7 +25,8 @@ pub(crate) struct RayPacket<L, P> {
     pub(crate) t_max: L,
 }
 
-/// Limit on the ratio of direction lengths in one packet, so that distances stay in the normal range.
+/// Limit on the ratio of direction lengths in one packet, each rounded to a power of two by its largest component.
+/// Distances then stay in the normal range.
 const MAX_LENGTH_RATIO: f32 = 16.0;
 
 impl<L: Lanes, P: Halves> RayPacket<L, P> {

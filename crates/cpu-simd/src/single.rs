@@ -41,7 +41,7 @@ impl<I: Isa, R: Lanes, T: LaneTest> Visitor<I> for ClosestOfRay<'_, R, T> {
 }
 
 impl<R: Lanes, T> ClosestOfRay<'_, R, T> {
-    /// Replaces the best hit if the block has a nearer one.
+    /// Replaces the best hit if the block has a hit [before](Hit::is_before) it.
     #[inline(always)]
     fn take<L: Lanes<Array = [f32; LANES]>>(&mut self, block: usize, hits: &TriangleHits<L>) {
         let (t, u, v) = (hits.t.store(), hits.u.store(), hits.v.store());

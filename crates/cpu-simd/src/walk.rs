@@ -75,8 +75,8 @@ pub(crate) struct MetBoxes<L> {
     pub(crate) entry: L,
 }
 
-/// A ray, prepared for tests with boxes of nodes. The test needs fewer operations than the box test of `cpu-ref`, but
-/// pads boxes more. No hit depends on this test.
+/// A ray, prepared for tests with boxes of nodes. Without `own_padding`, the test needs fewer operations than the box
+/// test of `cpu-ref`, but pads boxes more. No hit depends on this test.
 #[derive(Clone, Copy)]
 pub(crate) struct NodeRay<L> {
     inverse: [L; 3],

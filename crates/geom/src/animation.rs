@@ -107,7 +107,7 @@ impl Animation {
     /// The key frame cannot be read. Key frames held in memory never fail.
     ///
     /// # Panics
-    /// If all key frames are in memory and `key` is not less than their number.
+    /// If [`Self::new`] created the animation and `key` is not less than the number of key frames.
     pub fn key(&self, key: usize) -> Result<KeyFrame, KeyFrameError> {
         self.keys.get(key)
     }
@@ -121,7 +121,7 @@ impl Animation {
         Some([0, 1].map(|after| keys.get(pose.key as usize + after)))
     }
 
-    /// Returns all key frames, or `None` if they are not all in memory.
+    /// Returns all key frames, or `None` unless [`Self::new`] created the animation.
     pub fn held_keys(&self) -> Option<&[KeyFrame]> {
         match &self.keys {
             KeyFrames::Held(all) => Some(all),
@@ -139,7 +139,8 @@ impl Animation {
         (0..self.key_count()).map(|key| self.key(key)).collect()
     }
 
-    /// Returns the number of key frames kept in memory besides the first, or `None` if all are.
+    /// Returns the maximum number of key frames in memory besides the first, or `None` if [`Self::new`] created the
+    /// animation.
     pub fn window(&self) -> Option<usize> {
         match &self.keys {
             KeyFrames::Held(_) => None,
@@ -157,7 +158,8 @@ impl Animation {
     /// Returns up to `most` key frames that will be played next, with their numbers, so that a device can upload them
     /// early.
     ///
-    /// Stops at the first key frame that is not read yet. Empty unless the animation is [paged](Self::paged).
+    /// Stops at the first key frame that is not read yet or could not be read. Empty unless the animation is
+    /// [paged](Self::paged).
     pub fn upcoming(&self, most: usize) -> Vec<(usize, KeyFrame)> {
         match &self.keys {
             KeyFrames::Held(_) | KeyFrames::Streamed(_) => Vec::new(),

@@ -37,7 +37,7 @@ struct SharedWindow {
 #[derive(Default)]
 struct WindowState {
     entries: BTreeMap<usize, PagedKey>,
-    /// Logical time of the last use.
+    /// Logical time. Increases with each lookup and each finished read.
     clock: u64,
     /// Key frames to be played, in order and without duplicates.
     upcoming: Vec<usize>,

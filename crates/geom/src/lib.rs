@@ -1,4 +1,4 @@
-//! Types that all crates share: boxes, rays, hits, poses, cameras, animations, exact predicates, thread pools.
+//! Types that most crates share: boxes, rays, hits, poses, cameras, animations, exact predicates, thread pools.
 //!
 //! The rounding of its formulas is specified, so that every backend reproduces them bit for bit. Contains no code for
 //! trees, devices or files.

@@ -9,7 +9,7 @@ pub struct Moment<'a> {
     animation: &'a Animation,
     pose: Pose,
     earlier: KeyFrame,
-    /// Same as `earlier` if the pose does not read the later key frame.
+    /// Has no effect if the blend weight is zero. [`Animation::moment`] then sets it to `earlier`.
     later: KeyFrame,
 }
 

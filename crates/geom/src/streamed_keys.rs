@@ -101,7 +101,7 @@ impl StreamedKeys {
 }
 
 impl Recent {
-    /// Returns a key frame, as [`StreamedKeys::get`] does, or `None` for key frame 0.
+    /// Returns a key frame, as [`StreamedKeys::get`] does. Returns `None` for key frame 0 and before the first push.
     fn find(&mut self, key: usize) -> Option<&mut StreamedKey> {
         let back = self.last.saturating_sub(key);
         let at = self.kept.len().saturating_sub(back + 1);

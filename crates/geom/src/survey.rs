@@ -10,8 +10,8 @@ use std::ops;
 /// Properties of the whole animation.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Survey {
-    /// Triangles that are inactive in the first key frame, each with its box in the first key frame in which it is
-    /// active. Sorted by triangle.
+    /// Triangles that first become active after the first key frame, each with its box at that time. In a streamed
+    /// animation, all triangles that are inactive at first, each with a single point. Sorted by triangle.
     pub(crate) fallback_boxes: Vec<(u32, Aabb)>,
     pub(crate) never_active: u32,
     pub(crate) static_parts: StaticParts,

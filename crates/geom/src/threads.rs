@@ -3,7 +3,8 @@
 //! While a rayon worker waits for other threads, it runs queued tasks of its own pool. The program may call the library
 //! from a task of its own rayon pool. If the call waited in rayon, that worker could start other tasks of the program.
 //! These may need a lock that the first task holds, or nest until the stack overflows. Therefore no worker of a pool that
-//! runs tasks of the program waits in rayon for parallel work of the library. [`use_global_pool`] is an exception.
+//! runs tasks of the program waits in rayon for parallel work of the library. Exceptions are [`use_global_pool`] and
+//! systems that refuse to start threads.
 
 use rayon::prelude::*;
 use rayon::{Scope, ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
@@ -19,7 +20,7 @@ pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 thread_local! {
-    /// True if this thread is a worker of one of the library's pools.
+    /// True if this thread is a worker of a pool from [`start_library_pool`].
     static IS_LIBRARY_WORKER: Cell<bool> = const { Cell::new(false) };
 }
 
@@ -71,8 +72,7 @@ pub fn in_parallel<T: Send>(work: impl FnOnce() -> T + Send) -> T {
 }
 
 /// Runs `work` and the tasks that it spawns, and returns the result of `work`. The tasks run in the pool of
-/// [`in_parallel`]. `work` itself runs on the calling thread, or on a new thread if the caller is a worker of the
-/// program.
+/// [`in_parallel`]. `work` itself runs on the calling thread, or on a new one in its place: see [`off_worker`].
 fn in_parallel_scope<'s, T: Send>(work: impl FnOnce(&Scope<'s>) -> T + Send) -> T {
     match shared_pool() {
         Some(pool) => off_worker(|| pool.in_place_scope(work)),

@@ -16,7 +16,7 @@ const PREFERENCE: [DeviceKind; 3] = [DeviceKind::Gpu, DeviceKind::Cpu, DeviceKin
 pub struct NoBackend<E> {
     /// Reason, in one line.
     pub reason: String,
-    /// Error of the backend that was opened last, if any.
+    /// Error of the last attempt to open a backend. `None` without an attempt, or if several adapters match.
     pub last_error: Option<E>,
 }
 

@@ -14,9 +14,9 @@
 //! exact values, each rounded once to the nearest float.
 //!
 //! A hit depends only on the ray, the triangle and the intersector, except for extreme rays and the scale factor of the
-//! scene (see the next section). A single distant vertex, up to `2^40` from the origin, changes no hits of triangles
-//! that do not use it. In a list of rays, it slows down only those that hit its triangles. Camera queries may take
-//! longer, because their rays are then traced one by one. The next section describes larger distances.
+//! scene (see the next section). A single distant vertex, up to `2^40` from the origin, affects hits of other triangles
+//! only through this factor. In a list of rays on a GPU, it slows down only those that hit its triangles. Other queries
+//! may take longer, because their rays are then traced one by one. The next section describes larger distances.
 //!
 //! # Far away
 //!

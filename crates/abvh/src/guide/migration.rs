@@ -11,7 +11,7 @@
 //! | `rtcNewGeometry`, `rtcSetNewGeometryBuffer`, `TriangleMeshGeometry::try_new` | [`Mesh::fixed`](crate::Mesh::fixed), [`Mesh::streamed`](crate::Mesh::streamed) |
 //! | `rtcAttachGeometry`, `Scene::attach_geometry` | [`Scene::add`](crate::Scene::add) |
 //! | `rtcCommitScene`, `Scene::commit`: the first | [`TracerBuilder::build`](crate::TracerBuilder::build) |
-//! | `rtcUpdateGeometryBuffer`, `rtcCommitGeometry`, `rtcCommitScene`: later ones | [`Step::vertices`](crate::Step::vertices); no step waits for a build |
+//! | `rtcUpdateGeometryBuffer`, `rtcCommitGeometry`, `rtcCommitScene`: later ones | [`Step::vertices`](crate::Step::vertices); by default, later steps do not wait for a build |
 //! | `rtcSetNewGeometryBuffer` of a geometry in use, `rtcCommitScene` | [`Tracer::replace`](crate::Tracer::replace), [`Tracer::commit`](crate::Tracer::commit) |
 //! | `rtcSetGeometryTransform` of an instance | [`Step::poses`](crate::Step::poses) of a [`Mesh::rigid`](crate::Mesh::rigid); each instance has its own vertices |
 //! | `rtcSetGeometryTimeStepCount`, `RTCRay::time` | [`Mesh::keyframes`](crate::Mesh::keyframes), with one time for all rays of a step |

@@ -5,12 +5,12 @@
 //! [`Matrix`](crate::Matrix) for each part. A matrix maps the part's initial positions to the current ones, so matrices
 //! of successive steps are independent.
 //!
-//! [`Step::vertices_mut`](crate::Step::vertices_mut) returns memory that the GPU reads: the simulation writes there,
-//! and nothing is copied. Fixed meshes are uploaded once, so the cost of a step depends only on the moving vertices.
-//! Vertices that the program computed on its own wgpu device need not be passed through the host: `Source::Wgpu` takes
-//! their buffer. The same holds for vertices that CUDA computed in memory of the library's Vulkan device:
-//! `Source::External`. The library reads vertices back only to build trees, for pictures and, on Vulkan, to replace a
-//! mesh.
+//! With Vulkan, [`Step::vertices_mut`](crate::Step::vertices_mut) returns memory that the GPU reads: the simulation
+//! writes there, and nothing is copied. Fixed meshes are uploaded once, so the cost of a step depends only on the
+//! moving vertices. Vertices that the program computed on its own wgpu device need not be passed through the host:
+//! `Source::Wgpu` takes their buffer. The same holds for vertices that CUDA computed in memory of the library's Vulkan
+//! device: `Source::External`. The library reads vertices back only to build trees, for pictures and, on Vulkan, to
+//! replace a mesh.
 //!
 //! All meshes must be moved before the step's first query, otherwise the error is
 //! [`Error::TooLate`](crate::Error::TooLate). A mesh that a step does not move keeps its positions.

@@ -37,7 +37,7 @@ pub enum FirstVisited {
 /// The collapsed binary tree, for processors that test eight boxes or triangles at once (Wald, Benthin, Boulos 2008).
 ///
 /// A subtree of at most eight triangles is a *block*. Above blocks, a node holds up to eight subtrees, chosen so that
-/// rays visit few nodes. There is always a root, and it is a node.
+/// rays visit few nodes. [`BlockTree::of`] always creates a root, and it is a node.
 ///
 /// # Size
 ///

@@ -15,7 +15,7 @@ fn collapsed(tree: &BinaryTree, boxes: &[Aabb], first_visited: FirstVisited) -> 
     BlockTree::of(tree, &triangles.collect::<Vec<_>>(), options)
 }
 
-/// Appends the triangles below a node to `out`, depth first, last lane first.
+/// Appends the triangles below a node to `out`, depth first. Visits the children from the last lane to the first.
 fn below(tree: &BlockTree, node: usize, depth: usize, seen: &mut [u32], out: &mut Vec<u32>) {
     assert!(
         tree.levels[depth].contains(&node),

@@ -1,4 +1,5 @@
-//! Ray-triangle tests in single precision. Each test prepares every triangle once per moment and every ray once.
+//! Ray-triangle tests in single precision. Triangles are prepared once per moment. The watertight test also prepares
+//! each ray once.
 
 mod moller_trumbore;
 mod triangle_data;

@@ -308,7 +308,7 @@ mod tests {
         fn certain_misses_are_exact_misses(
             corners in [point(), point(), point()], origin in point(), aim in 0..4_usize, w in 0.0_f32..1.0, e in -30_i32..30, far in 0_i32..40,
         ) {
-            // Aimed at an edge or a vertex, from near and far, so that the sign is hard to decide.
+            // Aimed at an edge, a vertex or just beyond, from near and far, so that the sign is hard to decide.
             let at: Point = std::array::from_fn(|i| corners[0][i] + [0.0, w, 1.0, -0.001][aim] * (corners[1][i] - corners[0][i]));
             let origin: Point = std::array::from_fn(|i| origin[i] * (far as f32).exp2());
             let direction: Point = std::array::from_fn(|i| (at[i] - origin[i]) * (e as f32).exp2());
