@@ -35,7 +35,8 @@ impl Capabilities {
     }
 }
 
-/// Returns the policy of the settings. Replaces `auto` by the policy that is expected to finish the workload first.
+/// Returns the policy of the settings. If the workload lists frames, replaces `auto` by the policy that is expected to
+/// finish it first.
 pub(crate) fn choose_policy(
     capabilities: Capabilities,
     animation: &Animation,

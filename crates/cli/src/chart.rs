@@ -5,9 +5,9 @@
 //! shares no code with any backend. The start of a shadow ray depends on the reported hit, so the oracle cannot answer
 //! it in advance. Shadow rays are compared with `exact` on the host over fresh trees.
 //!
-//! Every contender opens its own device, and traces the same rays. All contenders are timed before any comparison, so
-//! that the oracle's memory is not measured. Host memory is the resident memory of the process, including memory that
-//! earlier runs left allocated.
+//! Every contender opens its own device, and traces the same rays. All contenders are timed before the oracle is
+//! created, so that its memory is not measured. Host memory is the resident memory of the process, including memory
+//! that earlier runs left allocated.
 
 mod accuracy;
 mod hard;
@@ -239,7 +239,7 @@ impl<'a> ChartRun<'a> {
         }
     }
 
-    /// Compares every contender's answers over one scene with exact answers.
+    /// Compares the answers of each contender that has not failed over one scene with exact answers.
     fn compare_scene(&mut self, name: &str) -> Result<(), CliError> {
         let is_compared =
             |entry: &&mut ChartEntry<'_>| entry.scene == name && entry.error.is_none();

@@ -1,4 +1,4 @@
-//! `abvh conform`: tests every property on the selected backends of the user's machine.
+//! `abvh conform`: tests the selected properties on the selected backends of the user's machine.
 
 use crate::command::RunCommand;
 use crate::console::{self, ProgressLine};

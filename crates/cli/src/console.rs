@@ -49,8 +49,8 @@ pub(crate) fn complain(error: &CliError) -> ExitCode {
     ExitCode::from(error.code)
 }
 
-/// Returns whether a character is an invisible format character: a soft hyphen, a bidirectional control, a joiner, a
-/// line separator or a tag.
+/// Returns whether a character is an invisible format character. Examples are soft hyphens, bidirectional controls,
+/// joiners, line separators and tags.
 fn is_unseen(c: char) -> bool {
     matches!(
         c,
@@ -90,7 +90,7 @@ fn escaped(text: &str, kept: &[char], escape: fn(char) -> String) -> String {
 
 /// Progress of long work: a bar on a terminal, plain lines otherwise, or nothing.
 pub(crate) struct ProgressLine {
-    /// Hidden except on a terminal.
+    /// Hidden if `quiet` is set, `TERM` is `dumb`, or standard error is no terminal.
     bar: ProgressBar,
     quiet: bool,
 }

@@ -83,7 +83,7 @@ fn too_many(n: usize) -> String {
     format!("{n} frames are more than the limit of {MAX_FRAMES}")
 }
 
-/// Parses `A..B`, or numbers and ranges `A-B` and `A-BxSTEP` separated by commas. Each key time may occur once.
+/// Parses numbers and ranges `A..B`, `A-B` and `A-BxSTEP`, separated by commas. Each key time may occur once.
 fn key_times(text: &str) -> Result<Vec<usize>, String> {
     let mut keys = Vec::new();
     for part in text.split(',').filter(|part| !part.is_empty()) {

@@ -32,7 +32,7 @@ use std::fmt;
 use std::sync::Arc;
 use timing::{TimedFrames, TimingPlan, trace_frame};
 
-/// Options that `bench` and `chart` share. Each command sets its own defaults.
+/// Options that `bench` and `chart` share. Each command sets its own defaults for some of them.
 #[derive(Args, Debug)]
 pub(crate) struct MeasureSettings {
     /// Scenes (`abvh render --help` explains names)
@@ -63,8 +63,8 @@ pub(crate) struct MeasureSettings {
     #[command(flatten)]
     pub(crate) camera: CameraSettings,
     /// Warm-up: seconds for which a device repeats the traces of the first frame of each run before the other frames
-    /// are timed. Warm-up then continues until frame times are steady, for at most 0.5 s more. 0 disables it [default:
-    /// 0.7 on a GPU]
+    /// are timed. Warm-up then continues until frame times are steady, for at most 0.5 s more. 0 disables it. The
+    /// host's backends are never warmed up [default: 0.7 on a GPU]
     #[arg(long, value_name = "SECONDS",
         value_parser = parsers::number(|s: f64| (0.0..=60.0).contains(&s), "a warm-up lasts from 0 to 60 seconds"))]
     pub(crate) warm_up: Option<f64>,

@@ -1,4 +1,4 @@
-//! Parsers for option values: names, points, sizes, numbers. Each error describes the expected form.
+//! Parsers for option values: names, points, sizes, numbers. Most errors describe the expected form.
 
 use backend::{BackendName, Intersector, Policy};
 use clap::builder::{

@@ -77,8 +77,8 @@ pub(crate) struct RenderSettings {
     /// File for the primary rays of a frame, as input for `abvh trace`
     #[arg(long, value_name = "FILE.npy", value_parser = parsers::file())]
     rays_out: Option<PathBuf>,
-    /// Resume the run in the output folders: skip frames whose files are complete, by length and digest. If the folders
-    /// hold another run, fail and name the difference
+    /// Resume the run in the output folders: skip frames whose files are complete, by length and digest. A video is made
+    /// again from all frames. If the folders hold another run, fail and name the difference
     #[arg(long)]
     resume: bool,
     /// Replace another run in the output folders

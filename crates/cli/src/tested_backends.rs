@@ -43,7 +43,7 @@ pub(crate) struct TestedBackends {
     /// Names of the backends under test.
     #[serde(skip)]
     pub(crate) names: Vec<&'static str>,
-    /// One line for each backend, available or not.
+    /// One line for each selected backend, available or not.
     #[serde(skip)]
     pub(crate) text: String,
 }

@@ -44,7 +44,7 @@ pub(crate) struct TraceSettings {
     /// How a ray is tested against a triangle
     #[arg(long, value_name = "NAME", default_value = "watertight", value_parser = parsers::intersector())]
     intersector: Intersector,
-    /// How the tree is made. auto and rebuild build it for --time. refit builds it for --tree-time and refits it to
+    /// How the tree is made. refit builds it for --tree-time and refits it to --time. The other policies build it for
     /// --time. The hits are the same; only the speed differs
     #[arg(long, value_name = "POLICY", default_value = parsers::AUTO, value_parser = parsers::update(|p| !p.builds_concurrently()))]
     update: PolicyChoice,

@@ -111,7 +111,7 @@ impl<'a> FrameWriter<'a> {
 
     /// Writes a frame on rayon's threads. `place` counts the frames that this process renders, from 0. Swaps `outputs`
     /// for free buffers, and waits while too many frames are being written. Fails if a signal arrived, or if files of
-    /// an earlier frame could not be written.
+    /// a frame or the video could not be written.
     pub(super) fn write<'s>(
         &'s self,
         scope: &Scope<'s>,

@@ -120,7 +120,8 @@ impl EarlierRun {
 
 impl RunPlan {
     /// Writes the manifest to all folders, and begins a journal in each. Fails if another run has begun in a folder,
-    /// unless `overwrite` is set. No folder is changed before all are locked and checked.
+    /// unless `overwrite` is set. No folder is changed before all folders are checked and the journals to replace or
+    /// continue are locked.
     pub(super) fn begin(
         &self,
         files: &FrameFiles,
