@@ -38,14 +38,14 @@ struct Loaded {
     animation: Arc<Animation>,
     tree_update: TreeUpdate,
     scene: Option<EmbreeScene>,
-    /// Pose of the scene.
+    /// Pose of the scene; `None` before the first frame and after a failed one.
     pose: Option<Pose>,
 }
 
 /// Returns the only adapter, the host.
 ///
 /// # Errors
-/// The library is absent.
+/// The library is absent or incomplete.
 pub fn adapters() -> Result<Vec<AdapterInfo>> {
     let driver = version()?;
     Ok(vec![AdapterInfo {
@@ -77,7 +77,7 @@ impl Embree {
     /// Opens the library, to use `threads` threads.
     ///
     /// # Errors
-    /// The library is absent, or threads cannot be started.
+    /// The library is absent or incomplete, or threads cannot be started.
     pub fn new(threads: usize) -> Result<Self> {
         let driver = version()?;
         let pool = ThreadPoolBuilder::new().num_threads(threads).build();

@@ -31,7 +31,7 @@ pub trait Rival {
     /// Makes `animation` current. Its tree is built in the first frame.
     ///
     /// # Errors
-    /// The scene does not fit the device.
+    /// The scene does not fit the device, or the device failed.
     fn load(&mut self, animation: Arc<Animation>, tree_update: TreeUpdate) -> Result<()>;
 
     /// Moves the vertices and the tree to `pose`, unless they are there already. Then finds the closest hits of `rays`.

@@ -1,5 +1,5 @@
-//! The Vulkan driver's own trees: acceleration structures that are built or updated in each frame and traced by a
-//! ray-tracing pipeline.
+//! The Vulkan driver's own trees: acceleration structures that are built or updated for each new pose. A ray-tracing
+//! pipeline traces them.
 //!
 //! The kernel that interpolates our positions writes the vertices. The driver's structure is built directly from that
 //! vertex buffer. If vertices may be non-finite, it is built from a copy. Primary and shadow rays are computed with our
@@ -33,7 +33,7 @@ pub struct VulkanRt {
     engine: Engine<VulkanDevice>,
     name: RivalName,
     scene: Option<VulkanScene>,
-    /// The pose of the tree; `None` before the first frame.
+    /// The pose of the tree; `None` before the first frame and after a failed one.
     pose: Option<Pose>,
     /// The last frame.
     traced: Option<Ticket>,

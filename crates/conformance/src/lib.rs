@@ -1,7 +1,7 @@
 //! Properties that every backend must have, written once and independent of any particular backend.
 //!
 //! A [`Property`] takes a subject, a reference and a [`Case`] generated from a seed, and fails with the first
-//! disagreement. The test suite runs [`PROPERTIES`] on every backend, and so does `abvh conform` on the user's machine.
+//! disagreement. The test suite runs [`PROPERTIES`] on the backends, and so does `abvh conform` on the user's machine.
 //! [`stability`] counts wrong answers where arithmetic is hardest. It compares with [`oracle`], which shares no code
 //! with any backend.
 

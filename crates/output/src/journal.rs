@@ -187,7 +187,7 @@ enum JournalLine {
 pub struct JournalContents {
     /// Kinds of files that each frame gets in the folder, by frame number.
     pub expected: BTreeMap<u64, BTreeSet<FileKind>>,
-    /// Statistics of the last run that recorded any, without those of its frames.
+    /// Statistics of the last recorded run, without those of its frames. Journals are read in the order of their names.
     pub stats: Option<Value>,
     frames: BTreeMap<u64, (BTreeMap<String, Digest>, FrameRecord)>,
 }

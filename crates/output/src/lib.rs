@@ -2,8 +2,10 @@
 //!
 //! A file is written under a temporary name in its directory and renamed when it is complete, so readers never see a
 //! partial file. After an error, a file with the final name is unchanged. Exceptions are journals, which are appended
-//! to, and devices and pipes. The content depends only on the data, not on the clock or the thread count. So equal
-//! results produce equal bytes.
+//! to, and devices, pipes and open descriptors.
+//!
+//! The content depends only on the data, not on the clock or the thread count. So equal results produce equal bytes.
+//! Exceptions are encoded videos and the order of a journal's lines.
 
 mod atomic;
 mod hits;

@@ -47,8 +47,9 @@ impl<F> Drop for Video<F> {
 impl<F: AsRef<VideoPlanes> + Send + 'static> Video<F> {
     /// Begins up to two videos, or returns `None` if both paths are `None`.
     ///
-    /// `size` is width and height in pixels, and `fps` is in frames per second. Fails if `ffmpeg` is missing or a file
-    /// cannot be created. No byte is written before the first frame.
+    /// `size` is width and height in pixels, and `fps` is in frames per second. Fails if the extension of `encoded` is
+    /// unknown, a file cannot be created, or `ffmpeg` or the thread cannot start. No byte is written before the first
+    /// frame.
     pub fn begin(files: VideoFiles<'_>, size: [u32; 2], fps: f64) -> Result<Option<Self>> {
         let encoded = files
             .encoded

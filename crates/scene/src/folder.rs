@@ -39,7 +39,7 @@ impl Folder {
     ///
     /// # Errors
     /// Returns [`ErrorKind::PermissionDenied`] if the file, after links are resolved, is outside the folder and
-    /// `allow_outside` is not set.
+    /// `allow_outside` is not set. Also returns errors of the operating system.
     pub(crate) fn permitted(&self, name: &str) -> io::Result<PathBuf> {
         let path = self.path(name);
         if self.allow_outside {

@@ -52,7 +52,7 @@ pub(crate) fn before_comment(line: &str) -> &str {
     comment.map_or(line, |(at, _)| &line[..at])
 }
 
-/// Refuses UTF-16 and UTF-32 text, which would otherwise be read as an empty file.
+/// Refuses UTF-16 and UTF-32 text, whose words the readers would not recognize.
 pub(crate) fn check_encoding(bytes: &[u8]) -> Result<(), String> {
     let name = match bytes {
         [0xff, 0xfe, 0, 0, ..] | [0, 0, 0xfe, 0xff, ..] => "UTF-32",

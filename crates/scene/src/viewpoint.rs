@@ -133,7 +133,8 @@ fn centre(bounds: &Aabb) -> DVec3 {
 }
 
 /// Returns the length of the bounds' diagonal, but at least 1e-4 of the centre's largest coordinate. A shorter
-/// length would be lost in the rounding of the coordinates. Returns 1 if both are 0, as for empty bounds.
+/// length would be lost in the rounding of the coordinates. Returns 1 if both are 0, as for empty bounds. Any other
+/// result is at least 1e-36.
 fn size(bounds: &Aabb) -> f64 {
     let least = 1e-4 * centre(bounds).abs().max_element();
     match bounds.diagonal().max(least) {

@@ -159,7 +159,7 @@ const NAMES: [&str; 4] = [
 /// Loads the library once for the process.
 ///
 /// # Errors
-/// No library with this name is found, or it lacks a function.
+/// No library with one of these names is found, or it lacks a function.
 pub(super) fn functions() -> Result<&'static Functions, String> {
     static LOADED: OnceLock<Result<Functions, String>> = OnceLock::new();
     let loaded = LOADED.get_or_init(|| {

@@ -29,7 +29,7 @@ impl EmbreeScene {
     /// use the largest requested number. [`EmbreeScene::update_tree`] rebuilds or refits the tree, by `tree_update`.
     ///
     /// # Errors
-    /// The library is absent, or it has no device.
+    /// The library is absent or incomplete, or it has no device.
     pub(crate) fn new(
         vertices: &[Point],
         triangles: &[[u32; 3]],

@@ -27,11 +27,11 @@ pub(crate) enum BackendCommand {
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum AdoptedTree {
-    /// Built at one of the case's first three times, with lists of moving treelets.
+    /// Built at one of the case's first three times, with treelets. Has lists of moving treelets if at most half move.
     Built(usize),
     /// Built at one of the case's first three times, without treelets.
     Plain(usize),
-    /// Split at random, with lists. The number is the seed of its shape.
+    /// Split at random, with treelets, and with lists as for `Built`. The number is the seed of leaf order and shape.
     Random(u64),
 }
 

@@ -1,4 +1,4 @@
-//! All scenes and motions with which properties test backends.
+//! Scenes and motions of the generated cases.
 
 use super::bodies::{BODIES, icosphere};
 use super::meshes::{

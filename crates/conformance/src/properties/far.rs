@@ -24,7 +24,7 @@ pub(super) fn apart(c: &mut Check<'_>) -> Result<()> {
     let range = near.0.range(near.0.pose(0.0));
     let is_scaled = near.0.scale_exponent() != 0 || both.0.scale_exponent() != 0;
     if is_scaled || range.extreme || range.tiny {
-        // The test does not apply, because the scenes have different units or rays are tested in exact arithmetic.
+        // The test does not apply, because the scenes may have different units or rays are tested in exact arithmetic.
         return Ok(());
     }
     let mut rays = case.rays.clone();

@@ -101,7 +101,7 @@ impl StabilityCell {
         &self.measured[0]
     }
 
-    /// Returns the count of one event, or `None` if it is not defined for this family.
+    /// Returns the count of one event, or `None` if this cell does not count it.
     pub fn get(&self, measure: Measure) -> Option<&MeasuredRate> {
         self.measured.iter().find(|m| m.measure == measure)
     }

@@ -44,7 +44,7 @@ pub fn csv_table(
     Ok(String::from_utf8(out.into_inner()?)?)
 }
 
-/// Returns the row of a failure: its names and its reason, without numbers.
+/// Returns the row of a failure: its names, its reason and the schema version. All other cells are empty.
 fn failed_cells(head: &[(String, String)], failure: &Failure) -> Vec<(String, String)> {
     let cell = |column: &str| match column {
         "scene" => failure.scene.clone(),

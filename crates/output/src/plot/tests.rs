@@ -84,8 +84,8 @@ fn of_points(points: impl IntoIterator<Item = ChartPoint>) -> Chart {
     }
 }
 
-/// Renders all files and returns the picture. Checks that it is XML without NaN or infinity, that nothing extends
-/// beyond the page, and that every point has a row.
+/// Renders the picture, the page and the CSV. Checks that the picture is XML without NaN or infinity. Checks that the
+/// page loads no other file, and that every point has a row. Returns the picture.
 fn checked(chart: &Chart) -> String {
     let (picture, page) = (svg(chart).unwrap(), html(chart).unwrap());
     let document = Document::parse(&picture).unwrap();

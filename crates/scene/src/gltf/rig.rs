@@ -41,7 +41,7 @@ impl RigNode {
 }
 
 impl Rig {
-    /// Builds the hierarchy. Fails if a node has two parents or if parents form a cycle.
+    /// Builds the hierarchy. Fails if a child does not exist, a node has two parents, or parents form a cycle.
     pub(super) fn new(file: &GltfFile) -> Result<Self> {
         let nodes = &file.document.nodes;
         let mut parents = vec![None; nodes.len()];

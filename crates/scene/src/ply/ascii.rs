@@ -66,7 +66,7 @@ impl<'a> AsciiBody<'a> {
     }
 
     /// Reads an element that occupies exactly one line, without copying its words. Returns `None` if the line does not
-    /// match the element or the parser's grammar.
+    /// match the element or the parser's grammar. Also returns `None` if the previous element ends in this line.
     fn whole_line(&mut self, definition: &ElementDef) -> Option<Element> {
         // Does not search a line for its end twice, since a line with many elements would take quadratic time.
         if self.last_line == self.line {

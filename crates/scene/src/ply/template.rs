@@ -78,7 +78,8 @@ impl PlyTemplate {
 }
 
 impl Floats {
-    /// Returns the layout if all vertex properties are scalars, and x, y and z are 32-bit floats. Otherwise `None`.
+    /// Returns the layout if all vertex properties are scalars, and x, y and z are little-endian 32-bit floats.
+    /// Otherwise `None`.
     fn of(header: &PlyHeader) -> Option<Self> {
         let vertex = header.element("vertex")?;
         let (mut row_bytes, mut offsets) = (0, [None; 3]);
