@@ -112,7 +112,7 @@ fn command(path: &Path) -> Result<(), String> {
     }
 }
 
-/// Returns whether the program's standard error is one line of plain text.
+/// Returns whether the program's standard error is one line of plain text that starts with `abvh: `.
 fn is_refusal(output: &Output) -> bool {
     let line = output.stderr.strip_suffix(b"\n").unwrap_or_default();
     let line = std::str::from_utf8(line).unwrap_or_default();

@@ -11,8 +11,7 @@ pub mod stage;
 use abvh::{Device, Scene, Tracer};
 use libtest_mimic::{Arguments, Trial};
 
-/// Returns whether `ABVH_FULL=1` requests the full tier: more cases, files, rays and devices, and more runs in the
-/// tests that kill the program.
+/// Returns whether `ABVH_FULL=1` requests the full tier, which tests more cases on more devices and takes longer.
 pub fn is_full() -> bool {
     std::env::var("ABVH_FULL").is_ok_and(|v| v == "1")
 }
@@ -28,8 +27,8 @@ pub fn share(full: usize) -> usize {
     if is_full() { full } else { full / 4 }
 }
 
-/// Maximum number of tests that run in parallel. NVIDIA's driver 580 loses devices if 17 threads open devices and
-/// compile kernels.
+/// Maximum number of tests that run in parallel by default. NVIDIA's driver 580 loses devices if 17 threads open
+/// devices and compile kernels.
 const MOST_THREADS: usize = 8;
 
 /// Parses the harness's command line. By default there is one thread more than cores, but at most `MOST_THREADS`, so

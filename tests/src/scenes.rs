@@ -123,7 +123,7 @@ fn unpacked(pack: &str) -> io::Result<PathBuf> {
     }
 }
 
-/// Decompresses every `.gz` below `folder` into the same folder.
+/// Decompresses every `.gz` below `folder` into the folder that contains it.
 fn expand(folder: &Path) -> io::Result<()> {
     for entry in fs::read_dir(folder)? {
         let path = entry?.path();

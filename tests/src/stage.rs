@@ -72,7 +72,7 @@ pub fn light(animation: &Animation) -> Point {
     Viewpoint::framing(animation, 40.0, [64, 64]).light
 }
 
-/// Returns `count` different colours.
+/// Returns `count` colours. They repeat after 256.
 pub fn colours(count: usize) -> Vec<[u8; 3]> {
     let of = |t: usize| [t, t * 37, t * 101].map(|channel| channel as u8);
     (0..count).map(of).collect()

@@ -12,7 +12,7 @@ const WORDS: [u32; 10] = [
     0, 1, 3, 255, 65_535, 0x7fffffff, 0x80000000, 0xffffffff, 0x7fc00000, 0x7f800000,
 ];
 
-/// Largest size of a damaged file, in bytes.
+/// Largest size of a damaged file before its lengths are corrected, in bytes.
 const MAX_BYTES: usize = 1 << 16;
 
 /// Generates damaged files from valid ones. Equal seeds give equal files.

@@ -89,7 +89,7 @@ pub(crate) fn skipping_static_treelets_preserves_bits(backend: &mut dyn Subject)
             let ticket = submit_trace(backend, Rays::Camera(&camera()), SHADOWED);
             let report = backend.wait(ticket).unwrap();
             let cost = report.sah_cost.unwrap().to_bits();
-            // Only the submission that preprocessed has counts.
+            // Counts are compared only if the same submission also preprocessed.
             let counts = (!apart).then_some([report.inactive, report.degenerate]);
             let boxes = backend.boxes().unwrap();
             seen.push((counts, cost, hits(backend, ticket), boxes));

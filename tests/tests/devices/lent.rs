@@ -136,7 +136,7 @@ pub(crate) fn check_vertices_match_host<S: Sheets>() {
     }
 }
 
-/// Checks that device vertices and memory stay valid while another mesh is replaced, even before the first query.
+/// Checks that device vertices and memory stay valid while another mesh is replaced.
 pub(crate) fn check_vertices_survive_replacement<S: Sheets>() {
     for is_traced in [false, true] {
         let mut found = one_replaced::<S>(is_traced);

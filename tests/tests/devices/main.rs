@@ -1,8 +1,9 @@
-//! Tests of GPU backends. Most run on the default Vulkan device and on the default wgpu device. The others test
-//! features of one device only.
+//! Tests of GPU backends. Some run on the default Vulkan device and on the default wgpu device. The others run on one
+//! device only.
 //!
-//! A device is opened once for all tests that load their own scenes. Tests of an absent device show as ignored, with
-//! the reason. `ABVH_REQUIRE_BACKENDS=vulkan,wgpu` makes them fail instead.
+//! The tests in `SHARED`, `LONG` and `OF_KERNELS` share one open device per backend. Tests of an absent device show as
+//! ignored, with the reason. `ABVH_REQUIRE_BACKENDS=vulkan,wgpu` makes them fail instead. It does not affect
+//! `OF_THREE_QUEUES`, `OF_EXTERNAL_MEMORY` and `OF_CUDA`.
 //!
 //! Validation layers are enabled where installed, and any message fails the test. `OF_WGPU`, `OF_CUDA` and those tests
 //! of `OF_EXTERNAL_MEMORY` that use the library `abvh` run without the layers.

@@ -56,7 +56,7 @@ pub(crate) fn adjacent_pairs_share_a_leaf(backend: &mut dyn Subject) {
     assert!((0..600).step_by(2).all(is_there));
 }
 
-/// Tests nested triangles: each round of clustering, except the last ones, merges only the innermost two clusters.
+/// Tests nested triangles: a search round (docs/design/device-trees.md) merges only the innermost two clusters.
 pub(crate) fn nested_triangles_respect_maximum_depth(backend: &mut dyn Subject) {
     for count in [300, 3000] {
         let corners = |i: u32| {

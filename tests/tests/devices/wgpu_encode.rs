@@ -145,7 +145,7 @@ pub(crate) fn unsubmitted_step_has_no_results() {
         let said = encoded.caller.tracer.hits(step.id, step.queries[0]).err();
         assert!(matches!(said, Some(Error::Misuse(_))), "{said:?}");
     }
-    // A third step cannot begin.
+    // A third step cannot be encoded.
     let mut commands = encoded.commands();
     let mut step = encoded.caller.tracer.step(0.0);
     let count = camera().pixels();

@@ -98,7 +98,7 @@ pub(crate) fn unsuitable_vertex_buffer_is_an_error() {
     let other = own_device(caller.device.device.limits());
     for usage in USAGES {
         let foreign = filled(&other, bytemuck::cast_slice(&sheet(0.0)), usage);
-        // The trace or the submission detects another device's buffer. Later steps are not affected.
+        // The trace or the submission detects another device's buffer.
         let mut step = caller.tracer.step(0.0);
         let said = step.vertices(mesh, Source::Wgpu(foreign.slice(..)));
         let traced = step.trace(&camera(), Query::Closest);

@@ -160,7 +160,7 @@ pub(crate) fn unsuitable_ray_buffer_is_an_error() {
         let mut step = caller.tracer.step(0.0);
         is_misuse(step.trace_buffers(asked, Query::Closest).err());
     }
-    // Only `trace_buffers` can specify where rays are stored.
+    // On wgpu, only `trace_buffers` can specify where rays are stored.
     let nowhere = abvh::Rays::OnDevice(3);
     is_unsupported(caller.tracer.step(0.0).trace(nowhere, Query::Closest).err());
     let host = Tracer::builder().device(Device::Cpu).build(flying());

@@ -257,7 +257,8 @@ fn unmoved_meshes_keep_their_positions(device: &Device) {
     }
 }
 
-/// Tests a list that is uploaded and read back in several parts. Most of its rays cannot hit anything.
+/// Tests a list whose hits GPUs read back in several parts. wgpu also uploads it in parts. Most of its rays cannot hit
+/// anything.
 fn long_lists_match_separate_queries(device: &Device) {
     let demo = demo("demo:collide:3000");
     let mut live = of_keys(&demo, device);

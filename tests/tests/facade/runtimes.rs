@@ -66,7 +66,8 @@ pub(crate) fn rayon_tasks_own_tracers(device: &Device) {
     assert_eq!(hits, count);
 }
 
-/// Makes calls that use threads, with meshes large enough to be processed in parallel. `between` runs before each call.
+/// Makes calls that use threads, with meshes large enough to be processed in parallel. `between` runs between most
+/// calls, before the first one and after the last one.
 fn tour(device: &Device, between: &dyn Fn()) {
     let wide: Vec<Point> = (0..70_000).map(|i| TRIANGLE[i % 3]).collect();
     let wide = |by: f32| wide.iter().map(|p| [p[0], p[1] + by, p[2]]).collect();

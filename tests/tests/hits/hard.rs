@@ -324,7 +324,7 @@ fn ridges() -> Arc<Animation> {
     still(points, triangles)
 }
 
-/// A camera above the ridges, with one column of pixels per crest, one between each two, and two outside the ridges.
+/// A camera above the ridges. There is one column of pixels per crest, one between each two, and three outside.
 fn over_ridges() -> Camera {
     Camera {
         eye: [0.0, 0.0, 16.0],

@@ -29,7 +29,7 @@ pub(crate) fn distances_that_underflow_are_plus_zero(backend: &mut dyn Backend) 
     }
 }
 
-/// An infinite light above two triangles. The ray is extreme, because it starts far away.
+/// A light with an infinite or NaN coordinate, and two triangles. The ray is extreme, because it starts far away.
 pub(crate) fn hits_of_extreme_rays_are_lit_by_infinite_lights(backend: &mut dyn Backend) {
     let wall = [[0.0, -1.0, -1.0], [0.0, 2.0, -1.0], [0.0, 0.5, 3.0]];
     let ceiling = [[-1.0, 2.5, -1.0], [1.0, 2.5, -1.0], [0.0, 2.5, 3.0]];
@@ -101,9 +101,9 @@ fn against_the_oracle(backend: &mut dyn Backend, corners: &[[Point; 3]], rays: &
     assert!(expected.iter().any(Option::is_some), "no ray hits anything");
 }
 
-/// This triangle's box is very near to the ray's start. The box test pads the box in proportion to `D`, its distance
-/// from the ray's start, but as if `D` were at least `2^-38` (hits.md, box test). Otherwise the padding would be
-/// smaller than the error of replacing tiny coordinates by zero.
+/// This triangle's box is very near to the ray's start. The box test pads the box in proportion to `D` (hits.md, box
+/// test). `D` is the largest distance along an axis from the ray's start to a corner, but at least `2^-38`.
+/// Without this limit, the padding would be smaller than the error of replacing tiny coordinates by zero.
 pub(crate) fn boxes_near_the_origin_lose_no_exact_hit(backend: &mut dyn Backend) {
     let (step, width) = ((-47_f32).exp2(), (-64_f32).exp2());
     let x = (-24_f32).exp2() + step;

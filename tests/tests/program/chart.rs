@@ -1,4 +1,4 @@
-//! `chart`: four files with the same content, and counts of wrong answers. `bench --csv`: a table over sizes.
+//! `chart`: four files that show the same points, and counts of wrong answers. `bench --csv`: a table over sizes.
 
 use crate::devices::backend_trial;
 use crate::sandbox::{Run, SQUARE, Sandbox, assert_contains, list, trial};
@@ -136,8 +136,7 @@ fn robust(sandbox: &Sandbox, backend: &str) {
     }
 }
 
-/// Checks that everything except times depends only on the scene and the number of rays. A repeated option changes
-/// nothing.
+/// Checks that a second run has the same counts. A repeated option changes nothing.
 fn repeated(sandbox: &Sandbox) {
     let [first, again] = ["woop", "woop,woop"].map(|intersectors| {
         let words = format!("--quiet --update async --intersector {intersectors}");

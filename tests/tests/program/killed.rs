@@ -230,7 +230,8 @@ fn full_disk(sandbox: &Sandbox) {
     }
 }
 
-/// Runs a command with a disk of 8 kB at `full`. The last line of standard output lists the disk's files.
+/// Runs a command with a disk of 8 kB at `full`. The last line of standard output lists the disk's files, except
+/// manifests and journals.
 fn on_full_disk(folder: &Path, program: &Path, words: &str) -> std::io::Result<Output> {
     std::fs::create_dir_all(folder.join("full"))?;
     let script = "mount -t tmpfs -o size=8k none full || exit 77; \"$0\" \"$@\"; code=$?; \

@@ -20,8 +20,8 @@ pub(crate) const FRAME: &str = "frame time interpolate_ms preprocess_ms rebuild_
     convert_ms upload_bytes readback_bytes sah_ratio sah_cost hits blocked inactive degenerate exact_rays host_bytes \
     device_bytes";
 
-/// Times that every run measures. Only trees built on a device have `rebuild_ms`, and only shadows that are a separate
-/// stage have `trace_shadow_ms`.
+/// Times that every run on backend `cpu` measures. Only trees built on a device have `rebuild_ms`, and only shadows
+/// that are a separate stage have `trace_shadow_ms`.
 const TIMES: &str = "interpolate_ms preprocess_ms refit_ms trace_primary_ms device_ms wall_ms build_wait_ms build_ms \
     convert_ms";
 

@@ -151,7 +151,7 @@ fn fails(sandbox: &Sandbox) {
     }
 }
 
-/// Interrupts the run and the encoder after the last frame, as Ctrl-C on a terminal does.
+/// Interrupts the run after the last frame. The encoder then fails, as after Ctrl-C on a terminal.
 #[cfg(unix)]
 fn interrupted(sandbox: &Sandbox) {
     // The encoder fails before the grace period ends the run, one second after the signal.
