@@ -15,7 +15,9 @@ pub(super) struct Request {
     /// Time of the second observed frame if there is one, else `time`. It becomes the target time if earlier
     /// extrapolation failed, because the build then uses the last observed positions.
     pub(super) last_time: f64,
-    /// Pose that the tree is requested for.
+    /// Pose at `last_time`.
+    pub(super) last_pose: Pose,
+    /// Pose that the tree is requested for. If extrapolation failed, `last_pose`.
     pub(super) pose: Pose,
     /// Middle of the expected time of use, in key frames.
     pub(super) target_time: f64,
@@ -144,6 +146,7 @@ impl NextTreeState {
             (Self::Building(mut request), Event::BuildFinished(built)) => {
                 if built.gave_up_extrapolation {
                     request.target_time = request.last_time;
+                    request.pose = request.last_pose;
                 }
                 Self::Waiting(CandidateTree::new(request, built))
             }
@@ -243,6 +246,7 @@ mod tests {
             frame: 3,
             time: 1.0,
             last_time: OBSERVED,
+            last_pose: Pose { key: 2, alpha: 0.0 },
             pose: Pose { key: 5, alpha: 0.0 },
             target_time: TARGET,
             swept_times: [4.0, 6.0],
@@ -356,14 +360,15 @@ mod tests {
     }
 
     #[test]
-    fn failed_extrapolation_targets_last_observed_time() {
-        for (gave_up_extrapolation, target) in [(false, TARGET), (true, OBSERVED)] {
+    fn failed_extrapolation_targets_last_observed_pose() {
+        for (gave_up_extrapolation, target, key) in [(false, TARGET, 5), (true, OBSERVED, 2)] {
             let built = Built {
                 gave_up_extrapolation,
                 ..built()
             };
             let next = state('b').after(Event::BuildFinished(built));
-            assert_eq!(next.request().map(|r| r.target_time), Some(target));
+            let request = next.request().unwrap();
+            assert_eq!((request.target_time, request.pose.key), (target, key));
         }
     }
 }

@@ -73,6 +73,7 @@ impl Driver {
         if is_second {
             observation.second = Some(number);
             request.last_time = self.recording.record.frame.time;
+            request.last_pose = self.animation.pose(request.last_time);
         }
         is_first || is_second
     }

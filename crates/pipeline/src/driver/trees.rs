@@ -243,6 +243,7 @@ impl Driver {
             frame: self.recording.number,
             time,
             last_time: time,
+            last_pose: self.animation.pose(time),
             pose,
             target_time: self.predictor.target_time(),
             swept_times: self.predictor.swept_times(),
