@@ -33,7 +33,7 @@ impl Problem {
 }
 
 /// Checks if a GPU can be used on this machine. If not, returns the problems and how to fix them. On Linux, this covers
-/// the drivers of NVIDIA and Mesa. Opens all GPUs of one backend after another, until a GPU can be opened.
+/// the drivers of NVIDIA and Mesa. Opens each GPU with each backend.
 #[must_use]
 pub fn doctor() -> Diagnosis {
     diagnose(&adapters(), &nodes(), has_nvidia_library())
@@ -148,22 +148,12 @@ fn adapters() -> Adapters {
 
 /// Returns the adapters of the first backend with a usable GPU, else with any GPU, else of the first backend.
 fn best(backends: impl Iterator<Item = Adapters>) -> Adapters {
-    let has = |found: &Adapters, is_it: fn(&ListedAdapter) -> bool| {
-        found.as_deref().is_ok_and(|all| all.iter().any(is_it))
+    let deficits = |found: &Adapters| {
+        let all = found.as_deref().unwrap_or_default();
+        let lacks = |is_it: fn(&ListedAdapter) -> bool| !all.iter().any(is_it);
+        [lacks(ListedAdapter::is_usable_gpu), lacks(|a| a.is_gpu)]
     };
-    let mut best = None;
-    for found in backends {
-        if has(&found, ListedAdapter::is_usable_gpu) {
-            return found;
-        }
-        // The first backend, unless only a later one lists a GPU.
-        if best
-            .as_ref()
-            .is_none_or(|best| !has(best, |a| a.is_gpu) && has(&found, |a| a.is_gpu))
-        {
-            best = Some(found);
-        }
-    }
+    let best = backends.min_by_key(deficits);
     best.unwrap_or_else(|| {
         let what = "this program was built without vulkan and wgpu".to_owned();
         Err(Problem::new(
